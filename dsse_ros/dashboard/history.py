@@ -8,14 +8,19 @@ from bisect import bisect_left, bisect_right, insort
 from collections.abc import Iterator
 from enum import IntEnum
 from itertools import accumulate
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dsse_ros.search import HOLD
+from dsse_ros.step.fault_kernels import LOST
 from dsse_ros.step.looks import Looks
 
+LAYERS = {"probability_grid": "Map", "belief_grid": "Belief"}
+"""Topics of the maps that the page can show, and their names."""
+EXACT_LAYERS = {"probability": "probability_grid", "belief": "belief_grid"}
+"""Topics of the exact maps, and the layers that they are of."""
 _STEP_BYTES = 600
 """Size of a step apart from its report: states, rewards, numbers, objects."""
 MAX_MAP_BYTES = 48 * 2**20
@@ -34,6 +39,20 @@ class DroneState(IntEnum):
     OUT_OF_TIME = 4
 
 
+class MapImage(NamedTuple):
+    """A map.
+
+    Attributes:
+        stamp_ns: Stamp of its step.
+        png: See `map_png`.
+        top: Probability of its most probable cell; None if unknown.
+    """
+
+    stamp_ns: int
+    png: bytes
+    top: float | None = None
+
+
 class MapImages:
     """The images of one layer, by the stamps of their steps.
 
@@ -44,7 +63,7 @@ class MapImages:
     def __init__(self, max_bytes: int = MAX_MAP_BYTES) -> None:
         self._max_bytes = max_bytes
         self._stamps: list[int] = []
-        self._images: dict[int, bytes] = {}
+        self._images: dict[int, MapImage] = {}
         self._bytes = 0
 
     def __len__(self) -> int:
@@ -55,12 +74,15 @@ class MapImages:
         """Total size."""
         return self._bytes
 
-    def add(self, stamp_ns: int, image: bytes) -> None:
-        """Keep an image; it replaces one with the same stamp."""
-        if stamp_ns not in self._images:
-            insort(self._stamps, stamp_ns)
-        self._bytes += len(image) - len(self._images.get(stamp_ns, b""))
-        self._images[stamp_ns] = image
+    def add(self, image: MapImage) -> None:
+        """Keep an image; it replaces one with the same stamp, unless only that one has a top."""
+        known = self._images.get(image.stamp_ns)
+        if known is None:
+            insort(self._stamps, image.stamp_ns)
+        elif image.top is None and known.top is not None:
+            return
+        self._bytes += len(image.png) - (0 if known is None else len(known.png))
+        self._images[image.stamp_ns] = image
         while self._bytes > self._max_bytes and self.thin():
             pass
 
@@ -68,22 +90,18 @@ class MapImages:
         """Drop every second image except the first and the last one; returns whether it could."""
         dropped = self._stamps[1:-1:2]
         for stamp in dropped:
-            self._bytes -= len(self._images.pop(stamp))
+            self._bytes -= len(self._images.pop(stamp).png)
         self._stamps = sorted(self._images)
         return bool(dropped)
 
-    def keep_only(self, stamp_ns: int) -> None:
-        """Drop all images except that of a stamp."""
-        self._images = {k: image for k, image in self._images.items() if k == stamp_ns}
-        self._stamps = list(self._images)
-        self._bytes = sum(map(len, self._images.values()))
+    def clear(self) -> None:
+        """Drop all images."""
+        self._stamps, self._images, self._bytes = [], {}, 0
 
-    def at(self, stamp_ns: int, first_ns: int) -> tuple[int, bytes] | None:
-        """Return stamp and image of the last map between two stamps, both inclusive."""
+    def at(self, stamp_ns: int) -> MapImage | None:
+        """Return the last map up to a stamp, inclusive."""
         i = bisect_right(self._stamps, stamp_ns) - 1
-        if i < 0 or self._stamps[i] < first_ns:
-            return None
-        return self._stamps[i], self._images[self._stamps[i]]
+        return None if i < 0 else self._images[self._stamps[i]]
 
 
 class SearchHistory:
@@ -102,6 +120,7 @@ class SearchHistory:
         stamps_ns: Stamp of each known step.
         states: `DroneState` (N,) of the drones after each known step.
         rewards: Sum (N,) of each drone's rewards up to each known step.
+        maps: Maps of its steps, by layer.
         pos: (step, cumulative probability of success), in order of the steps.
         revision: Grows with every change except appending a step.
     """
@@ -110,6 +129,7 @@ class SearchHistory:
         self.key = (run_id, mission)
         self.num_drones = num_drones
         self.steps: list[int] = []
+        self.maps = {layer: MapImages() for layer in LAYERS}
         self.pos: list[tuple[int, float]] = []
         self.revision = 0
         self.reports: list[NDArray[Any]] = []
@@ -124,8 +144,9 @@ class SearchHistory:
 
     @property
     def nbytes(self) -> int:
-        """Approximate size of all steps."""
-        return len(self.reports) * (self.reports[-1].nbytes + _STEP_BYTES) if self.reports else 0
+        """Approximate size of all steps and maps."""
+        of_step = self.reports[-1].nbytes + _STEP_BYTES if self.reports else 0
+        return of_step * len(self.reports) + sum(maps.nbytes for maps in self.maps.values())
 
     def add(self, report: NDArray[Any], stamp_ns: int) -> None:
         """Add the report (N,) of a step."""
@@ -140,6 +161,8 @@ class SearchHistory:
         if i and stamp_ns < self.stamps_ns[i - 1]:
             # Mission time has restarted during the search.
             self.stamps_ns[:i] = [stamp_ns] * i
+            for maps in self.maps.values():
+                maps.clear()
         del self.states[i:], self.rewards[i:]
         self._follow()
 
@@ -147,8 +170,12 @@ class SearchHistory:
         """Add the reports (K, N) of the whole search, including those that were not received."""
         self.revision += 1
         stamps = dict(zip(self.steps, self.stamps_ns, strict=True))
+        received = dict(zip(self.steps, self.reports, strict=True))
         self.steps = reports["step"][:, 0].tolist()
-        self.reports = list(reports)
+        # Reports of a step have more fields.
+        self.reports = [
+            received.get(step, report) for step, report in zip(self.steps, reports, strict=True)
+        ]
         # A step that was not received shows the map of the step before.
         known = [stamps.get(step, -1) for step in self.steps]
         self.stamps_ns = list(accumulate(known, max))
@@ -182,9 +209,36 @@ class SearchHistory:
             return len(self.steps) - 1
         return max(bisect_right(self.steps, step) - 1, 0)
 
-    def map_at(self, maps: MapImages, i: int) -> tuple[int, bytes] | None:
-        """Return stamp and image of the map in known step `i`, or of the last map before it."""
-        return maps.at(self.stamps_ns[i], self.stamps_ns[0])
+    def collided_with(self, i: int, drone: int) -> list[int]:
+        """Return the drones with which a drone that is lost in known step `i` has collided.
+
+        They were lost in the same step and cell, and not by a fault.
+        """
+        states = self.states
+        k = bisect_left(states, True, hi=i, key=lambda state: bool(state[drone] == DroneState.LOST))
+        row = self.reports[k]
+        together = (states[k] == DroneState.LOST) & (row["col"] == row["col"][drone])
+        together &= row["row"] == row["row"][drone]
+        if k:
+            together &= states[k - 1] != DroneState.LOST
+        if has_field(row, "status"):
+            together &= row["status"] != LOST
+        others = np.flatnonzero(together).tolist()
+        return [one for one in others if one != drone] if together[drone] else []
+
+    def add_map(self, layer: str, image: MapImage) -> None:
+        """Add the map of a known step; a map of no known step is ignored."""
+        if image.stamp_ns in self.stamps_ns[bisect_left(self.stamps_ns, image.stamp_ns) :][:1]:
+            self.maps[layer].add(image)
+
+    def step_at(self, stamp_ns: int) -> int | None:
+        """Return the first known step with a stamp or a later one, None if there is none."""
+        i = bisect_left(self.stamps_ns, stamp_ns)
+        return self.steps[i] if i < len(self.steps) else None
+
+    def map_at(self, layer: str, i: int) -> MapImage | None:
+        """Return the map in known step `i`, or the last one before it."""
+        return self.maps[layer].at(self.stamps_ns[i])
 
     def pos_at(self, i: int) -> float | None:
         """Return the last probability of success up to known step `i`."""
@@ -216,6 +270,11 @@ class SearchHistory:
             else:
                 _, _, looked = looks.at(row["action"], cells)
             yield [self.steps[i], *drones.ravel().tolist(), *looked.ravel().tolist()]
+
+
+def has_field(report: Any, name: str) -> bool:
+    """Return whether a report has a field, which those of a whole mission may lack."""
+    return name in (report.dtype.names or ())
 
 
 def _states(before: NDArray[np.uint8], report: NDArray[Any], completed: bool) -> NDArray[np.uint8]:

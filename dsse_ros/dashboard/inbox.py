@@ -20,11 +20,13 @@ class Received(NamedTuple):
         namespace: Of the simulation, "" for none.
         topic: Relative to it.
         read: Returns the message.
+        published_ns: Wall time of its publication, on the clock of its publisher.
     """
 
     namespace: str
     topic: str
     read: Callable[[], Any]
+    published_ns: int = 0
 
 
 class Command(NamedTuple):
@@ -34,11 +36,13 @@ class Command(NamedTuple):
         namespace: Of the simulation, or of the bridge.
         name: pause, resume, step or reset; of vehicles arm, ground, hold, return or land.
         vehicle: Name of the drone whose vehicle is meant; empty for all vehicles.
+        seed: Seed of the mission that a reset starts; None for that of the simulation's parameter.
     """
 
     namespace: str
     name: str
     vehicle: str = ""
+    seed: int | None = None
 
 
 class Inbox:

@@ -37,6 +37,19 @@ def map_png(occupancy: NDArray[np.int8]) -> bytes:
     return buffer.getvalue()
 
 
+def level_at(png: bytes, share: tuple[float, float]) -> int | None:
+    """Return the level of a map of `map_png` from 0 to 100; None if it is not searched.
+
+    Args:
+        png: The map.
+        share: Place from the west and the north, as shares of the sides.
+    """
+    with Image.open(io.BytesIO(png)) as image:
+        at = (int(share[0] * image.width), int(share[1] * image.height))
+        level = int(np.asarray(image)[at[1], at[0]])
+    return None if level == _OUTSIDE else level
+
+
 def _shrunk(levels: NDArray[np.int8]) -> NDArray[np.int8]:
     """Return blocks of cells as one, so that no side is longer than `MAX_SIDE`."""
     block = -(-max(levels.shape) // MAX_SIDE)

@@ -2,26 +2,54 @@
 // SPDX-License-Identifier: Apache-2.0
 // The map of a mission on a canvas. The server sends steps once, then which of them is shown.
 
-// Okabe and Ito, without those that are the map's blue or too pale for a thin line.
-const COLOURS = ["#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#8C564B", "#7F7F7F"];
 const DASHES = [[], [6, 3], [2, 2]];
 const THEMES = {
-  light: { sea: "#ffffff", line: "#00000018", ink: "#14171a", halo: "#ffffffcc", edge: "#6b7280" },
-  dark: { sea: "#0d1117", line: "#ffffff16", ink: "#f3f4f6", halo: "#0d1117cc", edge: "#9ca3af" },
+  light: {
+    sea: "#ffffff", line: "#00000018", ink: "#14171a", halo: "#ffffffcc", land: "#d8cba8a0",
+    edge: "#6b5f3f", wind: "#5b2a86", current: "#00606b", lkp: "#a0007a",
+  },
+  dark: {
+    sea: "#0d1117", line: "#ffffff16", ink: "#f3f4f6", halo: "#0d1117cc", land: "#6b5f3f80",
+    edge: "#b9a878", wind: "#d4b3f5", current: "#6fdbe6", lkp: "#ff8ade",
+  },
 };
 const FLYING = 0, FINDER = 1, LOST = 3, OUT_OF_TIME = 4;
 const STATE = 7, FOUND = 16;
 const KEYS = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] };
+const ZOOM_KEYS = { "+": 1.5, "=": 1.5, "-": 1 / 1.5, _: 1 / 1.5, 0: 0 };
+// Cells along the side of the map when it is zoomed in as far as it goes.
+const FEWEST_CELLS = 5;
+// More drones than this have their numbers only where cells are large, as in the pictures.
+const MAX_NUMBERED = 24;
+// Milliseconds without a change of the window after which tracks are drawn for it.
+const STILL_MS = 150;
 
 export default {
   template: `
-    <canvas ref="canvas" class="mission-map" tabindex="0" role="application"
-      aria-roledescription="map" :aria-label="label"
-      @pointermove="onPointer" @pointerdown="onPointer" @pointerleave="point(null)"
-      @keydown="onKey" @blur="point(null)"></canvas>`,
+    <div class="chart">
+      <canvas ref="canvas" class="mission-map" tabindex="0" role="application"
+        aria-roledescription="map" :aria-label="label"
+        @pointermove="onPointer" @pointerdown="onPress" @pointerup="drag = null"
+        @pointercancel="drag = null" @pointerleave="point(null)"
+        @wheel="onWheel" @touchstart="onTouch" @touchmove="onTouch" @touchend="pinch = null"
+        @keydown="onKey" @blur="point(null)"></canvas>
+      <div ref="lats" class="lats"></div>
+      <div ref="lons" class="lons"></div>
+      <div class="zoom" role="group" aria-label="Zoom">
+        <button type="button" aria-label="Zoom in" title="Zoom in (+)" @click="zoomBy(1.5)">+</button>
+        <button type="button" aria-label="Zoom out" title="Zoom out (-)" @click="zoomBy(1 / 1.5)">−</button>
+        <button type="button" title="Whole map (0)" @click="zoomBy(0)">Whole map</button>
+        <output ref="factor" aria-live="polite">1×</output>
+      </div>
+    </div>`,
   props: { label: String },
   mounted() {
-    this.frame = { grid: 0, names: [], vehicles: [] };
+    this.frame = { grid: 0, names: [], vehicles: [], corner: [] };
+    this.chart = { shore: [], sightings: [], colours: ["#000"] };
+    this.edges = { marks: [[[], []], [[], []]], scale: [0, ""] };
+    // What is shown of the map: its west and north edge as shares of the side, and how often larger.
+    this.window = { west: 0, north: 0, zoom: 1 };
+    this.drag = this.pinch = this.pending = this.moving = null;
     this.rows = [];
     this.past = null;
     this.image = null;
@@ -36,6 +64,8 @@ export default {
   unmounted() {
     this.sizes.disconnect();
     this.theme.disconnect();
+    cancelAnimationFrame(this.pending);
+    clearTimeout(this.moving);
   },
   methods: {
     // Called by the server with a frame; answered by the event `drawn`, so that none piles up.
@@ -57,33 +87,122 @@ export default {
         }
       }
       this.frame = frame;
+      this.chart = frame.chart || this.chart;
+      this.edges = frame.edges || this.edges;
+      this.nameMarks();
       this.paint();
       const canvas = this.$refs.canvas;
+      const labels = [...frame.corner.map((row) => row[3]), ...this.chart.sightings.map((s) => s[2])];
+      canvas.setAttribute("aria-description", labels.join("; "));
       canvas.dataset.step = frame.shown ?? "";
+      canvas.dataset.mapped = frame.mapped ?? "";
       canvas.dataset.search = frame.search;
       canvas.dataset.drawn = ++this.drawn;
       this.$emit("drawn", { number: frame.number });
     },
-    cellAt(event) {
+    // Place of a pointer on the canvas, as shares of its sides.
+    shareAt(event) {
       const box = this.$refs.canvas.getBoundingClientRect();
-      const grid = this.frame.grid;
-      const col = Math.floor(((event.clientX - box.left) / box.width) * grid);
-      const row = Math.floor(((event.clientY - box.top) / box.height) * grid);
-      const inside = grid && col >= 0 && row >= 0 && col < grid && row < grid;
+      return [(event.clientX - box.left) / box.width, (event.clientY - box.top) / box.height];
+    },
+    cellAt(event) {
+      const grid = this.frame.grid, { west, north, zoom } = this.window;
+      const [x, y] = this.shareAt(event);
+      const col = Math.floor((west + x / zoom) * grid), row = Math.floor((north + y / zoom) * grid);
+      const inside = grid && x >= 0 && y >= 0 && x < 1 && y < 1;
       return inside ? [col, row] : null;
     },
+    onPress(event) {
+      if (event.isPrimary && event.button === 0) this.drag = this.shareAt(event);
+      this.onPointer(event);
+    },
     onPointer(event) {
+      if (this.drag && event.buttons && !this.pinch && this.window.zoom > 1) {
+        const to = this.shareAt(event), { west, north, zoom } = this.window;
+        this.$refs.canvas.setPointerCapture(event.pointerId);
+        this.show(west - (to[0] - this.drag[0]) / zoom, north - (to[1] - this.drag[1]) / zoom, zoom);
+        this.drag = to;
+      }
       const cell = this.cellAt(event);
       if (String(cell) !== String(this.pointed)) this.point(cell);
     },
+    // Where the whole map is shown, the page scrolls.
+    onWheel(event) {
+      if (!this.frame.grid || (event.deltaY >= 0 && this.window.zoom === 1)) return;
+      event.preventDefault();
+      const lines = event.deltaMode ? 30 : 1;
+      this.zoomBy(Math.exp(-event.deltaY * lines * (event.ctrlKey ? 0.01 : 0.002)), this.shareAt(event));
+    },
+    // Two fingers zoom and move the map, one finger scrolls the page.
+    onTouch(event) {
+      if (event.touches.length !== 2) return;
+      event.preventDefault();
+      const [one, other] = [...event.touches].map((touch) => this.shareAt(touch));
+      const at = [(one[0] + other[0]) / 2, (one[1] + other[1]) / 2];
+      const apart = Math.max(Math.hypot(one[0] - other[0], one[1] - other[1]), 0.01);
+      const before = this.pinch;
+      this.pinch = { at, apart };
+      if (!before) return;
+      const { west, north, zoom } = this.window;
+      this.show(west - (at[0] - before.at[0]) / zoom, north - (at[1] - before.at[1]) / zoom, zoom);
+      this.zoomBy(apart / before.apart, at);
+    },
     onKey(event) {
+      if (event.ctrlKey || event.metaKey || event.altKey || !this.frame.grid) return;
+      if (event.key in ZOOM_KEYS) {
+        event.preventDefault();
+        this.zoomBy(ZOOM_KEYS[event.key], this.pointed ? this.shareOf(this.pointed) : [0.5, 0.5]);
+        return;
+      }
       const move = KEYS[event.key];
       const last = this.frame.grid - 1;
-      if (!move || last < 0) return;
+      if (!move) return;
       event.preventDefault();
-      const far = event.shiftKey ? Math.ceil((last + 1) / 10) : 1;
-      const from = this.pointed || [last >> 1, last >> 1];
+      const { west, north, zoom } = this.window;
+      const far = event.shiftKey ? Math.ceil((last + 1) / zoom / 10) : 1;
+      const middle = [west, north].map((edge) => Math.floor((edge + 0.5 / zoom) * (last + 1)));
+      const from = this.pointed || middle;
       this.point(from.map((at, i) => Math.min(Math.max(at + far * move[i], 0), last)));
+      this.follow(this.pointed);
+    },
+    // Place of a cell's centre on the canvas, as shares of its sides.
+    shareOf([col, row]) {
+      const { west, north, zoom } = this.window, grid = this.frame.grid;
+      return [((col + 0.5) / grid - west) * zoom, ((row + 0.5) / grid - north) * zoom];
+    },
+    // Move the map so that a cell is in sight.
+    follow(cell) {
+      const { west, north, zoom } = this.window, edge = (0.5 * zoom) / this.frame.grid;
+      const [x, y] = this.shareOf(cell).map((at) => Math.min(at - edge, 0) + Math.max(at + edge - 1, 0));
+      if (x || y) this.show(west + x / zoom, north + y / zoom, zoom);
+    },
+    // Zoom about a place, by default the middle; 0 shows the whole map.
+    zoomBy(factor, [x, y] = [0.5, 0.5]) {
+      const { west, north, zoom } = this.window;
+      const most = Math.max(this.frame.grid / FEWEST_CELLS, 1);
+      let next = Math.min(Math.max(zoom * factor, 1), most);
+      if (next < 1.01) next = 1;
+      this.show(west + x / zoom - x / next, north + y / zoom - y / next, next);
+    },
+    show(west, north, zoom) {
+      const inside = (edge) => Math.min(Math.max(edge, 0), 1 - 1 / zoom);
+      this.window = { west: inside(west), north: inside(north), zoom };
+      clearTimeout(this.moving);
+      this.moving = setTimeout(() => {
+        this.moving = null;
+        this.paint();
+      }, STILL_MS);
+      // Many events may come before the next picture.
+      if (this.pending) return;
+      this.pending = requestAnimationFrame(() => {
+        this.pending = null;
+        const { canvas, factor } = this.$refs;
+        factor.textContent = `${Number(this.window.zoom.toPrecision(2))}×`;
+        canvas.dataset.zoom = this.window.zoom;
+        this.nameMarks();
+        this.paint();
+        this.$emit("window", this.window);
+      });
     },
     point(cell) {
       if (!cell && !this.pointed) return;
@@ -103,20 +222,160 @@ export default {
       c.fillRect(0, 0, side, side);
       const grid = this.frame.grid;
       if (!grid) return;
-      const cell = side / grid;
+      const unit = side / canvas.clientWidth;
+      // The side of the whole map and of a cell, and what is shown of it.
+      const { west, north, zoom } = this.window;
+      const whole = side * zoom, cell = whole / grid;
+      const box = [Math.round(west * whole), Math.round(north * whole), side];
+      const last = this.shownRows();
+      // While the window moves, what was drawn for the one before moves with it.
+      if (!this.moving || !this.past) this.paintPast(box, cell, last, theme, unit);
+      c.translate(-box[0], -box[1]);
       if (this.image) {
         c.imageSmoothingEnabled = false;
-        c.drawImage(this.image, 0, 0, side, side);
+        c.drawImage(this.image, 0, 0, whole, whole);
       }
-      if (grid <= 60) this.paintGrid(c, side, cell, theme);
-      const last = this.shownRows();
-      const unit = side / canvas.clientWidth;
-      this.paintPast(side, cell, last, theme, unit);
-      c.drawImage(this.past.searched.canvas, 0, 0);
-      c.drawImage(this.past.tracks.canvas, 0, 0);
-      if (last) this.paintDrones(c, cell, this.rows[last - 1], theme, unit);
+      this.paintShore(c, whole, theme, unit);
+      if (grid / zoom <= 60) this.paintGrid(c, whole, cell, theme);
+      const drawn = this.past.box.map((at) => (at * cell) / this.past.cell);
+      for (const layer of [this.past.searched, this.past.tracks]) {
+        c.drawImage(layer.canvas, drawn[0], drawn[1], drawn[2], drawn[2]);
+      }
+      this.paintSightings(c, whole, theme, unit);
+      if (last) this.paintDrones(c, box, cell, this.rows[last - 1], theme, unit);
       this.paintVehicles(c, cell, theme, unit);
-      if (this.pointed) this.paintPointed(c, cell, theme, unit);
+      if (this.pointed) this.paintPointed(c, box, cell, theme, unit);
+      c.translate(box[0], box[1]);
+      this.paintMarks(c, side, theme, unit);
+      this.paintCorner(c, theme, unit);
+      this.paintScale(c, side, theme, unit);
+    },
+    write(c, text, x, y, colour, theme, unit, weight = 400) {
+      c.font = `${weight} ${11 * unit}px system-ui, sans-serif`;
+      c.lineWidth = 3 * unit;
+      c.lineJoin = "round";
+      c.strokeStyle = theme.halo;
+      c.strokeText(text, x, y);
+      c.fillStyle = colour;
+      c.fillText(text, x, y);
+    },
+    paintShore(c, side, theme, unit) {
+      const land = new Path2D();
+      for (const ring of this.chart.shore) {
+        ring.forEach(([x, y], i) => land[i ? "lineTo" : "moveTo"](x * side, y * side));
+        land.closePath();
+      }
+      c.fillStyle = theme.land;
+      c.fill(land, "evenodd");
+      c.strokeStyle = theme.edge;
+      c.lineWidth = 1.2 * unit;
+      c.stroke(land);
+    },
+    // A circle with a dot, as the fix of a chart, in the circle of its uncertainty.
+    paintSightings(c, side, theme, unit) {
+      c.textBaseline = "middle";
+      this.chart.sightings.forEach(([[x, y], radius, label, to]) => {
+        [x, y] = [x * side, y * side];
+        c.strokeStyle = c.fillStyle = theme.lkp;
+        c.lineWidth = 1.2 * unit;
+        c.beginPath();
+        c.arc(x, y, radius * side, 0, 2 * Math.PI);
+        c.stroke();
+        if (!to) return;
+        c.lineWidth = 2 * unit;
+        c.beginPath();
+        c.arc(x, y, 5.5 * unit, 0, 2 * Math.PI);
+        c.stroke();
+        c.beginPath();
+        c.arc(x, y, 1.8 * unit, 0, 2 * Math.PI);
+        c.fill();
+        c.textAlign = to[0] > 0 ? "left" : "right";
+        this.write(c, label, x + 9 * unit * to[0], y - 9 * unit * to[1], theme.lkp, theme, unit, 600);
+      });
+    },
+    // The marks in sight of longitude and latitude: shares of the sides, and labels.
+    marksInSight() {
+      const { west, north, zoom } = this.window;
+      return this.edges.marks.map(([shares, labels], k) => shares
+        .map((share, i) => [(share - [west, north][k]) * zoom, labels[i]])
+        .filter(([at]) => at >= 0 && at <= 1));
+    },
+    // Longitude below the southern edge, latitude beside the eastern one.
+    nameMarks() {
+      const marks = this.marksInSight();
+      [["lons", "left"], ["lats", "top"]].forEach(([edge, start], k) => {
+        this.$refs[edge].replaceChildren(...marks[k].map(([at, label]) => {
+          const name = document.createElement("span");
+          name.style[start] = `clamp(2em, ${100 * at}%, 100% - 2em)`;
+          name.textContent = label;
+          return name;
+        }));
+      });
+    },
+    paintMarks(c, side, theme, unit) {
+      const [lons, lats] = this.marksInSight().map((marks) => marks.map(([at]) => at * side));
+      c.strokeStyle = theme.ink;
+      c.lineWidth = 1.5 * unit;
+      c.beginPath();
+      for (const x of lons) {
+        c.moveTo(x, side);
+        c.lineTo(x, side - 6 * unit);
+      }
+      for (const y of lats) {
+        c.moveTo(side, y);
+        c.lineTo(side - 6 * unit, y);
+      }
+      c.stroke();
+    },
+    // A bar of a round length in the south-west corner, and north beside it.
+    paintScale(c, side, theme, unit) {
+      const [length, label] = this.edges.scale;
+      const x = 12 * unit, y = side - 14 * unit;
+      const end = x + length * this.window.zoom * side, north = end + 60 * unit;
+      c.textAlign = "left";
+      c.textBaseline = "bottom";
+      for (const [colour, width] of [[theme.halo, 5], [theme.ink, 2]]) {
+        c.strokeStyle = colour;
+        c.lineWidth = width * unit;
+        c.beginPath();
+        c.moveTo(x, y - 4 * unit);
+        c.lineTo(x, y);
+        c.lineTo(end, y);
+        c.lineTo(end, y - 4 * unit);
+        c.moveTo(north, y);
+        c.lineTo(north, y - 20 * unit);
+        c.moveTo(north - 4 * unit, y - 14 * unit);
+        c.lineTo(north, y - 20 * unit);
+        c.lineTo(north + 4 * unit, y - 14 * unit);
+        c.stroke();
+      }
+      this.write(c, label, x, y - 5 * unit, theme.ink, theme, unit, 600);
+      this.write(c, "N", north + 7 * unit, y - 6 * unit, theme.ink, theme, unit, 600);
+    },
+    // Arrows in the north-west corner: to where wind and current go, and to sightings off the map.
+    paintCorner(c, theme, unit) {
+      c.textAlign = "left";
+      c.textBaseline = "middle";
+      this.frame.corner.forEach(([kind, east, north, label], i) => {
+        const x = 20 * unit, y = (18 + 22 * i) * unit, half = 10 * unit;
+        const a = Math.atan2(-north, east);
+        c.save();
+        c.translate(x, y);
+        c.rotate(a);
+        c.strokeStyle = c.fillStyle = theme[kind];
+        c.lineWidth = 2.2 * unit;
+        c.beginPath();
+        c.moveTo(-half, 0);
+        c.lineTo(half * 0.4, 0);
+        c.stroke();
+        c.beginPath();
+        c.moveTo(half, 0);
+        c.lineTo(half * 0.1, half * 0.5);
+        c.lineTo(half * 0.1, -half * 0.5);
+        c.fill();
+        c.restore();
+        this.write(c, label, x + 16 * unit, y, theme[kind], theme, unit, 600);
+      });
     },
     shownRows() {
       let count = this.rows.length;
@@ -138,17 +397,19 @@ export default {
     },
     // What was done up to the step that is shown is kept as two pictures: only what is new since is
     // drawn, so that a long mission costs no more than a short one.
-    paintPast(side, cell, count, theme, unit) {
-      const key = [side, theme.ink, unit, this.frame.search, this.frame.names.length].join();
+    paintPast(box, cell, count, theme, unit) {
+      const key = [box, cell, theme.ink, unit, this.frame.search, this.frame.names.length].join();
       if (!this.past || this.past.key !== key || this.past.count > count) {
-        const layer = () => {
+        const makeLayer = () => {
           const canvas = document.createElement("canvas");
-          canvas.width = canvas.height = side;
-          return canvas.getContext("2d");
+          canvas.width = canvas.height = box[2];
+          const layer = canvas.getContext("2d");
+          layer.translate(-box[0], -box[1]);
+          return layer;
         };
-        this.past = { key, count: 0, times: new Map(), lengths: [] };
-        this.past.searched = layer();
-        this.past.tracks = layer();
+        this.past = { key, box, cell, count: 0, times: new Map(), lengths: [] };
+        this.past.searched = makeLayer();
+        this.past.tracks = makeLayer();
       }
       if (this.past.count === count) return;
       this.paintSearched(this.past.searched, cell, count, theme, unit);
@@ -214,31 +475,36 @@ export default {
         c.strokeStyle = theme.halo;
         c.lineWidth = 3.4 * unit;
         c.stroke(path);
-        c.setLineDash(DASHES[Math.floor(i / COLOURS.length) % DASHES.length].map((d) => d * unit));
+        const cycle = Math.floor(i / this.chart.colours.length);
+        c.setLineDash(DASHES[cycle % DASHES.length].map((d) => d * unit));
         c.lineDashOffset = lengths[i] || 0;
         c.lineCap = "round";
-        c.strokeStyle = COLOURS[i % COLOURS.length];
+        c.strokeStyle = this.chart.colours[i % this.chart.colours.length];
         c.lineWidth = 1.8 * unit;
         c.stroke(path);
         lengths[i] = (lengths[i] || 0) + length;
       }
     },
-    paintDrones(c, cell, row, theme, unit) {
-      const lanes = this.lanes();
-      const size = Math.min(Math.max(cell * 0.42, 6 * unit), 11 * unit);
-      const inside = (at) => Math.min(Math.max(at, size), c.canvas.width - size);
-      c.font = `600 ${11 * unit}px system-ui, sans-serif`;
+    paintDrones(c, box, cell, row, theme, unit) {
+      const lanes = this.lanes(), many = this.frame.names.length > MAX_NUMBERED;
+      const size = Math.min(Math.max(cell * 0.42, (many ? 4 : 6) * unit), 11 * unit);
+      const numbered = !many || cell >= 24 * unit;
+      // A drone in a cell at the edge is drawn as a whole, unless the edge is only that of the window.
+      const whole = cell * this.frame.grid;
+      const inside = (at) => Math.min(Math.max(at, size), whole - size);
+      const outside = (at, k) => at < box[k] - size || at > box[k] + box[2] + size;
       c.textBaseline = "middle";
       for (let i = 0; i < this.frame.names.length; i++) {
         const [x, y] = this.place(row, i, cell, lanes).map(inside);
+        if (outside(x, 0) || outside(y, 1)) continue;
         const flags = row[3 + 3 * i], state = flags & STATE;
         c.lineWidth = 1.5 * unit;
-        c.fillStyle = COLOURS[i % COLOURS.length];
+        c.fillStyle = this.chart.colours[i % this.chart.colours.length];
         c.strokeStyle = theme.ink;
         c.beginPath();
         if (state === LOST) {
           c.lineWidth = 3 * unit;
-          c.strokeStyle = COLOURS[i % COLOURS.length];
+          c.strokeStyle = this.chart.colours[i % this.chart.colours.length];
           c.moveTo(x - size, y - size);
           c.lineTo(x + size, y + size);
           c.moveTo(x + size, y - size);
@@ -261,15 +527,12 @@ export default {
           if (state === FLYING) c.fill();
         }
         c.stroke();
+        if (!numbered) continue;
         const text = String(i);
-        const left = x + size + 14 * unit > c.canvas.width;
+        const left = x + size + 14 * unit > box[0] + box[2];
         c.textAlign = left ? "right" : "left";
         const at = left ? x - size - 2 * unit : x + size + 2 * unit;
-        c.lineWidth = 3 * unit;
-        c.strokeStyle = theme.halo;
-        c.strokeText(text, at, y);
-        c.fillStyle = theme.ink;
-        c.fillText(text, at, y);
+        this.write(c, text, at, y, theme.ink, theme, unit, 600);
       }
     },
     paintVehicles(c, cell, theme, unit) {
@@ -286,7 +549,7 @@ export default {
         c.stroke();
       }
     },
-    paintPointed(c, cell, theme, unit) {
+    paintPointed(c, box, cell, theme, unit) {
       const [col, row] = this.pointed;
       const side = Math.max(cell, 8 * unit);
       c.strokeStyle = theme.ink;
@@ -295,10 +558,10 @@ export default {
       const [x, y] = [(col + 0.5) * cell, (row + 0.5) * cell];
       c.strokeRect(x - side / 2, y - side / 2, side, side);
       c.beginPath();
-      c.moveTo(0, y);
-      c.lineTo(c.canvas.width, y);
-      c.moveTo(x, 0);
-      c.lineTo(x, c.canvas.height);
+      c.moveTo(box[0], y);
+      c.lineTo(box[0] + box[2], y);
+      c.moveTo(x, box[1]);
+      c.lineTo(x, box[1] + box[2]);
       c.stroke();
       c.setLineDash([]);
     },

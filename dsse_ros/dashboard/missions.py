@@ -7,27 +7,28 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 from numpy.typing import NDArray
 
-from dsse_ros.dashboard.history import MapImages, SearchHistory
+from dsse_ros.dashboard.history import EXACT_LAYERS, LAYERS, MapImage, SearchHistory
 from dsse_ros.dashboard.inbox import Received
 from dsse_ros.dashboard.map_image import map_png
+from dsse_ros.scenario.scenario import ResolvedScenario
+from dsse_ros.scenario.sea_state import SeaState, sea_state
 from dsse_ros.step.looks import Looks, looks_of, own_cell_looks
 from msg_adapters.agents import AgentsInfo, agents_from_message
 from msg_adapters.frames import GridFrame
+from msg_adapters.images import image_to_probability
 from msg_adapters.mission_report import mission_report_from_message
-from msg_adapters.occupancy import occupancy_to_array
+from msg_adapters.occupancy import occupancy_to_array, probability_to_occupancy
 from msg_adapters.pos import pos_from_message
 from msg_adapters.result import Accepted
 from msg_adapters.stamps import to_nanoseconds
 from msg_adapters.step_report import step_report_from_message
 from msg_adapters.vehicles import place_from_pose
 
-LAYERS = {"probability_grid": "Map", "belief_grid": "Belief"}
-"""Topics of the maps that the page can show, and their names."""
-_VALUES = ("paused", "publishers", "answer", "vehicle_answer")
+_VALUES = ("paused", "publishers", "planner", "answer", "vehicle_answer")
 """Attributes of a mission that the node sets."""
 _RUNS = 10
 """Number of runs whose `agents` are kept; they may arrive before or after their reports."""
@@ -70,20 +71,32 @@ def _looks_of(info: AgentsInfo) -> Looks | None:
     return None if rules.covers else looks_of(info.definition.scenario.resolve(rules), rules)
 
 
+class _Map(NamedTuple):
+    """A map that has arrived."""
+
+    layer: str
+    published_ns: int
+    image: MapImage
+
+
 class Mission:
     """The mission of one simulation.
+
+    A map has no `run_id`, and runs start at the same stamp. A map therefore belongs to the report
+    with its stamp, unless it was published before the last report of another search.
 
     Args:
         namespace: Namespace of the simulation, "" for none.
 
     Attributes:
         history: The steps of the current search; None before the first report.
-        maps: By layer.
         vehicles: By name of the drone.
         state: Reported state of the simulation: running, paused, what it is waiting for, ...
         level: Level of the state, as in DiagnosticStatus.
         paused: Whether the mission is paused, as last reported.
         publishers: Number of publishers of its reports, 0 while its simulation is gone.
+        planner: Name of the planner, or of the nodes that command the drones; "" if unknown.
+        mixed: Whether reports of two runs have arrived in turns.
         answer: Result of the last command.
         bridge: Names of the drones whose vehicles a bridge flies; empty without a bridge.
         had_bridge: Whether there is or was a bridge.
@@ -95,25 +108,28 @@ class Mission:
     def __init__(self, namespace: str) -> None:
         self.namespace = namespace
         self.history: SearchHistory | None = None
-        self.maps = {layer: MapImages() for layer in LAYERS}
         self.vehicles: dict[str, Vehicle] = {}
         self.state = ""
         self.level = 0
         self.paused = False
         self.publishers = 1
+        self.planner = ""
+        self.mixed = False
         self.answer = ""
         self.bridge: tuple[str, ...] = ()
         self.had_bridge = False
         self.vehicle_answer = ""
         self.trouble: dict[str, str] = {}
         self.heard = 0
+        self._former_run: int | None = None
+        self._arrived: dict[str, _Map] = {}
+        self._reported_ns: int | None = None  # Wall time of publication of the last report.
         self._infos: dict[int, AgentsInfo] = {}
         self._looked: tuple[AgentsInfo, Looks | None] | None = None
+        self._seen: tuple[AgentsInfo | None, int, SeaState] | None = None
         self._early_pos: deque[tuple[int, int, int, float]] = deque(maxlen=_EARLY)
         self._read: Mapping[str, Callable[[Any], None]] = {
             "agents": self._on_agents,
-            "step_report": self._on_report,
-            "mission_report": self._on_mission_report,
             "probability_of_success": self._on_pos,
             "diagnostics": self._on_diagnostics,
             "bridge": self._on_bridge,
@@ -122,13 +138,18 @@ class Mission:
     @property
     def nbytes(self) -> int:
         """Size of the maps and steps."""
-        of_steps = 0 if self.history is None else self.history.nbytes
-        return of_steps + sum(maps.nbytes for maps in self.maps.values())
+        return 0 if self.history is None else self.history.nbytes
 
     @property
     def title(self) -> str:
         """The name that the page shows."""
         return self.namespace or "/"
+
+    @property
+    def done(self) -> bool:
+        """Whether the current search has ended."""
+        all_down = self.history is not None and self.history.done
+        return all_down or self.state.startswith(("mission over", "mission aborted"))
 
     @property
     def looks(self) -> Looks | None:
@@ -148,30 +169,46 @@ class Mission:
         info = self._infos.get(self.history.key[0])
         return info if info and len(info.agents) == self.history.num_drones else None
 
-    def receive(self, topic: str, read: Callable[[], Any]) -> None:
+    def sea(self, step: int) -> SeaState:
+        """Return wind, current, shore and sightings after a step, as far as they are known."""
+        info = self.info
+        if self._seen is None or self._seen[0] is not info or self._seen[1] != step:
+            found = None if info is None or info.definition is None else info.definition.scenario
+            sea = sea_state(found, step) if isinstance(found, ResolvedScenario) else SeaState()
+            self._seen = info, step, sea
+        return self._seen[2]
+
+    def receive(self, topic: str, read: Callable[[], Any], published_ns: int = 0) -> None:
         """Take a message; if it cannot be read, record that in `trouble`.
 
         Args:
             topic: Relative to the namespace; `vehicle_state` and `vehicle_pose` follow the name of
                 a drone and a slash.
             read: Returns the message.
+            published_ns: Wall time of its publication, on the clock of its publisher.
         """
         try:
-            self._take(topic, read())
+            self._take(topic, read(), published_ns)
         except Exception as error:
             # Anybody can publish anything, and the page must survive it.
             self.trouble[topic] = " ".join(str(error).split()) or type(error).__name__
         else:
             self.trouble.pop(topic, None)
 
-    def _take(self, topic: str, message: Any) -> None:
+    def _take(self, topic: str, message: Any, published_ns: int) -> None:
         drone, _, of_drone = topic.rpartition("/")
         if of_drone == "vehicle_state":
             self._on_vehicle_state(drone, message)
         elif of_drone == "vehicle_pose":
             self._on_vehicle_pose(drone, message)
         elif topic in LAYERS:
-            self._on_map(topic, message)
+            self._on_map(topic, message, published_ns)
+        elif topic in EXACT_LAYERS:
+            self._on_exact_map(topic, message, published_ns)
+        elif topic == "step_report":
+            self._on_report(message, published_ns)
+        elif topic == "mission_report":
+            self._on_mission_report(message, published_ns)
         elif topic in _VALUES:
             setattr(self, topic, message)
         else:
@@ -184,41 +221,81 @@ class Mission:
         if len(self._infos) > _RUNS:
             del self._infos[next(iter(self._infos))]
 
-    def _on_report(self, message: Any) -> None:
+    def _on_report(self, message: Any, published_ns: int) -> None:
         report = step_report_from_message(message)
-        if len(report):
-            stamp_ns = to_nanoseconds(message.header.stamp)
-            self._history_of(report, stamp_ns).add(report, stamp_ns)
+        if not len(report):
+            return
+        stamp_ns = to_nanoseconds(message.header.stamp)
+        history, before_ns = self.history, self._reported_ns
+        if history is None or not self._continues(history, report, published_ns):
+            history = self._begin(report)
+            self._reported_ns = published_ns
+        else:
+            before_ns, self._reported_ns = None, max(self._reported_ns or 0, published_ns)
+        history.add(report, stamp_ns)
+        for layer, at_ns, image in self._arrived.values():
+            older = before_ns is not None and at_ns < before_ns <= published_ns
+            if image.stamp_ns == stamp_ns and not older:
+                history.add_map(layer, image)
 
-    def _on_mission_report(self, message: Any) -> None:
+    def _continues(self, history: SearchHistory, report: NDArray[Any], published_ns: int) -> bool:
+        """Return whether a report continues the current search.
+
+        One that is published later than a later step does not: the simulation has restarted, with
+        the `run_id` that its parameter gives.
+        """
+        same = history.key == _key(report) and history.num_drones == len(report)
+        back = int(report["step"][0]) < history.steps[-1]
+        return same and not (back and published_ns > (self._reported_ns or 0))
+
+    def _on_mission_report(self, message: Any, published_ns: int) -> None:
         reports = mission_report_from_message(message)
         # The page may have missed steps, or been started later.
         history = self.history
         known = history is not None and reports.size > 0 and _key(reports[0]) == history.key
         if history is not None and known and len(reports) > len(history):
             history.add_all(reports)
+            self._reported_ns = max(self._reported_ns or 0, published_ns)
 
-    def _history_of(self, report: NDArray[Any], stamp_ns: int) -> SearchHistory:
-        """Return the history that a report belongs to; a new one for a new search."""
-        history = self.history
-        if history is None or history.key != _key(report) or history.num_drones != len(report):
-            another = history is None or history.key[0] != int(report["run_id"][0])
-            if another:
-                # Mission time may restart. The map of a step comes before its report.
-                for maps in self.maps.values():
-                    maps.keep_only(stamp_ns)
-            history = self.history = SearchHistory(*_key(report), len(report))
-            for *key, step, pos in self._early_pos:
-                if tuple(key) == history.key:
-                    history.add_pos(step, pos)
+    def _begin(self, report: NDArray[Any]) -> SearchHistory:
+        """Return the empty history of a new search."""
+        before, (run_id, _) = self.history, _key(report)
+        if before is not None and before.key[0] != run_id:
+            # The publisher of a killed node remains visible for a while, but sends nothing.
+            self.mixed = run_id == self._former_run
+            self._former_run = before.key[0]
+            for vehicle in self.vehicles.values():
+                vehicle.place = None
+        history = self.history = SearchHistory(*_key(report), len(report))
+        for *key, step, pos in self._early_pos:
+            if tuple(key) == history.key:
+                history.add_pos(step, pos)
         return history
 
-    def _on_map(self, layer: str, message: Any) -> None:
+    def _on_map(self, layer: str, message: Any, published_ns: int) -> None:
         occupancy = occupancy_to_array(message)
         if not occupancy.size:
             raise ValueError("data must have at least one cell, got none")
-        image = map_png(occupancy)
-        self.maps[layer].add(to_nanoseconds(message.header.stamp), image)
+        image = MapImage(to_nanoseconds(message.header.stamp), map_png(occupancy))
+        self._keep_map(layer, _Map(layer, published_ns, image))
+
+    def _on_exact_map(self, topic: str, message: Any, published_ns: int) -> None:
+        probability = image_to_probability(message)
+        info = next(reversed(self._infos.values()), None)
+        if info is None or info.frame.grid_size != len(probability):
+            return
+        occupancy, area = probability_to_occupancy(probability), info.area_mask
+        if area is not None:
+            occupancy[~area] = -1
+        stamp_ns, top = to_nanoseconds(message.header.stamp), float(probability.max())
+        image = MapImage(stamp_ns, map_png(occupancy), top)
+        self._keep_map(topic, _Map(EXACT_LAYERS[topic], published_ns, image))
+
+    def _keep_map(self, topic: str, arrived: _Map) -> None:
+        # Its report may follow, even if a report with this stamp is known: that of the run before.
+        self._arrived[topic] = arrived
+        if self.history is not None:
+            self.history.add_map(arrived.layer, arrived.image)
 
     def _on_pos(self, message: Any) -> None:
         run_id, mission, step, pos = pos_from_message(message)
@@ -283,7 +360,7 @@ class Missions:
                 self.by_namespace = dict(sorted(self.by_namespace.items()))
             self._heard += 1
             mission.heard = self._heard
-            mission.receive(one.topic, one.read)
+            mission.receive(one.topic, one.read, one.published_ns)
         self._shrink()
 
     def _drop(self) -> bool:
@@ -300,7 +377,8 @@ class Missions:
         while sum(mission.nbytes for mission in self.by_namespace.values()) > self._max_bytes:
             if self._drop():
                 continue
-            maps = [maps for one in self.by_namespace.values() for maps in one.maps.values()]
+            histories = [one.history for one in self.by_namespace.values() if one.history]
+            maps = [maps for history in histories for maps in history.maps.values()]
             if not any(of.thin() for of in sorted(maps, key=lambda of: of.nbytes, reverse=True)):
                 return
 

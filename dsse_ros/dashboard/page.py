@@ -4,16 +4,20 @@
 
 from __future__ import annotations
 
+import json
 import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
+from urllib.parse import urlencode
 
 from nicegui import ui
 from nicegui.element import Element
 
 from dsse_ros.dashboard.inbox import Command, Inbox
+from dsse_ros.dashboard.map_chart import Window
 from dsse_ros.dashboard.missions import Missions
-from dsse_ros.dashboard.view import PageView, layers_of
+from dsse_ros.dashboard.view import ORDERS, RATES, PageView, layers_of
 
 STYLE = Path(__file__).with_name("style.css")
 _SLOW_S = 0.5
@@ -34,7 +38,7 @@ _TO_CONFIRM = {
     "land": "Land {} right below where it is now, also where that is water?",
 }
 """Commands that cannot be undone, and the questions to confirm them."""
-_THEMES = {None: "Theme: auto", False: "Theme: light", True: "Theme: dark"}
+_THEMES = {None: "auto", False: "light", True: "dark"}
 
 
 class MissionMap(Element, component="mission_map.js"):
@@ -42,7 +46,9 @@ class MissionMap(Element, component="mission_map.js"):
 
     def __init__(self) -> None:
         super().__init__()
-        self._props["label"] = "Map of the mission. Arrow keys move the cell that is read out."
+        self._props["label"] = (
+            "Map of the mission. Arrow keys move the cell that is read out; plus, minus and 0 zoom."
+        )
 
     def draw(self, frame: dict[str, Any]) -> None:
         """Draw a frame of `PageView.frame`."""
@@ -57,12 +63,18 @@ class MissionPage:
         inbox: Receives the commands.
         frame_rate: Largest number of frames per second.
         domain: ROS domain, shown while the page waits for a mission.
+        opened: Called once the browser has drawn the page.
     """
 
-    def __init__(self, missions: Missions, inbox: Inbox, frame_rate: float, domain: int) -> None:
+    def __init__(
+        self, missions: Missions, inbox: Inbox, frame_rate: float, domain: int,
+        opened: Callable[[], None] = lambda: None,
+    ) -> None:  # fmt: skip
         self._missions = missions
         self._inbox = inbox
         self._domain = domain
+        self._opened = opened
+        self._updated_s = time.monotonic()
         self._view = PageView(missions)
         self._drawn = 0
         self._sent: tuple[int, float] = (0, 0.0)
@@ -74,8 +86,8 @@ class MissionPage:
         self._dark = ui.dark_mode(None)
         with ui.element("div").classes("page"):
             self._build_header()
-            self._waiting = ui.label().classes("waiting").props("role=status")
-            with ui.element("main").classes("board"):
+            self._build_status()
+            with ui.element("div").classes("board"):
                 self._build_map()
                 self._build_side()
         self._build_dialog()
@@ -85,17 +97,20 @@ class MissionPage:
 
     def _build_header(self) -> None:
         with ui.element("header").classes("bar"):
-            ui.html("Search and rescue", tag="h1", sanitize=False)
+            with ui.element("div").classes("place-name"):
+                with ui.element("h1"):
+                    self._title = ui.label("dsse_ros")
+                self._about = ui.label().classes("about")
             self._mission = ui.select([], label="Mission").props("dense outlined")
-            self._mission.on("update:model-value", self._on_mission)
+            self._mission.on_value_change(self._on_mission)
             self._layer = ui.select([], label="Map").props("dense outlined")
-            self._layer.on("update:model-value", self._on_layer)
+            self._layer.on_value_change(self._on_layer)
             with ui.element("div").classes("buttons").props("role=group aria-label='Simulation'"):
                 self._pause = self._button("Pause", "pause", self._on_pause)
                 self._step = self._button("Step", "skip_next", lambda: self._command("step"))
                 self._reset = self._button("Reset", "replay", self._on_reset)
             self._theme = (
-                self._button(_THEMES[None], "contrast", self._on_theme)
+                self._button("Theme: auto", "contrast", self._on_theme)
                 .classes("theme")
                 .props("flat")
             )
@@ -104,10 +119,20 @@ class MissionPage:
         button = ui.button(text, icon=icon, on_click=on_click, color=None)
         return button.props("no-caps unelevated outline")
 
+    def _build_status(self) -> None:
+        """Build what stays in view however far the page is scrolled."""
+        with ui.element("section").classes("status").props("aria-label='State'"):
+            self._waiting = ui.label().classes("waiting").props("role=status")
+            self._headline = ui.label().classes("headline")
+            with ui.element("div").classes("reports"):
+                self._state = ui.label().props("role=status")
+                self._answer = ui.label().classes("note").props("role=status")
+                self._trouble = ui.label().classes("trouble").props("role=alert")
+
     def _build_map(self) -> None:
         with ui.element("section").classes("map").props("aria-label='Map and time line'"):
-            self._headline = ui.label().classes("headline").props("role=status")
             self._map = MissionMap()
+            self._map.on("window", self._on_window, throttle=0.05)
             self._map.on("ready", self._view_again)
             self._map.on("drawn", self._on_drawn)
             self._map.on("point", self._on_point, throttle=0.05)
@@ -120,13 +145,27 @@ class MissionPage:
                     "input", self._on_seek, js_handler="(e) => emit(Number(e.target.value))",
                     throttle=0.05,
                 )  # fmt: skip
-                self._live = self._button("Live", "fast_forward", self._on_live)
+                with ui.element("div").classes("replay").props("role=group aria-label='Replay'"):
+                    self._play = self._button("Play", "play_arrow", self._on_play)
+                    rates = {rate: f"{rate} steps/s" for rate in RATES}
+                    self._rate = ui.select(rates, label="Speed", value=self._view.rate)
+                    self._rate.props("dense outlined").on_value_change(self._on_rate)
+                    self._live = self._button("Live", "fast_forward", self._on_live)
+            with ui.element("div").classes("key"):
+                ui.html('<span class="mark map-mark"></span>', sanitize=False)
+                self._scale = ui.label()
             ui.html(
                 '<ul class="key" aria-label="Key">'
-                '<li><span class="mark map-mark"></span>probability (low to high)</li>'
                 '<li><span class="mark searched-mark"></span>searched, thicker if more often</li>'
                 "<li>▲ in flight</li><li>★ has found a person</li><li>✕ lost</li>"
                 "<li>△ search over</li><li>■ out of time</li><li>⊕ vehicle</li></ul>",
+                sanitize=False,
+            )
+            self._sea_key = ui.html(
+                '<ul class="key" aria-label="Key of the sea">'
+                '<li><span class="mark land-mark"></span>land</li>'
+                '<li><span class="lkp-mark">⊙</span>last known position (LKP) with its 99 % '
+                "circle</li></ul>",
                 sanitize=False,
             )
 
@@ -134,18 +173,21 @@ class MissionPage:
         with ui.element("section").classes("side").props("aria-label='Figures'"):
             self._build_vehicles()
             with ui.element("div").classes("card"):
-                ui.html("Probability of success", tag="h2", sanitize=False)
+                with ui.element("h2"):
+                    self._chart_title = ui.label("Probability of success")
                 self._chart = ui.echart(_chart_options(), renderer="svg").classes("pos-chart")
                 self._chart.props("role=img aria-label='Probability of success over the steps'")
                 self._no_pos = ui.label().classes("note")
             with ui.element("div").classes("card table-card"):
                 ui.html("Drones", tag="h2", sanitize=False)
+                with ui.element("div").classes("choices"):
+                    self._wanted = ui.input("Name or state").props("dense outlined clearable")
+                    self._order = ui.select(list(ORDERS), label="Sorted by", value=ORDERS[0])
+                    for choice in (self._wanted, self._order.props("dense outlined")):
+                        choice.on_value_change(self._on_table)
                 self._drones = ui.html("", sanitize=False).classes("drones")
-            with ui.element("div").classes("card"):
-                ui.html("Simulation", tag="h2", sanitize=False)
-                self._state = ui.label().props("role=status")
-                self._answer = ui.label().classes("note").props("role=status")
-                self._trouble = ui.label().classes("trouble").props("role=alert")
+                self._drones.props("tabindex=0 role=region aria-label='Table of the drones'")
+                self._fold = self._button("", "unfold_more", self._on_fold)
 
     def _build_vehicles(self) -> None:
         self._operate: dict[tuple[str, bool], ui.button] = {}
@@ -157,7 +199,7 @@ class MissionPage:
                     if one:
                         self._drone = ui.select([], label="Vehicle").props("dense outlined")
                         # A button must never show another vehicle than the one it commands.
-                        self._drone.on("update:model-value", self._update_vehicles)
+                        self._drone.on_value_change(self._update_vehicles)
                     for name, (text, icon) in _OPERATIONS.items():
                         button = self._button(
                             text if one else f"{text} all", icon,
@@ -176,13 +218,32 @@ class MissionPage:
                 self._yes = self._button("", "check", self._on_confirmed)
         with ui.dialog().props("aria-label='Reset'") as self._dialog, ui.card():
             ui.label("Start a new mission? The one under way ends, also for its vehicles.")
+            self._seed = ui.number("Seed", min=0, max=2**53, precision=0)
+            self._seed.props("dense outlined hint='empty: as the simulation is set'")
             with ui.row():
                 self._button("Cancel", "close", self._dialog.close).props("autofocus")
                 self._button("Reset the mission", "replay", lambda: self._dialog.submit(True))
 
     # Controls
 
+    def choose(self, mission: str | None, theme: str) -> None:
+        """Show the mission of a namespace, None for the first one, in a theme of `_THEMES`."""
+        if mission is not None:
+            self._view.choose(mission)
+        self._set_theme(next((dark for dark, name in _THEMES.items() if name == theme), None))
+
+    def _set_theme(self, dark: bool | None) -> None:
+        self._dark.value = dark
+        self._theme.set_text(f"Theme: {_THEMES[dark]}")
+
+    def _keep_in_address(self) -> None:
+        """Put mission and theme into the address, so that a reload keeps them."""
+        kept = {"mission": self._view.namespace, "theme": _THEMES[self._dark.value]}
+        query = urlencode({name: value for name, value in kept.items() if value is not None})
+        ui.run_javascript(f"history.replaceState(null, '', {json.dumps('?' + query)})")
+
     def _view_again(self) -> None:
+        self._opened()
         self._view.forget_sent()
         self._sent = (0, 0.0)
 
@@ -194,26 +255,54 @@ class MissionPage:
         text = "" if cell is None else self._view.place((int(cell[0]), int(cell[1])))
         self._place.set_text(text)
 
+    def _on_window(self, event: Any) -> None:
+        west, north, zoom = (float(event.args[name]) for name in Window._fields)
+        self._view.window = Window(west, north, max(zoom, 1.0))
+
+    # What `_update_choices` shows is no choice of the user.
+
     def _on_mission(self) -> None:
-        if self._mission.value is not None:
+        mission = self._view.mission
+        if self._mission.value not in (None, mission and mission.namespace):
             self._view.choose(self._mission.value)
+            self._map.run_method("zoomBy", 0)
+            self._keep_in_address()
             self._slow_s = 0.0
 
     def _on_layer(self) -> None:
-        self._view.layer = self._layer.value
+        if self._layer.value not in (None, self._view.shown_layer):
+            self._view.layer = self._layer.value
+
+    def _on_table(self) -> None:
+        self._view.wanted, self._view.order = self._wanted.value or "", self._order.value
+        self._slow_s = 0.0
+
+    def _on_fold(self) -> None:
+        self._view.folded = not self._view.folded
+        self._slow_s = 0.0
 
     def _on_seek(self, event: Any) -> None:
         history = self._view.history
         step = int(event.args)
         if history is not None:
-            self._view.step = None if step >= history.steps[-1] else step
+            self._view.seek(None if step >= history.steps[-1] else step)
         # The browser has already moved the slider there.
         self._time.props["value"] = step
         self._slow_s = 0.0
 
     def _on_live(self) -> None:
-        self._view.step = None
+        self._view.seek(None)
         self._slow_s = 0.0
+
+    def _on_play(self) -> None:
+        if self._view.playing:
+            self._view.seek(self._view.step)
+        else:
+            self._view.play()
+        self._slow_s = 0.0
+
+    def _on_rate(self) -> None:
+        self._view.rate = self._rate.value
 
     def _on_pause(self) -> None:
         mission = self._view.mission
@@ -221,9 +310,16 @@ class MissionPage:
             self._command("resume" if mission.paused else "pause")
 
     async def _on_reset(self) -> None:
+        mission, history = self._view.mission, self._view.history
+        if mission is None:
+            return
+        seed = mission.info.seed if history is not None and mission.info is not None else None
+        self._seed.set_value(None if seed is None else seed + 1)
         if await self._dialog:
-            self._view.step = None
-            self._command("reset")
+            chosen = self._seed.value
+            self._view.seek(None)
+            seed = None if chosen is None else int(chosen)
+            self._inbox.command(Command(mission.namespace, "reset", seed=seed))
 
     def _command(self, name: str) -> None:
         mission = self._view.mission
@@ -255,13 +351,15 @@ class MissionPage:
 
     def _on_theme(self) -> None:
         order = list(_THEMES)
-        self._dark.value = order[(order.index(self._dark.value) + 1) % len(order)]
-        self._theme.set_text(_THEMES[self._dark.value])
+        self._set_theme(order[(order.index(self._dark.value) + 1) % len(order)])
+        self._keep_in_address()
 
     # Updates; NiceGUI sends a text, an icon or a table only if it differs.
 
     def _update(self) -> None:
         now_s = time.monotonic()
+        self._view.advance(now_s - self._updated_s)
+        self._updated_s = now_s
         number, sent_s = self._sent
         # The next frame has all changes since the last: a slow browser skips frames.
         if number <= self._drawn or now_s - sent_s > _LOST_S:
@@ -270,6 +368,7 @@ class MissionPage:
                 self._sent = (frame["number"], now_s)
                 self._map.draw(frame)
                 self._headline.set_text(self._view.headline())
+                self._scale.set_text(self._view.scale())
                 self._update_time()
         if now_s - self._slow_s >= _SLOW_S:
             self._slow_s = now_s
@@ -281,7 +380,8 @@ class MissionPage:
             return
         first, last = history.steps[0], history.steps[-1]
         shown = last if self._view.step is None else self._view.step
-        now = {"min": first, "max": max(last, first + 1), "value": shown}
+        now: dict[str, Any] = {"min": first, "max": max(last, first + 1), "value": shown}
+        now["aria-valuetext"] = f"step {shown} of {last}"
         if any(self._time.props.get(name) != value for name, value in now.items()):
             self._time.props.update(now)
             self._time.update()
@@ -294,24 +394,44 @@ class MissionPage:
         self._waiting.set_text(waiting)
         self._waiting.set_visibility(bool(waiting))
         self._headline.set_text(view.headline())
+        self._sea_key.set_visibility(bool(view.sea.sightings))
         self._update_choices()
         self._drones.set_content(view.drones_table())
+        self._update_fold()
         line = (view.pos_line(), view.step)
         if line != self._line:
             self._line = line
             self._show_line(*line)
         has = mission is not None and mission.publishers > 0
-        for button in (self._pause, self._step, self._reset):
-            button.set_enabled(has)
+        done = mission is not None and mission.done
+        self._reset.set_enabled(has)
+        self._step.set_enabled(has and not done)
+        # A pause after the end would hold the next mission.
+        paused = mission is not None and mission.paused
+        self._pause.set_enabled(has and (not done or paused))
         self._live.set_enabled(view.step is not None)
+        self._play.set_enabled(view.history is not None and len(view.history) > 1)
+        self._play.set_text("Stop" if view.playing else "Play")
+        self._play.set_icon("stop" if view.playing else "play_arrow")
         self._update_vehicles()
         self._trouble.set_text(view.trouble())
+        self._state.set_text(view.state())
+        title, about = view.about()
+        self._title.set_text(title)
+        self._about.set_text(about)
+        self._no_pos.set_text(view.no_pos())
+        self._chart_title.set_text("Coverage rate" if view.covers else "Probability of success")
         if mission is not None:
             text, icon = ("Resume", "play_arrow") if mission.paused else ("Pause", "pause")
             self._pause.set_text(text)
             self._pause.set_icon(icon)
-            self._state.set_text(mission.state)
             self._answer.set_text(mission.answer)
+
+    def _update_fold(self) -> None:
+        folded, hidden = self._view.folded, self._view.hidden
+        self._fold.set_visibility(bool(hidden) or not folded)
+        self._fold.set_text(f"Show {hidden} more" if folded else "Show fewer")
+        self._fold.set_icon("unfold_more" if folded else "unfold_less")
 
     def _update_vehicles(self) -> None:
         mission = self._view.mission
@@ -343,11 +463,10 @@ class MissionPage:
                 select.set_options(options, value=value)
 
     def _show_line(self, points: list[tuple[int, float]], step: int | None) -> None:
-        self._no_pos.set_text(
-            "" if points else "No POS yet: it is there where a belief follows the mission."
-        )
         options = self._chart.options
         series = options["series"][0]
+        name = "coverage rate (%)" if self._view.covers else "POS (%)"
+        series["name"] = options["yAxis"]["name"] = name
         series["data"] = [list(point) for point in points]
         series["markLine"]["data"] = [] if step is None else [{"xAxis": step}]
         self._chart.update()

@@ -11,6 +11,7 @@ import socket
 import threading
 from collections.abc import AsyncIterator
 
+import nicegui
 import uvicorn
 from fastapi import FastAPI
 from nicegui import ui
@@ -40,6 +41,7 @@ class PageServer:
     Attributes:
         missions: State of the missions; only the server's thread may use it.
         url: Address of the page.
+        opened: Whether a browser has opened the page.
 
     Raises:
         FieldError: If a setting is not allowed, or the address cannot be bound.
@@ -49,6 +51,7 @@ class PageServer:
         self._inbox = inbox
         self._settings = settings
         self.missions = Missions()
+        self.opened = threading.Event()
         token = settings.read_token()
         self._socket = bind(settings.host, settings.port)
         host, port = self._socket.getsockname()[:2]
@@ -56,9 +59,12 @@ class PageServer:
         app = FastAPI(lifespan=self._lifespan, docs_url=None, redoc_url=None, openapi_url=None)
 
         @ui.page("/", title="dsse_ros", language="en-US")
-        def page() -> None:
-            MissionPage(self.missions, inbox, settings.frame_rate, domain)
+        def page(mission: str | None = None, theme: str = "") -> None:
+            shown = MissionPage(self.missions, inbox, settings.frame_rate, domain, self.opened.set)
+            shown.choose(mission, theme)
 
+        # A bar that shows how requests load has no name for screen readers, and no use here.
+        nicegui.app.config.quasar_config["loadingBar"]["skipHijack"] = True
         ui.run_with(
             app, dark=None, tailwind=False, show_welcome_message=False,
             binding_refresh_interval=None, gzip_middleware_factory=None,

@@ -16,21 +16,25 @@ from typing import Any
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PoseStamped
 from nav_msgs.msg import OccupancyGrid
+from rcl_interfaces.srv import SetParameters
+from rclpy.parameter import Parameter
 from rclpy.serialization import deserialize_message
 from rclpy.subscription import Subscription
 from rclpy.task import Future
-from sensor_msgs.msg import PointCloud2
+from sensor_msgs.msg import Image, PointCloud2
 from std_msgs.msg import Float64MultiArray, String
 from std_srvs.srv import SetBool, Trigger
 
+from dsse_ros.dashboard.history import LAYERS
 from dsse_ros.dashboard.inbox import Command, Inbox, Received
 from dsse_ros.dashboard.missions import MAX_MISSIONS
 from dsse_ros.dashboard.server import PageServer
-from dsse_ros.dashboard.settings import DashboardSettings
+from dsse_ros.dashboard.settings import OPENED, DashboardSettings
 from dsse_ros.nodes.operator_services import (
     OPERATOR_SERVICES,
     FoundBridge,
     find_bridges,
+    full_name,
     service_name,
 )
 from dsse_ros.runtime.polling import polling_node, spun_by_nobody, take_all
@@ -65,10 +69,17 @@ TOPICS = {
     "belief_grid": (OccupancyGrid, LATCHED),
 }
 """Topics of each simulation, relative to its namespace."""
+EXACT_TOPICS = {"probability": (Image, LATCHED), "belief": (Image, LATCHED)}
+"""Topics of the exact maps, which the page reads only if they are small."""
+_MAX_EXACT_BYTES = 10_500
+"""Size of a display map, at one byte per cell, up to which the exact map is read too: on grids of
+at most 100 cells a side."""
 OF_VEHICLE = {"vehicle_state": (DiagnosticArray, LATCHED), "vehicle_pose": (PoseStamped, RELIABLE)}
 """Topics of each vehicle, relative to the name of its drone."""
 _EVERY_MESSAGE = ("agents", "step_report", "probability_of_success", "answer")
 """Topics whose every message the page needs, not only the last."""
+_COMMANDS = ("joint_action", "drone0/cmd_action_name")
+"""Topics whose publishers are the planners of a simulation, relative to its namespace."""
 _REPORTS = re.compile(r"(?P<namespace>.*)/step_report")
 _VEHICLES = re.compile(r"(?P<namespace>.*)/(?P<topic>[^/]+/(?P<kind>vehicle_state|vehicle_pose))")
 _SERVICES: dict[str, tuple[str, Any, dict[str, bool]]] = {
@@ -76,6 +87,7 @@ _SERVICES: dict[str, tuple[str, Any, dict[str, bool]]] = {
     "resume": ("pause", SetBool, {"data": False}),
     "step": ("step", Trigger, {}),
     "reset": ("reset", Trigger, {}),
+    "seed": ("set_parameters", SetParameters, {}),
 }
 """Service, service type and request fields, for each command."""
 _OPERATIONS: dict[str, tuple[str, dict[str, bool]]] = {
@@ -95,6 +107,10 @@ class Shown:
     Attributes:
         node: Full name of the simulation's node, "" before it is known.
         publishers: Number of publishers of its reports, as shown on the page.
+        planners: Full names of the nodes that command its drones, and the name of the planner of
+            each, which its diagnostics have; by default that of the node.
+        planner: The planners, as shown on the page.
+        exact: Whether its exact maps are small enough to be read.
         heard_s: When the last message of the simulation came, on a steady clock.
         bridge: The bridge; None while there is none.
         drones: Drones of the bridge, as shown on the page; none while the bridge is silent.
@@ -105,6 +121,9 @@ class Shown:
 
     node: str = ""
     publishers: int = -1
+    planners: dict[str, str] = field(default_factory=dict)
+    planner: str = ""
+    exact: bool = False
     heard_s: float = field(default_factory=time.monotonic)
     bridge: FoundBridge | None = None
     drones: tuple[str, ...] = ()
@@ -126,6 +145,7 @@ class DashboardNode(AlarmNode):
         endpoints.check_all_used()
         self.inbox = Inbox(_EVERY_MESSAGE)
         self._server: PageServer | None = None
+        self._opened = False
         self._listener = polling_node(self)
         self._shown: dict[str, Shown] = {}
         self._waiting: list[tuple[Command, float]] = []
@@ -165,13 +185,34 @@ class DashboardNode(AlarmNode):
                 # A topic without a publisher exists because somebody else subscribes to it.
                 if len(shown.topics) < _MAX_TOPICS and self.count_publishers(name):
                     self._subscribe(match["namespace"], match["topic"], *OF_VEHICLE[match["kind"]])
+        for namespace, shown in self._shown.items():
+            self._find_planners(namespace, shown)
+            for topic in EXACT_TOPICS if shown.exact else ():
+                if topic not in shown.topics and self.count_publishers(f"{namespace}/{topic}"):
+                    self._subscribe(namespace, topic, *EXACT_TOPICS[topic])
         self._unsubscribe()
 
+    def _find_planners(self, namespace: str, shown: Shown) -> None:
+        """Find the nodes that command the drones."""
+        found = {
+            full_name(one): one.node_name
+            for topic in _COMMANDS
+            for one in self.get_publishers_info_by_topic(f"{namespace}/{topic}")
+        }
+        shown.planners = found | {
+            node: name for node, name in shown.planners.items() if node in found
+        }
+        planner = ", ".join(sorted({*shown.planners.values()}))
+        if planner != shown.planner:
+            shown.planner = planner
+            self._put(namespace, "planner", planner)
+
     def _unsubscribe(self) -> None:
-        """Unsubscribe from what is gone: from simulations after a while, from vehicles at once."""
+        """Unsubscribe from what is gone, from simulations after a while, and from large maps."""
         for namespace, shown in list(self._shown.items()):
             for topic in [name for name in shown.topics if name not in TOPICS]:
-                if not self.count_publishers(f"{namespace}/{topic}"):
+                large = topic in EXACT_TOPICS and not shown.exact
+                if large or not self.count_publishers(f"{namespace}/{topic}"):
                     self._listener.destroy_subscription(shown.topics.pop(topic))
             silent_s = time.monotonic() - shown.heard_s
             gone = silent_s > _GONE_S and not self.count_publishers(f"{namespace}/step_report")
@@ -209,8 +250,7 @@ class DashboardNode(AlarmNode):
         if shown is None:
             return
         if publishers:
-            node = publishers[0]
-            shown.node = f"{node.node_namespace.rstrip('/')}/{node.node_name}"
+            shown.node = full_name(publishers[0])
         silent = time.monotonic() - shown.heard_s > _SILENCE_S
         count = 0 if silent else len(publishers)
         if shown.publishers != count:
@@ -247,8 +287,11 @@ class DashboardNode(AlarmNode):
                 taken = list(take_all(subscription))
                 for one in taken:
                     read = partial(deserialize_message, one.data, subscription.msg_type)
-                    came.append((one.received_ns, Received(namespace, topic, read)))
-                if taken and topic in TOPICS:
+                    received = Received(namespace, topic, read, one.published_ns)
+                    came.append((one.received_ns, received))
+                if taken and topic in LAYERS:
+                    shown.exact = len(taken[-1].data) <= _MAX_EXACT_BYTES
+                if taken and (topic in TOPICS or topic in EXACT_TOPICS):
                     shown.heard_s = time.monotonic()
                 elif taken:
                     shown.bridge_heard_s = time.monotonic()
@@ -264,12 +307,21 @@ class DashboardNode(AlarmNode):
                 if shown.node.lstrip("/") == status.name.lstrip("/"):
                     shown.heard_s = time.monotonic()
                     self._put(namespace, "diagnostics", status)
+                planner = next((one.value for one in status.values if one.key == "planner"), "")
+                if planner and (node := f"/{status.name.lstrip('/')}") in shown.planners:
+                    shown.planners[node] = planner
 
     # Commands
 
     def _serve_commands(self) -> None:
         now_s = time.monotonic()
-        self._waiting += [(command, now_s + _ANSWER_S) for command in self.inbox.take_commands()]
+        if self._server is not None and self._server.opened.is_set() and not self._opened:
+            self._opened = True
+            self.get_logger().info(OPENED)
+        for command in self.inbox.take_commands():
+            # A reset with a seed sets the parameter first.
+            first = command if command.seed is None else command._replace(name="seed")
+            self._waiting.append((first, now_s + _ANSWER_S))
         # A request sent before the service is discovered would be lost.
         waiting, self._waiting = self._waiting, []
         for command, deadline_s in waiting:
@@ -277,6 +329,9 @@ class DashboardNode(AlarmNode):
             if client is not None and client.service_is_ready():
                 values = (_OPERATIONS.get(command.name) or _SERVICES[command.name])[-1]
                 request = client.srv_type.Request(**values)
+                if command.name == "seed":
+                    seed = Parameter("seed", Parameter.Type.INTEGER, command.seed)
+                    request.parameters = [seed.to_parameter_msg()]
                 self._pending[client.call_async(request)] = command, deadline_s
             elif now_s > deadline_s:
                 who = "bridge" if command.name in _OPERATIONS else "simulation"
@@ -313,6 +368,14 @@ class DashboardNode(AlarmNode):
         return shown.callers[name]
 
     def _on_answer(self, command: Command, response: Any) -> None:
+        if command.name == "seed":
+            (result,) = response.results
+            if result.successful:
+                reset = Command(command.namespace, "reset")
+                self._waiting.append((reset, time.monotonic() + _ANSWER_S))
+            else:
+                self._answer(command, f"refused: {result.reason}")
+            return
         text = response.message if response.success else f"refused: {response.message}"
         self._answer(command, text)
         if command.name in ("pause", "resume") and response.success:

@@ -10,45 +10,68 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from dsse_ros.scenario.geodesy import Origin, surface_to_geodetic
+
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+
+Marks = tuple[list[float], list[str]]
 
 _SAMPLES = 65
 _MINUTES = (0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1, 2, 5, 10, 15, 30, 60, 120, 300)
 """Possible intervals between two marks of an edge."""
 
 
-def draw_chart(axes: Axes, side_km: float, origin: tuple[float, float, float] | None) -> None:
+def draw_chart(
+    axes: Axes, side_km: float, origin: Origin | None, scale: tuple[float, float]
+) -> None:
     """Draw the chart elements around a map.
 
     Args:
-        axes: Axes of the map, in km from its south-west corner, with room on the right.
+        axes: Axes of the map, in km from its south-west corner.
         side_km: Side of the map.
         origin: See `MissionView.origin`.
+        scale: Left and bottom of scale and north, in sides of the map.
     """
     if origin is not None:
         _draw_degrees(axes, side_km, origin)
-    _draw_scale(axes, side_km)
+    _draw_scale(axes, side_km, scale)
 
 
-def _draw_degrees(axes: Axes, side_km: float, origin: tuple[float, float, float]) -> None:
-    from dsse_ros.scenario.geodesy import surface_to_geodetic
-
-    along_km = np.linspace(0.0, side_km, _SAMPLES)
-    _, lon = surface_to_geodetic(origin, 1e3 * along_km, 1e3 * side_km)
-    lat, _ = surface_to_geodetic(origin, 1e3 * side_km, 1e3 * along_km)
+def _draw_degrees(axes: Axes, side_km: float, origin: Origin) -> None:
     top, right = axes.secondary_xaxis("top"), axes.secondary_yaxis("right")
-    top.set_xticks(*degree_marks(along_km, np.unwrap(lon, period=360.0), "EW"))
+    lon, lat = edge_marks(1e3 * side_km, origin)
+    top.set_xticks([side_km * at for at in lon[0]], lon[1])
     right.set_yticks(
-        *degree_marks(along_km, lat, "NS"), rotation=90, rotation_mode="default", va="center"
+        [side_km * at for at in lat[0]], lat[1], rotation=90, rotation_mode="default", va="center"
     )
     for edge in (top, right):
         edge.tick_params(labelsize=8, length=3, pad=2, colors="0.3")
 
 
+def edge_marks(
+    side_m: float, origin: Origin, corner_m: tuple[float, float] = (0.0, 0.0)
+) -> tuple[Marks, Marks]:
+    """Return the marks of longitude along the northern edge, and of latitude along the eastern.
+
+    Args:
+        side_m: Side of the map.
+        origin: See `MissionView.origin`.
+        corner_m: South-west corner of the map, east and north of the origin.
+
+    Returns:
+        Places as shares of the side from its west or south, and labels; see `degree_marks`.
+    """
+    along = np.linspace(0.0, 1.0, _SAMPLES)
+    west_m, south_m = corner_m
+    _, lon = surface_to_geodetic(origin, west_m + side_m * along, south_m + side_m)
+    lat, _ = surface_to_geodetic(origin, west_m + side_m, south_m + side_m * along)
+    return degree_marks(along, np.unwrap(lon, period=360.0), "EW"), degree_marks(along, lat, "NS")
+
+
 def degree_marks(
     along: NDArray[np.float64], degrees: NDArray[np.float64], hemispheres: str
-) -> tuple[list[float], list[str]]:
+) -> Marks:
     """Return the places and labels of round degrees and minutes along an edge.
 
     Args:
@@ -87,10 +110,10 @@ def round_length(most: float) -> float:
     return max(factor * power for factor in (1, 2, 5) if factor * power <= most * (1 + 1e-9))
 
 
-def _draw_scale(axes: Axes, side_km: float) -> None:
+def _draw_scale(axes: Axes, side_km: float, place: tuple[float, float]) -> None:
     """Draw north and the scale, in the map's units so that it is right at any size."""
     length = round_length(0.3 * side_km)
-    left, bottom = 1.17 * side_km, 0.0
+    left, bottom = (side_km * share for share in place)
     style: dict[str, Any] = {"color": "black", "clip_on": False}
     tick = 0.012 * side_km
     axes.plot(
@@ -100,9 +123,9 @@ def _draw_scale(axes: Axes, side_km: float) -> None:
     )  # fmt: skip
     text = f"{length:g} km" if length >= 1 else f"{1e3 * length:g} m"
     axes.text(left + length / 2, bottom + 2 * tick, text, ha="center", va="bottom", fontsize=9)
-    north = 1.58 * side_km
+    north = left + 0.41 * side_km
     axes.annotate(
-        "N", xy=(north, 0.1 * side_km), xytext=(north, bottom), ha="center", va="bottom",
-        fontsize=10, fontweight="bold", annotation_clip=False,
+        "N", xy=(north, bottom + 0.1 * side_km), xytext=(north, bottom), ha="center", va="bottom",
+        fontsize=10, fontweight="bold", annotation_clip=False, clip_on=False,
         arrowprops={"arrowstyle": "-|>", "color": "black", "shrinkA": 0, "shrinkB": 0},
     )  # fmt: skip

@@ -17,6 +17,17 @@ EDGE = "#6b5f3f"
 SHORE: dict[str, Any] = {"facecolor": LAND + "a0", "edgecolor": EDGE, "linewidth": 1.2}
 CIRCLE: dict[str, Any] = {"color": "0.15", "linewidth": 1.0, "linestyle": (0, (4, 3))}
 DATUM: dict[str, Any] = {"color": "black", "markeredgewidth": 1.8}
+LKP_COLOUR = "#a0007a"
+"""Colour of last known positions: the magenta of charts."""
+LKP: dict[str, Any] = {
+    "marker": "o", "markersize": 9, "markerfacecolor": "white", "markeredgecolor": LKP_COLOUR,
+    "markeredgewidth": 1.6, "linestyle": "none", "zorder": 4.5,
+}  # fmt: skip
+"""With the dot, the fix of a chart."""
+LKP_DOT: dict[str, Any] = {
+    "marker": ".", "markersize": 5, "color": LKP_COLOUR, "linestyle": "none", "zorder": 4.5,
+}  # fmt: skip
+LKP_CIRCLE: dict[str, Any] = {"color": LKP_COLOUR, "linewidth": 1.2, "zorder": 1.5}
 STAR: dict[str, Any] = {"markeredgecolor": "black"}
 
 
@@ -64,6 +75,10 @@ def legend_entries(
         ),
         "datum": (symbol("+", 10, **DATUM), "datum: where drift alone\nputs the person"),
         "circle": (line(**CIRCLE), "circle of the map"),
+        "lkp": (
+            (Line2D([], [], **LKP), Line2D([], [], **LKP_DOT)),
+            "last known position (LKP)\nwith its 99 % circle",
+        ),
         "person": (symbol("*", 13, **STAR | {"markerfacecolor": PERSON}), "person at sea"),
         "found": (found, "person found"),
         "outside": (Patch(facecolor=LAND, edgecolor=EDGE), "not to be searched"),

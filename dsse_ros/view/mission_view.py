@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -41,7 +42,8 @@ class MissionView:
         step_s: Time of one step in seconds, None if unknown.
         flown: For each drone, the positions (M, 2) of the vehicle that flew its track, in metres
             east and north of the grid's south-west corner; empty without vehicles.
-        sea: Wind, current and shore.
+        sea: Wind, current, shore and sightings.
+        ending: How the search ended, see `ending`; empty while it goes on.
     """
 
     probability: NDArray[np.float32]
@@ -64,17 +66,23 @@ class MissionView:
     step_s: float | None = None
     flown: tuple[NDArray[np.floating[Any]], ...] = ()
     sea: SeaState = SeaState()
+    ending: str = ""
 
     @property
     def status(self) -> str:
-        """One line: step, persons found or cells covered, drones in flight, POS."""
-        time = "" if self.step_s is None else f" ({self.step * self.step_s / 60:.0f} min)"
-        parts = [f"step {self.step} of {self.timestep_limit}{time}"]
-        if len(self.persons):
+        """One line: step, persons found or cells covered, drones in flight or the end, POS."""
+        elapsed = "" if self.step_s is None else f"{self.step * self.step_s / 60:.0f} min"
+        time = ", ".join(filter(None, [elapsed, self.sea.time]))
+        parts = [
+            f"step {min(self.step, self.timestep_limit)} of {self.timestep_limit}"
+            + (f" ({time})" if time else "")
+        ]
+        if len(self.persons) > bool(self.ending):
             parts.append(f"{int(self.found.sum())} of {len(self.persons)} found")
         if self.coverage_rate is not None:
             parts.append(f"{self.coverage_rate:.1%} covered")
-        parts.append(f"{int(self.alive.sum())} of {len(self.alive)} drones in flight")
+        in_flight = f"{int(self.alive.sum())} of {len(self.alive)} drones in flight"
+        parts.append(self.ending or in_flight)
         if self.pos is not None:
             parts.append(f"POS {self.pos:.1%}")
         return ", ".join(parts)
@@ -83,6 +91,25 @@ class MissionView:
     def headline(self) -> str:
         """One line: place and status."""
         return ": ".join(filter(None, [self.title, self.status]))
+
+
+def ending(
+    step: int, finders: Sequence[str], *, covered: bool = False, out_of_time: bool = False
+) -> str:
+    """Return in words how a search has ended.
+
+    Args:
+        step: Steps done.
+        finders: Names of the drones that found a person.
+        covered: Whether the task was to cover the cells, and all are covered.
+        out_of_time: Whether the search reached its time limit.
+    """
+    steps = f"{step} step" + "s" * (step != 1)
+    if finders:
+        return f"person found after {steps} by {' and '.join(finders)}"
+    if covered:
+        return f"all covered after {steps}"
+    return f"search over: {'out of time' if out_of_time else 'all drones lost'}"
 
 
 def to_ansi(view: MissionView) -> str:

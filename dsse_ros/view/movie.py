@@ -17,7 +17,8 @@ from dsse_ros.progress import progress
 from dsse_ros.scenario.fields import FieldError
 from dsse_ros.view.legend import FOUND, LAND, PERSON
 from dsse_ros.view.mission_view import MissionView
-from dsse_ros.view.picture import DRONE_COLOURS, sea_colours
+from dsse_ros.view.palette import DRONE_COLOURS
+from dsse_ros.view.picture import sea_colours
 from dsse_ros.view.rendering import FigureRenderer
 
 if TYPE_CHECKING:

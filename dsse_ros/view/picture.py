@@ -10,6 +10,7 @@ have numbers, and persons, datum and searches differ in shape.
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -26,7 +27,14 @@ from dsse_ros.view.map_axes import (
     places_km,
 )
 from dsse_ros.view.mission_view import MissionView
-from dsse_ros.view.sea_chart import draw_flows, draw_shore, flow_labels
+from dsse_ros.view.palette import drone_colour
+from dsse_ros.view.sea_chart import (
+    corner_rows,
+    draw_corner,
+    draw_shore,
+    draw_sightings,
+    label_sides,
+)
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist
@@ -34,9 +42,50 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from matplotlib.lines import Line2D
 
-SIZE_IN = (8.0, 6.0)
-"""Width and height of the figure that the layout is made for, in inches."""
-DRONE_COLOURS = ("#D55E00", "#009E73", "#CC79A7", "#000000", "#E69F00", "#0072B2")
+Rect = tuple[float, float, float, float]
+
+
+@dataclass(frozen=True)
+class Layout:
+    """Where a picture has its parts, as shares of the figure or of the panel.
+
+    Attributes:
+        size_in: Width and height of the figure in inches.
+        map: Left, bottom, width and height of the map.
+        panel: Those of the colours and the legend.
+        top: Top of the title.
+        status: Top of the status.
+        bar: The bar of colours in the panel.
+        legend: Left and top of the legend in the panel.
+        columns: Columns of the legend.
+        scale: Left and bottom of scale and north, in sides of the map from its south-west corner.
+        wraps: Whether long titles take several lines.
+    """
+
+    size_in: tuple[float, float]
+    map: Rect
+    panel: Rect
+    top: float
+    status: float
+    bar: Rect
+    legend: tuple[float, float]
+    columns: int
+    scale: tuple[float, float]
+    wraps: bool
+
+
+WIDE = Layout(
+    size_in=(8.0, 6.0), map=(0.08, 0.11, 0.5625, 0.75), panel=(0.715, 0.11, 0.275, 0.75),
+    top=0.975, status=0.94, bar=(0.0, 0.88, 0.92, 0.035), legend=(-0.04, 0.79), columns=1,
+    scale=(1.17, 0.0), wraps=False,
+)  # fmt: skip
+"""The legend beside the map."""
+NARROW = Layout(
+    size_in=(4.6, 7.8), map=(0.13, 0.4, 0.76, 0.4482), panel=(0.04, 0.0, 0.93, 0.34),
+    top=0.985, status=0.955, bar=(0.02, 0.79, 0.45, 0.05), legend=(-0.02, 0.66), columns=2,
+    scale=(0.55, -0.33), wraps=True,
+)  # fmt: skip
+"""The legend below the map, for phones."""
 MAX_NUMBERED_DRONES = 24
 MAX_STROKES = 4
 """Number of searches of a cell that the picture can show as strokes."""
@@ -48,11 +97,6 @@ _SMALLEST_CELL_PT = 5.0
 """Smallest side of a cell with strokes; smaller cells are shaded."""
 _MAP_PT = 324.0
 """Side of the map in points."""
-
-
-def drone_colour(number: int) -> str:
-    """Return the colour of a drone."""
-    return DRONE_COLOURS[number % len(DRONE_COLOURS)]
 
 
 def sea_colours() -> LinearSegmentedColormap:
@@ -72,10 +116,11 @@ class Picture:
 
     Args:
         figure: The figure to draw on.
+        layout: Where it has its parts.
     """
 
-    def __init__(self, figure: Figure) -> None:
-        self._figure = figure
+    def __init__(self, figure: Figure, layout: Layout = WIDE) -> None:
+        self._figure, self._layout = figure, layout
         self._scene: tuple[Any, ...] = ()
         self._listed: tuple[Any, ...] = ()
 
@@ -92,7 +137,7 @@ class Picture:
         scene = (
             len(view.probability), view.cell_size_m, len(view.tracks), view.belief, view.origin,
             view.timestep_limit, None if view.area is None else view.area.tobytes(),
-            [label for _, label in flow_labels(view.sea)],
+            corner_rows(view.sea, len(view.probability) * view.cell_size_m), view.sea.sightings,
             [ring.tobytes() for ring in view.sea.shore],
         )  # fmt: skip
         if scene != self._scene:
@@ -110,11 +155,15 @@ class Picture:
         self._side = side = grid * self._km
         self._shaded = _MAP_PT / grid < _SMALLEST_CELL_PT
         self._figure.clear()
-        self._axes = axes = self._figure.add_axes((0.08, 0.11, 0.5625, 0.75))
-        self._panel = panel = self._figure.add_axes((0.715, 0.11, 0.275, 0.75))
+        layout = self._layout
+        self._axes = axes = self._figure.add_axes(layout.map)
+        self._panel = panel = self._figure.add_axes(layout.panel)
         panel.set_axis_off()
-        self._title = self._figure.text(0.02, 0.975, "", va="top", fontsize=11, fontweight="bold")
-        self._status = self._figure.text(0.02, 0.94, "", va="top", fontsize=10)
+        words: dict[str, Any] = {"va": "top", "wrap": layout.wraps}
+        self._title = self._figure.text(
+            0.02, layout.top, "", fontsize=11, fontweight="bold", **words
+        )
+        self._status = self._figure.text(0.02, layout.status, "", fontsize=10, **words)
         for text in (self._title, self._status):
             text.set_parse_math(False)
 
@@ -128,7 +177,8 @@ class Picture:
         if view.area is not None:
             self._add_area(view.area)
         draw_shore(axes, view.sea)
-        draw_flows(axes, view.sea)
+        draw_sightings(axes, view.sea, side)
+        draw_corner(axes, corner_rows(view.sea, 1000.0 * side))
 
         def lines(**style: Any) -> Any:
             return axes.add_collection(LineCollection([], **style), autolim=False)
@@ -198,19 +248,22 @@ class Picture:
         axes.set_ylim(0, side)
         name_axes(axes, fontsize=9)
         axes.tick_params(labelsize=9)
-        draw_chart(axes, side, view.origin)
+        draw_chart(axes, side, view.origin, layout.scale)
 
     def _add_scale_of_colours(self, colours: Any, view: MissionView) -> None:
         # Updating a matplotlib colour bar takes longer than drawing everything else.
-        bar = self._panel.inset_axes((0.0, 0.88, 0.92, 0.035))
+        left, bottom, width, height = self._layout.bar
+        bar = self._panel.inset_axes(self._layout.bar)
         bar.imshow(np.linspace(0, 1, 64)[np.newaxis], cmap=colours, aspect="auto")
         bar.set_xticks([-0.5, 31.5, 63.5], ["", "", ""])
         bar.set_yticks([])
         bar.tick_params(length=3)
         # Labels at the left end, the middle (the colours use roots) and the right end.
         self._percents = [
-            self._panel.text(x, 0.865, "", fontsize=9, ha="center", va="top")
-            for x in (0.0, 0.46, 0.92)
+            self._panel.text(
+                left + share * width, bottom - 0.4 * height, "", fontsize=9, ha="center", va="top"
+            )
+            for share in (0.0, 0.5, 1.0)
         ]
         learned = (
             "left to cover"
@@ -220,7 +273,11 @@ class Picture:
             else "by drift alone, before any search"
         )
         self._panel.text(
-            0.0, 0.93, f"probability per cell (%),\n{learned}", fontsize=9, va="bottom"
+            left,
+            bottom + 1.4 * height,
+            f"probability per cell (%),\n{learned}",
+            fontsize=9,
+            va="bottom",
         )
 
     def _add_area(self, area: NDArray[np.bool_]) -> None:
@@ -330,6 +387,7 @@ class Picture:
             "searched": view.searches is not None and bool(view.searches.any()),
             "datum": view.datum is not None,
             "circle": self._shows_circle(view),
+            "lkp": any(label_sides(view.sea, 1000.0 * self._side)),
             "person": bool((~view.found).any()),
             "found": bool(view.found.any()),
             "outside": view.area is not None,
@@ -345,8 +403,8 @@ class Picture:
         chosen = [entry for name, entry in entries.items() if shown[name]]
         self._panel.legend(
             [handle for handle, _ in chosen], [label for _, label in chosen], loc="upper left",
-            bbox_to_anchor=(-0.04, 0.79), fontsize=9, frameon=False, borderaxespad=0.0,
-            labelspacing=0.75, handlelength=2.2,
+            bbox_to_anchor=self._layout.legend, fontsize=9, frameon=False, borderaxespad=0.0,
+            labelspacing=0.75, handlelength=2.2, ncols=self._layout.columns, columnspacing=0.6,
         )  # fmt: skip
         return True
 

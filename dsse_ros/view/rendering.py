@@ -14,23 +14,59 @@ from numpy.typing import NDArray
 
 from dsse_ros.extras import pip_install
 from dsse_ros.view.mission_view import MissionView, to_ansi
-from dsse_ros.view.picture import SIZE_IN, Picture
+from dsse_ros.view.picture import NARROW, WIDE, Layout, Picture
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 __all__ = [
-    "FigureRenderer", "MissionView", "Picture", "Viewer", "new_figure", "save_picture", "to_ansi",
+    "NARROW", "WIDE", "FigureRenderer", "Layout", "MissionView", "Picture", "Viewer", "new_figure",
+    "save_picture", "to_ansi",
 ]  # fmt: skip
 
 
-def new_figure() -> Figure:
+def new_figure(layout: Layout = WIDE) -> Figure:
     """Return an empty figure of the size for `Picture`, without a window."""
     try:
         from matplotlib.figure import Figure
     except ModuleNotFoundError:
         raise ModuleNotFoundError(f"pictures need matplotlib: {pip_install('viz')}") from None
-    return Figure(figsize=SIZE_IN, dpi=100)
+    return Figure(figsize=layout.size_in, dpi=100)
+
+
+class _KeptCanvas:
+    """A figure that redraws only moving artists: static texts take most of the time."""
+
+    def __init__(self, figure: Figure) -> None:
+        self._figure = figure
+        self._canvas: Any = figure.canvas
+        self._picture = Picture(figure)
+        self._background: Any = None
+        self._canvas.mpl_connect("draw_event", self._keep)
+
+    def draw(self, view: MissionView) -> None:
+        """Draw the mission."""
+        static_changed = self._picture.draw(view)
+        if not self._canvas.supports_blit:
+            self._canvas.draw()
+        elif static_changed:
+            for artist in self._picture.moving:
+                artist.set_animated(True)
+            self._canvas.draw()
+        else:
+            self._canvas.restore_region(self._background)
+            self._draw_moving()
+            self._canvas.blit(self._figure.bbox)
+
+    def _keep(self, _event: Any) -> None:
+        """Keep what was drawn, without the moving artists; a resized window is drawn again too."""
+        if self._canvas.supports_blit and not self._canvas.is_saving():
+            self._background = self._canvas.copy_from_bbox(self._figure.bbox)
+            self._draw_moving()
+
+    def _draw_moving(self) -> None:
+        for artist in self._picture.moving:
+            self._figure.draw_artist(artist)
 
 
 class FigureRenderer:
@@ -40,23 +76,12 @@ class FigureRenderer:
         figure = new_figure()
         from matplotlib.backends.backend_agg import FigureCanvasAgg
 
-        self._figure = figure
         self._canvas = FigureCanvasAgg(figure)
-        self._picture = Picture(figure)
-        self._background: Any = None
+        self._kept = _KeptCanvas(figure)
 
     def rgb_array(self, view: MissionView) -> NDArray[np.uint8]:
         """Return the mission as an image (H, W, 3) uint8."""
-        if self._picture.draw(view):
-            # Redraw only the moving artists: static texts take most of the time.
-            for artist in self._picture.moving:
-                artist.set_animated(True)
-            self._canvas.draw()
-            self._background = self._canvas.copy_from_bbox(self._figure.bbox)
-        else:
-            self._canvas.restore_region(self._background)
-        for artist in self._picture.moving:
-            self._figure.draw_artist(artist)
+        self._kept.draw(view)
         return np.array(np.asarray(self._canvas.buffer_rgba())[..., :3])
 
 
@@ -79,8 +104,8 @@ class Viewer:
         from matplotlib import pyplot
 
         self._pyplot = pyplot
-        self._figure = pyplot.figure(figsize=SIZE_IN)
-        self._picture = Picture(self._figure)
+        self._figure = pyplot.figure(figsize=WIDE.size_in)
+        self._canvas = _KeptCanvas(self._figure)
         self._interactive = pyplot.get_backend().lower() != "agg"
         self._period_s = 1.0 / fps
         self._due_s = -math.inf
@@ -89,8 +114,7 @@ class Viewer:
         """Wait for the next frame's time, draw the mission, and handle window events."""
         self._pause(self._due_s - time.monotonic())
         self._due_s = time.monotonic() + self._period_s
-        self._picture.draw(view)
-        self._figure.canvas.draw()
+        self._canvas.draw(view)
         if self._interactive:
             self._pause(0.001)
 

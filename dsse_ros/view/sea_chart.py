@@ -1,21 +1,21 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""The shore on the map, and wind and current in its corner."""
+"""Shore and sightings on the map, and wind and current in its corner."""
 
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
-from dsse_ros.scenario.sea_state import SeaFlow, SeaState
-from dsse_ros.view.legend import SHORE
+import numpy as np
+
+from dsse_ros.scenario.sea_state import SeaState
+from dsse_ros.view.legend import LKP, LKP_CIRCLE, LKP_COLOUR, LKP_DOT, SHORE
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-_COLOURS = {"wind": "#5b2a86", "current": "#00606b"}
-_KNOTS = 3600 / 1852
-"""A metre per second in knots."""
+_COLOURS = {"wind": "#5b2a86", "current": "#00606b", "lkp": LKP_COLOUR}
 _HALF_ARROW = 0.025
 """Half of an arrow, as a share of the map."""
 
@@ -28,24 +28,85 @@ def draw_shore(axes: Axes, sea: SeaState) -> None:
     axes.add_collection(PolyCollection(rings, **SHORE, zorder=0.6), autolim=False)
 
 
-def flow_labels(sea: SeaState) -> list[tuple[SeaFlow, str]]:
-    """Return wind and current with a label each, if they are known and not calm."""
+class CornerRow(NamedTuple):
+    """An arrow with its label in the corner of a map.
+
+    Attributes:
+        kind: `wind`, `current` or `lkp`.
+        east: To where the arrow points, of any length above 0.
+        north: Likewise.
+        label: Its label.
+    """
+
+    kind: str
+    east: float
+    north: float
+    label: str
+
+
+def label_sides(sea: SeaState, side_m: float) -> list[tuple[int, int] | None]:
+    """Return on which side of each sighting its label stands, so that the map does not cut it.
+
+    Args:
+        sea: The sea.
+        side_m: Side of the map.
+
+    Returns:
+        1 or -1 for east or west, and for north or south; None for a sighting off the map.
+    """
     return [
         (
-            flow,
-            f"{flow.kind} {flow.speed_mps:.1f} m/s ({flow.speed_mps * _KNOTS:.1f} kn) "
-            f"{flow.sense} {round(flow.direction_deg) % 360:03d}°",
+            -1 if seen.x_m > 0.7 * side_m else 1,
+            # The labels of two sightings close together do not meet.
+            1 if 0.07 * side_m > seen.y_m or (number % 2 and seen.y_m < 0.93 * side_m) else -1,
         )
-        for flow in sea.flows
-        if flow.speed_mps > 0
+        if 0 <= seen.x_m <= side_m and 0 <= seen.y_m <= side_m
+        else None
+        for number, seen in enumerate(sea.sightings)
     ]
 
 
-def draw_flows(axes: Axes, sea: SeaState) -> None:
-    """Draw an arrow and a label each, in the north-west corner of the map."""
-    for row, (flow, label) in enumerate(flow_labels(sea)):
-        (east, north), colour = flow.velocity_mps, _COLOURS[flow.kind]
-        x, y = 0.05, 0.95 - 0.065 * row
+def corner_rows(sea: SeaState, side_m: float) -> list[CornerRow]:
+    """Return wind and current unless unknown or calm, then the sightings that are off the map."""
+    rows = [
+        CornerRow(flow.kind, *flow.velocity_mps, flow.label)
+        for flow in sea.flows
+        if flow.speed_mps > 0
+    ]
+    for seen, side in zip(sea.sightings, label_sides(sea, side_m), strict=True):
+        if side is None:
+            east, north = seen.x_m - side_m / 2, seen.y_m - side_m / 2
+            bearing = round(math.degrees(math.atan2(east, north))) % 360
+            away = f"{math.hypot(east, north) / 1000:.1f} km, {bearing:03d}° from the centre"
+            rows.append(CornerRow("lkp", east, north, f"{seen.label}: {away}"))
+    return rows
+
+
+def draw_sightings(axes: Axes, sea: SeaState, side_km: float) -> None:
+    """Draw last known positions as fixes of a chart, with the circles of their uncertainty."""
+    around = np.linspace(0, math.tau, 91)
+    for seen, side in zip(sea.sightings, label_sides(sea, 1000.0 * side_km), strict=True):
+        x, y, radius = seen.x_m / 1000, seen.y_m / 1000, seen.radius_m / 1000
+        if radius:
+            axes.plot(x + radius * np.cos(around), y + radius * np.sin(around), **LKP_CIRCLE)
+        if side is None:
+            continue
+        for style in (LKP, LKP_DOT):
+            axes.plot([x], [y], **style)
+        axes.annotate(
+            seen.label, (x, y), xytext=(9 * side[0], 9 * side[1]), textcoords="offset points",
+            ha="left" if side[0] > 0 else "right", va="center",
+            fontsize=8.5, fontweight="bold", color=LKP_COLOUR, zorder=5.4, annotation_clip=True,
+            clip_on=True,
+            bbox={"facecolor": "white", "edgecolor": "none", "alpha": 0.75, "pad": 1.0},
+        )  # fmt: skip
+
+
+def draw_corner(axes: Axes, rows: list[CornerRow]) -> None:
+    """Draw arrows and labels in the north-west corner of the map."""
+    for number, (kind, east, north, label) in enumerate(rows):
+        colour = _COLOURS[kind]
+        x, y = 0.05, 0.95 - 0.065 * number
         along = _HALF_ARROW / math.hypot(east, north)
         axes.annotate(
             "", xy=(x + along * east, y + along * north),

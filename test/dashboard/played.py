@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from dsse_ros.mission.mission import Mission
 from dsse_ros.scenario.definition import SearchDefinition
 from dsse_ros.search import parallel_env
-from msg_adapters.agents import AgentsInfo, Origin, agents_message
+from msg_adapters.agents import AgentsInfo, agents_message
 from msg_adapters.frames import GridFrame, scenario_frame
 from msg_adapters.mission_report import make_mission_report, mission_report_message
 from msg_adapters.occupancy import occupancy_grid
@@ -56,21 +56,16 @@ class Played:
     @property
     def agents(self) -> Any:
         """The message of the topic of that name."""
-        env, frame = self.env, self.frame
+        env = self.env
         return agents_message(
             AgentsInfo(
                 agents=tuple(env.possible_agents),
                 actions=env.rules.actions,
                 rules=env.rules.profile,
                 seed=0,
-                grid_size=frame.grid_size,
-                cell_size_m=frame.cell_size_m,
+                frame=self.frame,
                 timestep_limit=int(env.scenario.timestep_limit or 0),
                 step_duration_s=env.scenario.step_duration_s,
-                map_frame="map",
-                frame_prefix="",
-                origin=Origin(frame.origin_lat_deg, frame.origin_lon_deg, frame.origin_alt_m),
-                alt_m=frame.alt_m,
                 mission=self.mission.number,
                 run_id=self.run_id,
                 definition=SearchDefinition(env.rules, env.mission_scenario),
@@ -87,6 +82,9 @@ class Played:
             terminated=result.terminated, truncated=result.truncated, found=result.found,
             held=result.held, action_mask=self.env.action_masks(),
             all_found=bool(self.env.world.worlds["num_missing"][0] == 0),
+            coverage=self.mission.coverage or None,
+            status=None if result.conditions is None else result.conditions["status"],
+            battery=None if result.conditions is None else result.conditions["battery"],
         )  # fmt: skip
         pos = mission.pos
         assert pos is not None

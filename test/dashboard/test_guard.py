@@ -5,10 +5,14 @@
 from __future__ import annotations
 
 import asyncio
+import base64
 from pathlib import Path
 from typing import Any
+from urllib.parse import quote, quote_plus
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from dsse_ros.dashboard.guard import COOKIE, Guard
 from dsse_ros.dashboard.settings import MIN_TOKEN, DashboardSettings
@@ -139,6 +143,15 @@ def test_the_token_in_the_address_becomes_a_cookie_that_no_script_can_read() -> 
     assert {"HttpOnly", "SameSite=strict"} <= set(attributes)
     for kind in ("http", "websocket"):
         assert ask(guard, {**host, "cookie": cookie}, kind=kind)[0] == 200
+
+
+@given(st.binary(min_size=12, max_size=24))
+def test_a_token_of_base64_opens_the_page_as_typed_and_as_quoted(drawn: bytes) -> None:
+    token = base64.b64encode(drawn).decode()
+    guard, host = Guard(_app, token=token), {"host": "127.0.0.1:8080"}
+    for typed in (token, quote(token), quote_plus(token, safe="")):
+        assert ask(guard, host, f"token={typed}")[0] == 303
+    assert ask(guard, host, f"token={token[:-5]}")[0] == 401
 
 
 def test_who_comes_by_a_link_with_the_token_is_led_on_by_a_page_of_ours() -> None:

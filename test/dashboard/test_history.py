@@ -5,6 +5,8 @@
 from __future__ import annotations
 
 import array
+import functools
+import itertools
 from typing import Any
 
 import numpy as np
@@ -15,16 +17,23 @@ from hypothesis import strategies as st
 from nav_msgs.msg import OccupancyGrid
 from played import Played, Step
 
-from dsse_ros.dashboard.history import DroneState, MapImages
+from dsse_ros.dashboard.history import LAYERS, DroneState, MapImage, MapImages
 from dsse_ros.dashboard.inbox import Inbox, Received
+from dsse_ros.dashboard.map_image import map_png
 from dsse_ros.dashboard.missions import Mission, Missions
+from msg_adapters.images import probability_image
+from msg_adapters.occupancy import occupancy_to_array
+from msg_adapters.stamps import to_stamp
 
 FOUND, STATE = 16, 7
 FIELDS = {"grid_size": 7, "num_drones": 3, "sigma": 2.0, "timestep_limit": 25}
 
 
-def receive(mission: Mission, topic: str, message: Any) -> None:
-    mission.receive(topic, lambda: message)
+published = itertools.count(1)
+
+
+def receive(mission: Mission, topic: str, message: Any, published_ns: int | None = None) -> None:
+    mission.receive(topic, lambda: message, published_ns or next(published))
 
 
 def show(mission: Mission, played: Played, *steps: Step) -> None:
@@ -71,9 +80,9 @@ def test_each_step_has_its_own_map(played: Played, steps: list[Step]) -> None:
     show(mission, played, *steps)
     history = mission.history
     assert history is not None
-    for layer, maps in mission.maps.items():
+    for layer in LAYERS:
         for i in range(len(steps)):
-            found = history.map_at(maps, i)
+            found = history.map_at(layer, i)
             assert found is not None, layer
             assert found[0] == history.stamps_ns[i]
 
@@ -87,7 +96,7 @@ def test_a_new_search_takes_the_place_of_the_old_one(played: Played) -> None:
         assert mission.history.key == (played.run_id, played.mission.number)
         assert mission.history.steps == [step.number for step in shown]
         # The last map of the search before is none of this one.
-        first = mission.history.map_at(mission.maps["belief_grid"], 0)
+        first = mission.history.map_at("belief_grid", 0)
         assert first is not None and first[0] == mission.history.stamps_ns[0]
 
 
@@ -99,16 +108,66 @@ def test_a_simulation_that_was_started_again_goes_on_in_its_place(played: Played
     show(mission, again, *shown)
     assert mission.history is not None and mission.history.key[0] == 78
     assert mission.history.steps == [step.number for step in shown]
-    assert len(mission.maps["probability_grid"]) == len(shown)
+    assert len(mission.history.maps["probability_grid"]) == len(shown)
+
+
+@pytest.mark.parametrize("late", [False, True])
+def test_maps_of_a_run_are_never_shown_in_another_one(late: bool) -> None:
+    """Both runs begin at the same stamp."""
+    played, again, mission = Played(**FIELDS), Played(run_id=78, **FIELDS), Mission("")
+    (first,), (second,) = played.play(3, steps=0), again.play(4, steps=0)
+    topics = ["probability_grid", "belief_grid", "step_report"]
+    for topic in reversed(topics) if late else topics:
+        # A page that was opened later gets the latched messages in any order.
+        receive(mission, topic, first.messages[topic], 100 + topics.index(topic))
+    other = second.messages
+    assert other["step_report"].header.stamp == first.messages["step_report"].header.stamp
+    receive(mission, "probability_grid", other["probability_grid"], 500)
+    receive(mission, "step_report", other["step_report"], 510)
+    history = mission.history
+    assert history is not None and history.map_at("belief_grid", 0) is None
+    found = history.map_at("probability_grid", 0)
+    assert found is not None
+    assert found[1] == map_png(occupancy_to_array(other["probability_grid"]))
+
+
+def test_a_run_with_the_same_run_id_begins_again_if_its_steps_do(played: Played) -> None:
+    mission = Mission("")
+    show(mission, played, *played.play(3, steps=5))
+    again = Played(**FIELDS)
+    (first,) = again.play(3, steps=0)
+    show(mission, again, first)
+    history = mission.history
+    assert history is not None and history.steps == [0]
+    assert len(history.maps["belief_grid"]) == 1
+
+
+def test_reports_that_arrive_after_that_of_the_mission_change_nothing() -> None:
+    played, mission = Played(**FIELDS), Mission("")
+    first, *others = played.play(3)
+    assert others
+    receive(mission, "step_report", first.messages["step_report"], 1)
+    receive(mission, "mission_report", played.mission_report, 100)
+    for step in others:
+        receive(mission, "step_report", step.messages["step_report"], 1 + step.number)
+    assert mission.history is not None
+    assert mission.history.steps == [step.number for step in (first, *others)]
+
+
+@functools.cache
+def shown_whole(seed: int) -> tuple[Played, list[Step], Mission]:
+    """A mission that was played to its end, and the page's that has all of it."""
+    played, whole = Played(**FIELDS), Mission("")
+    steps = list(played.play(seed))
+    show(whole, played, *steps)
+    return played, steps, whole
 
 
 @pytest.mark.slow
 @given(st.data())
 def test_missed_steps_come_with_the_report_of_the_mission(data: Any) -> None:
-    played = Played(**FIELDS)
-    steps = list(played.play(data.draw(st.integers(0, 9))))
-    whole, partly = Mission(""), Mission("")
-    show(whole, played, *steps)
+    played, steps, whole = shown_whole(data.draw(st.integers(0, 9)))
+    partly = Mission("")
     kept = data.draw(st.sets(st.integers(0, len(steps) - 1), min_size=1))
     show(partly, played, *(steps[i] for i in sorted(kept)))
     receive(partly, "mission_report", played.mission_report)
@@ -165,14 +224,58 @@ def test_a_message_that_cannot_be_read_is_named_and_changes_nothing(
 def test_images_are_never_more_than_there_is_room_for(images: list[tuple[int, int]]) -> None:
     maps = MapImages(max_bytes=200)
     for stamp, size in images:
-        maps.add(stamp, bytes([stamp]) * size)
+        maps.add(MapImage(stamp, bytes([stamp]) * size))
         assert len(maps) <= 2 or maps._bytes <= 200
         last = max(other for other, _ in images[: images.index((stamp, size)) + 1])
-        found = maps.at(10**9, 0)
+        found = maps.at(10**9)
         assert found is not None and found[0] >= last - 50
     for stamp in range(51):
-        found = maps.at(stamp, 10)
-        assert found is None or (10 <= found[0] <= stamp and set(found[1]) == {found[0]})
+        found = maps.at(stamp)
+        assert found is None or (found[0] <= stamp and set(found[1]) == {found[0]})
+
+
+@pytest.mark.parametrize("exact_first", [False, True])
+def test_an_exact_map_takes_the_place_of_the_one_for_display(
+    played: Played, exact_first: bool
+) -> None:
+    mission = Mission("")
+    (step,) = played.play(3, steps=0)
+    receive(mission, "agents", played.agents)
+    belief = played.mission.belief()
+    exact = probability_image(played.frame, belief, to_stamp(played.mission.result.stamp_ns))
+    messages = [("belief_grid", step.messages["belief_grid"]), ("belief", exact)]
+    for topic, message in reversed(messages) if exact_first else messages:
+        receive(mission, topic, message)
+    receive(mission, "step_report", step.messages["step_report"])
+    assert mission.trouble == {} and mission.history is not None
+    found = mission.history.map_at("belief_grid", 0)
+    assert found is not None and found.top == pytest.approx(float(belief.max()))
+    assert found.png == map_png(occupancy_to_array(step.messages["belief_grid"]))
+
+
+def test_drones_that_collide_are_lost_with_each_other_and_with_no_other_one() -> None:
+    played = Played(
+        **{**FIELDS, "num_drones": 4, "drones_positions": [[0, 0], [2, 0], [5, 5], [6, 6]]}
+    )
+    mission, actions = Mission(""), played.env.rules.actions
+    played.mission.reset(3)
+    show(mission, played, played.step())
+    moves = [
+        # The first two meet in the cell between them, one step later the others in a corner.
+        ("right", "left", "search", "search"),
+        (None, None, "right", "search"),
+        (None, None, "down", "search"),
+    ]
+    for names in moves:
+        played.mission.command_all([-1 if n is None else actions.index(n) for n in names])
+        played.mission.advance("search")
+        show(mission, played, played.step())
+    history = mission.history
+    assert history is not None
+    last = len(history) - 1
+    assert [history.states[last][i] == DroneState.LOST for i in range(4)] == [True] * 4
+    assert [history.collided_with(last, i) for i in range(4)] == [[1], [0], [3], [2]]
+    assert [history.collided_with(1, i) for i in (0, 1)] == [[1], [0]]
 
 
 def test_the_page_gets_every_report_and_of_a_map_only_the_last() -> None:
@@ -239,7 +342,9 @@ def test_a_mission_that_has_gone_makes_room_and_one_that_goes_on_does_not(played
 
 
 @given(st.data())
-def test_all_missions_together_take_no_more_than_there_is_room_for(data: Any) -> None:
+def test_all_missions_together_take_no_more_than_there_is_room_for(
+    played: Played, data: Any
+) -> None:
     room = 20_000
     missions = Missions(max_missions=4, max_bytes=room)
     rng = np.random.default_rng(data.draw(st.integers(0, 2**32)))
@@ -256,17 +361,22 @@ def test_all_missions_together_take_no_more_than_there_is_room_for(data: Any) ->
         message.header.stamp.sec = stamp
         layer = data.draw(st.sampled_from(["probability_grid", "belief_grid"]))
         before = missions.by_namespace.get(namespace)
-        publish(missions, namespace, publishers=1, **{layer: message})
+        (step,) = played.play(1, steps=0)
+        report = step.messages["step_report"]
+        report.header.stamp = message.header.stamp
+        publish(missions, namespace, publishers=1, **{layer: message, "step_report": report})
         now = missions.by_namespace
         assert len(now) <= 4
-        left = [maps for one in now.values() for maps in one.maps.values()]
+        left = [maps for one in now.values() if one.history for maps in one.history.maps.values()]
         # What cannot be given up are the first and the last map of those that go on.
         all_gone_on = all(one.publishers for one in now.values())
         assert sum(one.nbytes for one in now.values()) <= room or (
             all_gone_on and max(map(len, left)) <= 2
         )
         if before is not None:
-            found = now[namespace].maps[layer].at(10**12, 0)
+            history = now[namespace].history
+            assert history is not None
+            found = history.maps[layer].at(10**12)
             assert found is not None and found[0] == stamp * 10**9
 
 

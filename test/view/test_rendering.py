@@ -14,13 +14,13 @@ from typing import Any
 
 import numpy as np
 import pytest
-from matplotlib import colormaps, image
+from matplotlib import colormaps, image, pyplot
 from numpy.typing import NDArray
 from play import put_person, started, step
 
 from dsse_ros.search import SearchEnv, parallel_env
 from dsse_ros.view import chart, legend, mission_view, rendering
-from dsse_ros.view.picture import DRONE_COLOURS
+from dsse_ros.view.palette import DRONE_COLOURS
 
 AT_SEA, FOUND = (240, 228, 66), (50, 205, 50)
 FAR: dict[str, Any] = {"vector": (0.0, 0.0), "grid_size": 8}
@@ -148,9 +148,29 @@ def test_whom_the_find_of_all_persons_ended_is_not_down() -> None:
     step(env, 4, 1)
     assert env.agents == [] and env.view().alive.all()
     text = env.render()
-    assert isinstance(text, str) and "2 of 2 drones in flight" in text
+    assert isinstance(text, str)
+    assert text.startswith("step 1 of 100 (0 min), person found after 1 step by drone0\n")
     rows = field_of(text)
     assert rows[0][0] == "F" and rows[3][4] == "1"
+
+
+@pytest.mark.parametrize(
+    ("changed", "ends"),
+    [
+        ({"timestep_limit": 4}, "search over: out of time"),
+        ({"battery_move": 60.0}, "search over: all drones lost"),
+    ],
+)
+def test_a_picture_of_a_search_that_is_over_says_how_it_ended(
+    changed: dict[str, Any], ends: str
+) -> None:
+    env = started(render_mode="ansi", **(FAR | changed))
+    assert "1 of 1 drones in flight" in env.view().status
+    put_person(env, (7, 7), 0)
+    while env.agents:
+        assert "in flight" in env.view().status
+        step(env, env.rules.action_set.search)
+    assert env.view().status.endswith(ends)
 
 
 def test_the_image_shows_drones_and_person_where_they_are() -> None:
@@ -405,6 +425,26 @@ def test_a_picture_can_be_saved(tmp_path: Path) -> None:
     picture = (image.imread(path)[..., :3] * 255).astype(np.uint8)
     assert min(picture.shape[:2]) >= 200
     assert len(pixels(picture, drone_colour(1))) > 20
+
+
+def test_a_window_shows_the_present_and_draws_texts_only_when_they_change() -> None:
+    env = started(drones_positions=[(1, 1), (3, 6)], render_mode="ansi", **FAR)
+    put_person(env, (7, 7))
+    window = rendering.Viewer(1e9)
+    canvas: Any = pyplot.gcf().canvas
+    drawn: list[Any] = []
+    canvas.mpl_connect("draw_event", drawn.append)
+    for shown in range(1, 9):
+        window.show(env.view())
+        if shown == 5:
+            # As when its size changes.
+            canvas.draw()
+        expected = rendering.FigureRenderer().rgb_array(env.view())
+        np.testing.assert_array_equal(np.asarray(canvas.buffer_rgba())[..., :3], expected)
+        step(env, 1 if shown < 5 else 3, 4)
+    # The first picture, that with a track and a search, and the one above.
+    assert len(drawn) == 3
+    window.close()
 
 
 @pytest.mark.slow
