@@ -3,7 +3,7 @@
 """Plays chunks of missions, and stores them so that they survive kills.
 
 A chunk is written under another name, synced to the disk and renamed, so that its file is complete
-or absent. Each mission is therefore in the results once, whenever a campaign is killed.
+or absent. So each mission is in the results exactly once, whenever a campaign is killed.
 """
 
 from __future__ import annotations
@@ -125,7 +125,7 @@ class Results:
             there = json.loads(manifest.read_text(encoding="utf-8"))
             same = there["digest"] == self._campaign.digest
         except (OSError, ValueError, KeyError, TypeError):
-            raise FieldError(f"{where}: {MANIFEST} is not one of a campaign") from None
+            raise FieldError(f"{where}: {MANIFEST} is not a campaign's") from None
         if not same:
             differing = [
                 difference(name, there.get(name), value)
@@ -133,8 +133,8 @@ class Results:
                 if there.get(name) != value
             ]
             raise FieldError(
-                f"{where} is of another campaign, with other {', '.join(differing)}; "
-                "name a new folder"
+                f"{where} belongs to a campaign with different {', '.join(differing)}; "
+                "use a new folder"
             )
 
     def _path(self, number: int) -> Path:
@@ -192,7 +192,7 @@ class Results:
             except pa.ArrowInvalid:
                 table = None
             if table is None or table.schema != COLUMNS or len(table) != chunk.count:
-                raise FieldError(f"out: {str(path)!r} is damaged; delete it, to play it again")
+                raise FieldError(f"out: {str(path)!r} is damaged; delete it to play it again")
             yield table
 
 

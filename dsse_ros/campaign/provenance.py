@@ -1,6 +1,6 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""Versions of libraries and hashes of files, which decide a campaign's results too."""
+"""Versions of libraries and hashes of files, which also affect a campaign's results."""
 
 from __future__ import annotations
 

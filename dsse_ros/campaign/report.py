@@ -4,9 +4,7 @@
 
 from __future__ import annotations
 
-import csv
-import io
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import astuple, dataclass
 from pathlib import Path
 from typing import Any
@@ -30,7 +28,7 @@ from dsse_ros.campaign.statistics import (
 )
 from dsse_ros.report.figures import DARK, LIGHT, png, svg
 from dsse_ros.report.page import Illustration, Section, SectionPage, Table
-from dsse_ros.report.texts import distance, duration
+from dsse_ros.report.texts import csv_text, distance, duration
 
 
 @dataclass(frozen=True)
@@ -100,10 +98,10 @@ def write(campaign: Campaign, table: pa.Table, folder: Path) -> Path:
                    "time_high_s", "wilcoxon_p"),
          [_pair_line(pair) for pair in compared]),
     ):  # fmt: skip
-        write_bytes(folder / f"{name}.csv", _csv(head, lines))
+        write_bytes(folder / f"{name}.csv", csv_text(head, lines).encode())
     pictures = folder / "figures"
     pictures.mkdir(exist_ok=True)
-    sections = []
+    sections, verdicts = [], []
     for number, case in enumerate(campaign.cases):
         of_case = [one for one in missions if one.case is case]
         drawn = list(_illustrations(campaign, of_case, number))
@@ -113,18 +111,13 @@ def write(campaign: Campaign, table: pa.Table, folder: Path) -> Path:
         of_pairs = [pair for pair in compared if pair.case is case]
         tables = [_estimates(case, [of for of in rows if of[0].played.case is case])]
         tables += [_comparison(campaign, case, of_pairs)] if of_pairs else []
+        shares = {one.planner: float(one.found.mean()) for one in of_case}
+        best = verdict(of_pairs, shares, 1.0 - campaign.settings.confidence)
+        verdicts.append(f"{case.name}: {best}")
         sections.append(Section(case.name, _about(case), drawn, tables))
     path = folder / "report.html"
-    write_bytes(path, _page(campaign, sections).html().encode())
+    write_bytes(path, _page(campaign, sections, verdicts).html().encode())
     return path
-
-
-def _csv(head: Sequence[str], lines: Sequence[Sequence[Any]]) -> bytes:
-    out = io.StringIO()
-    writer = csv.writer(out, lineterminator="\n")
-    writer.writerow(head)
-    writer.writerows(lines)
-    return out.getvalue().encode()
 
 
 def _summary_line(row: Row) -> tuple[Any, ...]:
@@ -147,7 +140,8 @@ def _illustrations(
     for name, caption, alt, draw in (
         (
             "pos",
-            f"Probability of success over the mission time, with its {level:.4g} confidence band.",
+            "Probability of success over the mission time, with its "
+            f"{100 * level:.4g} % confidence band.",
             f"Curves of the POS over time for {case.name}; at the end {finals}.",
             lambda theme: figures.pos_figure(missions, level, theme),
         ),
@@ -164,6 +158,30 @@ def _illustrations(
         yield Illustration(
             f"{name}_{number}", caption, alt, png(figure), svg(figure), svg(draw(DARK))
         )
+
+
+def verdict(compared: Sequence[Pair], shares: Mapping[str, float], alpha: float) -> str:
+    """Return in words which planner of a scenario is best, and by how much.
+
+    Args:
+        compared: All pairs of the planners.
+        shares: Share of the missions in which each planner has found every person.
+        alpha: Largest p-value of a difference that counts.
+    """
+    best, *others = sorted(shares, key=lambda name: -shares[name])
+    text = f"{best} finds everyone in {shares[best]:.1%} of its missions"
+    if not others:
+        return f"{text}."
+    second = others[0]
+    pair = next(pair for pair in compared if {pair.first, pair.second} == {best, second})
+    faster = pair.first if pair.time_s.value < 0 else pair.second
+    if pair.found_p < alpha:
+        more = 100 * abs(pair.found.value)
+        return f"{text}, {more:.1f} percentage points more than {second} (next best)."
+    text += f", {second} in {shares[second]:.1%}: no difference beyond chance"
+    if pair.time_p < alpha:
+        return f"{text}, but {faster} is faster by {duration(abs(pair.time_s.value))}."
+    return f"{text}, in time to detection neither."
 
 
 def _about(case: Case) -> str:
@@ -223,7 +241,7 @@ def _p(value: float) -> str:
     return "< 0.0001" if value < 1e-4 else f"{value:.4f}"
 
 
-def _page(campaign: Campaign, sections: Sequence[Section]) -> SectionPage:
+def _page(campaign: Campaign, sections: Sequence[Section], verdicts: Sequence[str]) -> SectionPage:
     settings = campaign.settings
     each, seeds = settings.missions, f"{settings.seed} to {settings.seed + settings.missions - 1}"
     total = each * len(campaign.planners) * len(campaign.cases)
@@ -238,9 +256,10 @@ def _page(campaign: Campaign, sections: Sequence[Section]) -> SectionPage:
     )  # fmt: skip
     return SectionPage(
         title=settings.name,
+        verdicts=verdicts,
         subtitles=(
             f"{total} missions: {each} of each planner in each scenario, seeds {seeds}.",
-            f"Intervals have a confidence level of {settings.confidence:.4g}.",
+            f"Intervals have a confidence level of {100 * settings.confidence:.4g} %.",
         ),
         facts=(
             ("Planners", ", ".join(entry.name for entry in campaign.planners)),

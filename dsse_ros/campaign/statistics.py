@@ -58,7 +58,7 @@ class Played:
 
     @cached_property
     def clusters(self) -> Labels:
-        """Which missions share draws of the planner."""
+        """Clusters of missions that share the planner's random draws."""
         return clusters(self.planner_seeds)
 
 

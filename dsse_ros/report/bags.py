@@ -44,7 +44,7 @@ Key = tuple[int, int]
 
 @dataclass
 class _Reports:
-    """What was published of one mission.
+    """The published messages of one mission.
 
     Attributes:
         rows: By step, the last report (N,) of it.
@@ -180,19 +180,19 @@ def _mission(
     """
     if info is None:
         raise ValueError("no message of the topic agents")
-    check_cells(info.grid_size, max_cells)
+    check_cells(info.frame.grid_size, max_cells)
     definition = search(len(info.agents)) if search else info.definition
     if definition is None:
-        raise ValueError("agents does not state what was searched; --scenario names it")
+        raise ValueError("agents does not describe the search; use --scenario")
     rules, scenario = definition.rules, definition.scenario.resolve(definition.rules)
-    if (scenario.grid_size, scenario.cell_size) != (info.grid_size, info.cell_size_m):
+    if (scenario.grid_size, scenario.cell_size) != (info.frame.grid_size, info.frame.cell_size_m):
         raise ValueError(
             f"scenario: {scenario.grid_size} cells of {scenario.cell_size:g} m a side are not the "
-            f"recorded {info.grid_size} of {info.cell_size_m:g} m"
+            f"recorded {info.frame.grid_size} of {info.frame.cell_size_m:g} m"
         )
     steps = sorted(rows)
     if any(len(row) != len(info.agents) for row in rows.values()):
-        raise ValueError(f"step_report is not of the {len(info.agents)} drones of agents")
+        raise ValueError(f"step_report must have the {len(info.agents)} drones of agents")
 
     def table(name: str) -> NDArray[Any]:
         return np.stack([rows[step][name] for step in steps])

@@ -29,7 +29,8 @@ from dsse_ros.view.map_axes import (
     name_axes,
     places_km,
 )
-from dsse_ros.view.rendering import MissionView, Picture, new_figure
+from dsse_ros.view.palette import DRONE_COLOURS, drone_colour
+from dsse_ros.view.rendering import WIDE, Layout, MissionView, Picture, new_figure
 
 BLUE, ORANGE, GREEN = "#0072B2", "#E69F00", "#009E73"
 PNG_DPI = 160
@@ -87,10 +88,10 @@ def svg(figure: Figure) -> bytes:
     return out.getvalue()
 
 
-def map_figure(view: MissionView) -> Figure:
+def map_figure(view: MissionView, layout: Layout = WIDE) -> Figure:
     """Return the map of a mission, as `make sim` draws it."""
-    figure = new_figure()
-    Picture(figure).draw(view)
+    figure = new_figure(layout)
+    Picture(figure, layout).draw(view)
     return figure
 
 
@@ -177,8 +178,8 @@ def tracks_figure(record: RecordedMission, theme: Theme) -> Figure:
     for i, cells in enumerate(record.cells.swapaxes(0, 1)):
         beside = _BESIDE * ((i + 1) / (drones + 1) - 0.5)
         x, y = places_km(cells + (beside, -beside), record.grid_size, cell_km).T
-        colour = OKABE_ITO[i % len(OKABE_ITO)]
-        style = STYLES[i // len(OKABE_ITO) % len(STYLES)]
+        colour = drone_colour(i)
+        style = STYLES[i // len(DRONE_COLOURS) % len(STYLES)]
         axes.plot(x, y, style, color=colour, linewidth=1.4, label=record.agents[i])
         axes.plot(x[:1], y[:1], "o", color=colour, markersize=4)
         axes.plot(

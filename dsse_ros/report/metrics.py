@@ -61,6 +61,20 @@ def effort(record: RecordedMission, num_steps: int | None = None) -> Ints:
     return count
 
 
+def cumulative_pod(record: RecordedMission, num_steps: int) -> Floats:
+    """Return the POD of all looks at each cell in the first recorded steps, (G, G) [row, col].
+
+    A person who stayed in the cell was found with this probability; of several persons it is the
+    mean.
+    """
+    first = record.looked_at[:, 0] < num_steps
+    _, _, col, row = record.looked_at[first].T
+    missed = np.ones((record.grid_size, record.grid_size, record.pods_of_looks.shape[1]))
+    np.multiply.at(missed, (row, col), 1.0 - record.pods_of_looks[first])
+    pod: Floats = (1.0 - missed).mean(axis=2)
+    return pod
+
+
 def num_cells(record: RecordedMission) -> int:
     """Return the number of cells of the search area."""
     return record.grid_size**2 if record.area is None else int(record.area.sum())
@@ -344,7 +358,7 @@ def metrics(record: RecordedMission) -> dict[str, float | None]:
 
 @dataclass(frozen=True)
 class Work:
-    """What each of the N drones did.
+    """Work of each of the N drones.
 
     Attributes:
         searching: (N,) steps in which it searched.

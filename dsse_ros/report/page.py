@@ -1,6 +1,6 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""The pages of reports: one HTML file each with everything in it."""
+"""The pages of reports: one self-contained HTML file each."""
 
 from __future__ import annotations
 
@@ -24,6 +24,7 @@ class Illustration:
         png: The light figure.
         svg: The light figure.
         dark_svg: For dark pages; None for a figure that is always light.
+        narrow_png: For narrow pages; None for a figure that is the same there.
     """
 
     name: str
@@ -32,6 +33,7 @@ class Illustration:
     png: bytes
     svg: bytes
     dark_svg: bytes | None = None
+    narrow_png: bytes | None = None
 
     @property
     def light(self) -> str:
@@ -43,6 +45,11 @@ class Illustration:
     def dark(self) -> str:
         """Address of the dark figure, "" without one."""
         return "" if self.dark_svg is None else _address("svg+xml", self.dark_svg)
+
+    @property
+    def narrow(self) -> str:
+        """Address of the figure for narrow pages, "" without one."""
+        return "" if self.narrow_png is None else _address("png", self.narrow_png)
 
 
 def _address(kind: str, content: bytes) -> str:
@@ -60,10 +67,11 @@ class Table:
 
 @dataclass(frozen=True)
 class Page:
-    """What is on the page of a report.
+    """Content of the page of a report.
 
     Attributes:
         title: Of the mission.
+        verdicts: How it ended, in one line.
         subtitles: What was searched, and where it was recorded.
         notices: What the reader must know of what is missing.
         facts: Names and values of what is read first.
@@ -75,6 +83,7 @@ class Page:
     """
 
     title: str
+    verdicts: Sequence[str]
     subtitles: Sequence[str]
     notices: Sequence[str]
     facts: Sequence[tuple[str, str]]
@@ -110,17 +119,19 @@ class Section:
 
 @dataclass(frozen=True)
 class SectionPage:
-    """What is on a page in sections.
+    """Content of a page with sections.
 
     Attributes:
         title: Of the page.
-        subtitles: Below it.
+        verdicts: The results, each in one line.
+        subtitles: Below them.
         facts: Names and values of what is read first.
         sections: In their order.
         notices: What the reader must know of what is missing.
     """
 
     title: str
+    verdicts: Sequence[str]
     subtitles: Sequence[str]
     facts: Sequence[tuple[str, str]]
     sections: Sequence[Section]

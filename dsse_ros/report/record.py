@@ -29,6 +29,7 @@ Search = Callable[[int], SearchDefinition]
 """Returns what so many drones have searched."""
 SEARCH = "search"
 """Name of the action that searches."""
+DEFAULT_MAPS = 6
 _MCAP = b"\x89MCAP0\r\n"
 """How MCAP files begin."""
 _ROUNDING_M = 6e-4
@@ -151,22 +152,37 @@ class RecordedMission:
             looked |= np.diff(self.cells, axis=0, prepend=self.cells[:1]).any(axis=2)
         return np.asarray(self.acted & looked & ~self._off_grid)
 
-    @cached_property
+    @property
     def looked_at(self) -> NDArray[np.int64]:
         """Every look at a cell of the grid, (Q, 4) as (number of the step, drone, col, row)."""
+        return self._looks[0]
+
+    @property
+    def pods_of_looks(self) -> NDArray[np.float64]:
+        """POD of each person in the cell of each look of `looked_at`, (Q, P)."""
+        return self._looks[1]
+
+    @cached_property
+    def _looks(self) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
         if self.covers:
             step, drone = np.nonzero(self.searched)
-            return np.column_stack([step, drone, self.cells[step, drone]])
+            pod = self.scenario.probability_of_detection
+            looked = np.column_stack([step, drone, self.cells[step, drone]])
+            return looked, np.full((len(step), 1), pod)
         looks, parts = looks_of(self.scenario, self.rules), [np.empty((0, 4), np.int64)]
+        pods = [np.empty((0, looks.pods.shape[1]))]
         for n in range(self.cells.shape[1]):
             for action, name in enumerate(self.rules.action_set.names):
                 done = np.flatnonzero(self.acted[:, n] & (self.actions[:, n] == name))
                 for look in looks.of(n, action):
                     cells = self.cells[done, n] + looks.offsets[look]
                     parts.append(np.column_stack([done, np.full_like(done, n), cells]))
+                    pods.append(np.repeat(looks.pods[look : look + 1], len(done), axis=0))
         looked = np.concatenate(parts)
-        looked = looked[((looked[:, 2:] >= 0) & (looked[:, 2:] < self.grid_size)).all(axis=1)]
-        return looked[np.lexsort((looked[:, 1], looked[:, 0]))]
+        off_grid = ((looked[:, 2:] < 0) | (looked[:, 2:] >= self.grid_size)).any(axis=1)
+        order = np.lexsort((looked[:, 1], looked[:, 0]))
+        order = np.setdiff1d(order, np.flatnonzero(off_grid), assume_unique=True)
+        return looked[order], np.concatenate(pods)[order]
 
     @cached_property
     def lost(self) -> NDArray[np.bool_]:
@@ -181,6 +197,30 @@ class RecordedMission:
         ended = self.in_flight[-1] & (self.truncated[-1] | done)
         lost[-1] &= ~ended | self._off_grid[-1]
         return lost
+
+
+def chosen_steps(
+    record: RecordedMission, wanted: Sequence[int], count: int = DEFAULT_MAPS
+) -> list[int]:
+    """Return the recorded steps, 0 to K - 1, to draw maps of.
+
+    Args:
+        record: The mission.
+        wanted: Steps of the mission; none for some from the start to the end.
+        count: Number of those.
+
+    Raises:
+        FieldError: If a wanted step was not recorded.
+    """
+    if not wanted:
+        last = len(record.steps) - 1
+        return np.unique(np.linspace(0, last, count).round().astype(int)).tolist()
+    places = {step: k for k, step in enumerate(record.steps.tolist())}
+    for step in wanted:
+        if step not in places:
+            first, last = record.steps[0], record.steps[-1]
+            raise FieldError(f"steps must be recorded steps, {first} to {last}, got {step}")
+    return sorted({places[step] for step in wanted})
 
 
 def is_bag(path: str | os.PathLike[str]) -> bool:
@@ -268,7 +308,7 @@ def _stated(path: str | os.PathLike[str]) -> Keys:
         return Keys(parse_json(file.read_text(encoding="utf-8"), file.name), file.name)
     except FileNotFoundError:
         raise FieldError(
-            f"file: {str(file)!r}, which states what was searched, is missing; --scenario names it"
+            f"file: {str(file)!r}, which describes the search, is missing; use --scenario"
         ) from None
     except (OSError, ValueError) as error:
         raise FieldError(f"file: {str(file)!r}: {error}") from None
@@ -312,7 +352,7 @@ def _mission(
     names = [row[3] for row in steps[0]]
     for rows in steps:
         if [row[3] for row in rows] != names:
-            raise ValueError(f"step {rows[0][1]} has other drones and persons than the first")
+            raise ValueError(f"step {rows[0][1]} has different drones or persons from the first")
     count = sum(name.startswith("drone") for name in names)
     if not count:
         raise ValueError("no drone")
@@ -328,7 +368,7 @@ def _mission(
     drones, persons, everybody = slice(0, count), slice(count, None), slice(None)
     numbers = column("step", np.int64, drones)[:, 0]
     if (np.diff(numbers) <= 0).any() or numbers[0] < 0:
-        raise ValueError("its steps do not grow")
+        raise ValueError("its steps do not increase")
     col, row = (column(name, np.int64, everybody) for name in ("col", "row"))
     metres = [column(name, np.float64, everybody) for name in ("east_m", "north_m")]
     if not np.allclose(

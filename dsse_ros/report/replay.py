@@ -12,13 +12,14 @@ from numpy.typing import NDArray
 
 from dsse_ros.belief.beliefs import forecast_for as new_forecast
 from dsse_ros.belief.protocol import TargetForecast
+from dsse_ros.mission.mission import Mission
 from dsse_ros.report.metrics import effort
 from dsse_ros.report.record import SEARCH, RecordedMission
 from dsse_ros.search import HOLD, FieldError, SearchEnv
 from dsse_ros.search.coverage import poc_of
-from dsse_ros.search.world_beliefs import DRIFT_SAMPLES, WorldBeliefs
+from dsse_ros.search.world_beliefs import DRIFT_SAMPLES
 from dsse_ros.step.looks import looks_of
-from dsse_ros.view.rendering import MissionView
+from dsse_ros.view.mission_view import MissionView, ending
 
 LARGEST_BELIEF_GRID = 50
 """On larger grids a belief takes long, so the maps are those that drones observe."""
@@ -101,7 +102,7 @@ def _check(record: RecordedMission, k: int, probability: NDArray[np.float32]) ->
         recorded, computed = float(record.probabilities[k, drone]), float(probability[row, col])
         if abs(recorded - computed) > _TOLERANCE:
             raise FieldError(
-                f"scenario: it is not that of the record; in step {record.steps[k]} cell "
+                f"scenario: it does not match the record: in step {record.steps[k]} cell "
                 f"({col}, {row}) had probability {recorded:.6g}, not {computed:.6g}"
             )
 
@@ -118,6 +119,16 @@ def _view(record: RecordedMission, k: int, of_map: MissionView) -> MissionView:
         step=int(record.steps[k]),
         pos=None if record.pos is None else float(record.pos[k]),
         searches=effort(record, k + 1),
+        ending=_ending(record, k) if record.complete and k == len(record.steps) - 1 else "",
+    )
+
+
+def _ending(record: RecordedMission, k: int) -> str:
+    return ending(
+        int(record.steps[k]),
+        [record.agents[i] for i in np.flatnonzero(record.found[k])],
+        covered=record.coverage_rate is not None and bool(record.coverage_rate[k] == 1.0),
+        out_of_time=bool(record.truncated[k].any()),
     )
 
 
@@ -187,25 +198,20 @@ def mission_views(record: RecordedMission, *, belief: bool) -> Iterator[MissionV
     Raises:
         ValueError: If the drones' cells differ from the record.
     """
-    assert record.commands is not None
+    assert record.commands is not None and record.seed is not None
     env = SearchEnv(record.scenario, record.rules, "ansi")
-    env.reset(seed=record.seed)
-    beliefs = WorldBeliefs(env.world) if belief else None
+    mission = Mission(env, record.seed, belief=belief)
     numbers = {name: number for number, name in enumerate(record.rules.actions)}
     drones = env.world.drones[0]
     for step, cells in enumerate(record.cells):
         if step:
-            joint = [numbers.get(name, HOLD) for name in record.commands[step].tolist()]
-            actions = np.array(joint, np.int8)
-            if beliefs is not None:
-                beliefs.before_step(actions[None])
-            env.advance(actions)
-            if beliefs is not None:
-                beliefs.after_step()
+            mission.command_all(
+                [numbers.get(name, HOLD) for name in record.commands[step].tolist()]
+            )
+            mission.advance("hold")
         if not np.array_equal(np.stack([drones["x"], drones["y"]], axis=1), cells):
             raise ValueError(f"step {step} is not of the mission with seed {record.seed}")
         view = env.view()
-        if beliefs is not None:
-            pos = float(beliefs.pos[0])
-            view = replace(view, probability=beliefs.write()[0], pos=pos, belief=True)
+        if belief:
+            view = replace(view, probability=mission.belief(), pos=mission.pos, belief=True)
         yield view

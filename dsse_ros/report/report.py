@@ -4,8 +4,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -26,13 +24,12 @@ from dsse_ros.report.metrics import (
 )
 from dsse_ros.report.page import Illustration, Page, Table
 from dsse_ros.report.record import RecordedMission
-from dsse_ros.scenario.fields import FieldError
-from dsse_ros.view.rendering import MissionView
+from dsse_ros.view.rendering import NARROW, MissionView
 
-DEFAULT_MAPS = 6
-FACTS = ("pos", "time_to_detection", "expected_time_at_least", "expected_time_at_most", "coverage",
-         "path_length", "collisions")  # fmt: skip
-"""Metrics at the top of the page."""
+OF_INCIDENT = ("poc_outside", "stranded")
+FACTS = ("pos", *OF_INCIDENT, "time_to_detection", "expected_time_at_least",
+         "expected_time_at_most", "coverage", "path_length", "collisions")  # fmt: skip
+"""Metrics at the top of the page, those of an incident only where there is one."""
 IN_OVERVIEW = ("pos", "time_to_detection", "coverage", "redundancy", "path_length", "collisions")
 """Metrics for comparing several missions of a file."""
 
@@ -80,7 +77,7 @@ class Report:
             drawings[is_map].append(illustration)
             drawn()
         for name, head, rows in self._tables(of, done):
-            (folder / f"{name}.csv").write_text(_csv(head, rows), encoding="utf-8")
+            (folder / f"{name}.csv").write_text(texts.csv_text(head, rows), encoding="utf-8")
         path = folder / "report.html"
         html = self._page(done, maps=drawings[True], charts=drawings[False]).html()
         path.write_text(html, encoding="utf-8")
@@ -100,6 +97,7 @@ class Report:
                     alt=f"Map of the search after {time}. {view.headline}.",
                     png=figures.png(figure),
                     svg=figures.svg(figure),
+                    narrow_png=figures.png(figures.map_figure(view, NARROW)),
                 ),
             )
         area, count = num_cells(record), effort(record)
@@ -162,12 +160,14 @@ class Report:
         labels = {metric.name: metric.label for metric in METRICS}
         return Page(
             title=scenario.name or "Search mission",
+            verdicts=(texts.verdict(record, numbers["pos"]),),
             subtitles=(", ".join(search), f"Mission {record.number} of {self.source}"),
             notices=self.notices,
-            facts=(
-                ("Outcome", texts.outcome(record)),
-                *((labels[name], shown[name]) for name in FACTS),
-            ),
+            facts=[
+                (labels[name], shown[name])
+                for name in FACTS
+                if name not in OF_INCIDENT or numbers[name] is not None
+            ],
             metrics=[(m.label, shown[m.name], m.meaning) for m in METRICS],
             drones=self._drones(done),
             missions=self._missions() if len(self.missions) > 1 else None,
@@ -265,32 +265,3 @@ def _number(value: float | None) -> str:
     if value is None or value != value:
         return ""
     return repr(int(value)) if value == int(value) else repr(float(value))
-
-
-def _csv(head: Sequence[str], rows: Iterable[Sequence[Any]]) -> str:
-    out = io.StringIO()
-    writer = csv.writer(out, lineterminator="\n")
-    writer.writerow(head)
-    writer.writerows(rows)
-    return out.getvalue()
-
-
-def chosen_steps(record: RecordedMission, wanted: Sequence[int]) -> list[int]:
-    """Return the recorded steps, 0 to K - 1, to draw maps of.
-
-    Args:
-        record: The mission.
-        wanted: Steps of the mission; none for the start, the end and some between.
-
-    Raises:
-        FieldError: If a wanted step was not recorded.
-    """
-    if not wanted:
-        last = len(record.steps) - 1
-        return np.unique(np.linspace(0, last, DEFAULT_MAPS).round().astype(int)).tolist()
-    places = {step: k for k, step in enumerate(record.steps.tolist())}
-    for step in wanted:
-        if step not in places:
-            first, last = record.steps[0], record.steps[-1]
-            raise FieldError(f"steps must be recorded ones, {first} to {last}, got {step}")
-    return sorted({places[step] for step in wanted})

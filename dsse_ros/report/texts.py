@@ -4,12 +4,26 @@
 
 from __future__ import annotations
 
+import csv
+import io
+from collections.abc import Iterable, Sequence
+from typing import Any
+
 import numpy as np
 
 from dsse_ros.report.metrics import Metric, Work
 from dsse_ros.report.record import RecordedMission
 
 NONE = "\N{EN DASH}"
+
+
+def csv_text(head: Sequence[str], rows: Iterable[Sequence[Any]]) -> str:
+    """Return a table as CSV."""
+    out = io.StringIO()
+    writer = csv.writer(out, lineterminator="\n")
+    writer.writerow(head)
+    writer.writerows(rows)
+    return out.getvalue()
 
 
 def duration(seconds: float) -> str:
@@ -62,6 +76,24 @@ def outcome(record: RecordedMission) -> str:
     last = record.in_flight[-1]
     end = "out of time" if record.truncated[-1][last].any() else "no drone left"
     return ", ".join([found or "not found", end])
+
+
+def verdict(record: RecordedMission, pos: float | None) -> str:
+    """Return in one line whether, when and by whom persons were found, and the POS.
+
+    Args:
+        record: The mission.
+        pos: Its cumulative probability of success; None if unknown.
+    """
+    of, several = outcome(record), record.scenario.person_amount > 1
+    if record.covers:
+        return f"{of[0].upper()}{of[1:]}."
+    text = f"{'Persons' if several else 'Person'} {of}."
+    if pos is None:
+        return text
+    if several:
+        return f"{text} Searches like these find {pos:.1%} of the persons on average (POS)."
+    return f"{text} Searches like these find the person in {pos:.1%} of missions (POS)."
 
 
 def ended(record: RecordedMission, of: Work, drone: int) -> str:

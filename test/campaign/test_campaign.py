@@ -150,7 +150,7 @@ def test_another_campaign_in_the_folder_is_refused(
     path = write(finished.parent, {**SMALL, "missions": 24}, "other.yaml")
     assert program.main([str(path), "--out", str(finished)]) == 2
     line = capsys.readouterr().err
-    assert line.count("\n") == 1 and "is of another campaign, with other missions;" in line
+    assert line.count("\n") == 1 and "belongs to a campaign with different missions;" in line
 
 
 def test_two_campaigns_do_not_use_a_folder_at_once(tmp_path: Path) -> None:

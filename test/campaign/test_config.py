@@ -7,6 +7,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from dsse_ros.campaign.config import Campaign, CampaignSettings
@@ -40,7 +41,7 @@ SMALL: dict[str, Any] = {
             {**SMALL, "planners": [{"planner": "greedy", "options": {"width": 3}}]},
             r"planners: 'greedy' in scenarios\[0\] 'paper_8': .*width",
         ),
-        ({**SMALL, "scenarios": ["nowhere"]}, r"scenarios\[0\]: scenario: 'nowhere' is no file"),
+        ({**SMALL, "scenarios": ["nowhere"]}, r"scenarios\[0\]: scenario: 'nowhere' is not a file"),
         ({**SMALL, "scenarios": [{"rules": "v3"}]}, r"scenarios\[0\]: rules must be .*, got 'v3'"),
         ({**SMALL, "scenarios": [{"grid_siz": 8}]}, r"scenarios\[0\]: 'grid_siz' is not a field"),
         ([], "a campaign must be a mapping"),
@@ -76,3 +77,17 @@ def test_paths_start_from_the_folder_of_the_file(tmp_path: Path) -> None:
     (tmp_path / "bay.yaml").write_text("{grid_size: 9, name: The bay}\n")
     (tmp_path / "campaign.yaml").write_text("{planners: [sweep], scenarios: [bay.yaml]}\n")
     assert Campaign.from_yaml(tmp_path / "campaign.yaml").cases[0].name == "The bay"
+
+
+def test_a_chain_in_the_folder_of_the_file_is_part_of_the_definition(tmp_path: Path) -> None:
+    digests = []
+    for step in (4, 5):
+        np.save(tmp_path / "chain.npy", np.tile(np.eye(9)[step], (9, 9, 1)))
+        (tmp_path / "campaign.yaml").write_text(
+            "planners: [belief]\n"
+            "scenarios: [{person_motion: markov_chain, transition_probabilities: chain.npy}]\n"
+        )
+        campaign = Campaign.from_yaml(tmp_path / "campaign.yaml")
+        assert campaign.cases[0].scenario.grid_size == 9
+        digests.append(campaign.digest)
+    assert digests[0] != digests[1]

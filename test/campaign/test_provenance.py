@@ -41,7 +41,7 @@ def test_a_folder_does_not_go_on_with_another_model(tmp_path: Path) -> None:
     other = onnx.load(model)
     other.doc_string = "trained for longer"
     onnx.save(other, model)
-    with pytest.raises(FieldError, match="another campaign, with other files: model of mine; "):
+    with pytest.raises(FieldError, match="a campaign with different files: model of mine; "):
         Results(out, flying(model))
 
 
@@ -60,7 +60,7 @@ def test_a_folder_does_not_go_on_with_another_library(
         pass
     here = provenance.versions(["greedy"])
     monkeypatch.setattr(config, "versions", lambda planners: {**here, library: "0.0.1"})
-    text = f"with other versions: {library} 0.0.1 in place of {here[library]}; "
+    text = f"with different versions: {library} 0.0.1 in place of {here[library]}; "
     with pytest.raises(FieldError, match=text):
         Results(tmp_path, Campaign.from_dict(values))
 
@@ -76,5 +76,5 @@ def test_a_folder_of_an_earlier_version_is_of_another_campaign(tmp_path: Path) -
     there = {"digest": "of earlier", **campaign.definition}
     del there["versions"]
     (tmp_path / MANIFEST).write_text(json.dumps(there))
-    with pytest.raises(FieldError, match="another campaign, with other versions; "):
+    with pytest.raises(FieldError, match="a campaign with different versions; "):
         Results(tmp_path, campaign)

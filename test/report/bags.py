@@ -13,7 +13,7 @@ from rclpy.serialization import serialize_message
 from dsse_ros.mission.mission import Mission
 from dsse_ros.recording.bag import BagWriter
 from dsse_ros.search import SearchEnv
-from msg_adapters.agents import AgentsInfo, Origin, SearchDefinition, agents_message, area_rows
+from msg_adapters.agents import AgentsInfo, SearchDefinition, agents_message, area_rows
 from msg_adapters.frames import scenario_frame
 from msg_adapters.images import probability_image
 from msg_adapters.mission_report import make_mission_report, mission_report_message
@@ -98,20 +98,15 @@ class Bag:
             self._write("mission_report", mission_report_message(frame, whole, stamp))
 
     def _info(self, mission: Mission) -> AgentsInfo:
-        scenario, rules, frame = self._env.scenario, self._env.rules, self._frame
+        scenario, rules = self._env.scenario, self._env.rules
         return AgentsInfo(
             agents=tuple(self._env.possible_agents),
             actions=rules.actions,
             rules=rules.profile,
             seed=mission.seed,
-            grid_size=frame.grid_size,
-            cell_size_m=frame.cell_size_m,
+            frame=self._frame,
             timestep_limit=scenario.timestep_limit,
             step_duration_s=scenario.step_duration_s,
-            map_frame="map",
-            frame_prefix="",
-            origin=Origin(frame.origin_lat_deg, frame.origin_lon_deg, frame.origin_alt_m),
-            alt_m=frame.alt_m,
             mission=mission.number,
             run_id=self._run_id,
             definition=self._definition,

@@ -6,4 +6,6 @@ import sys
 from pathlib import Path
 
 HERE = Path(__file__).resolve().parent
-sys.path[:0] = [str(HERE), str(HERE.parent / "search")]
+sys.path[:0] = [str(HERE), str(HERE.parent / "search"), str(HERE.parent / "dashboard")]
+
+from browsers import browser  # noqa: E402, F401

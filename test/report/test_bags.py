@@ -239,7 +239,7 @@ def test_a_bag_that_does_not_say_what_was_searched_needs_a_scenario(
     out = tmp_path / "out"
     arguments = [str(tmp_path / "mission.mcap"), "--out", str(out), "--steps", "1"]
     assert main(arguments) == 2
-    assert "agents does not state what was searched; --scenario names it" in capsys.readouterr().err
+    assert "agents does not describe the search; use --scenario" in capsys.readouterr().err
     fields = {**SCENARIO, "person_initial_position": [4, 4]}
     fields["drones_positions"] = [[3, 4], [4, 3], [5, 5]]
     (tmp_path / "scenario.yaml").write_text(yaml.safe_dump(fields))

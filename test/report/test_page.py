@@ -6,6 +6,9 @@ from __future__ import annotations
 
 import base64
 import csv
+import io
+import re
+from dataclasses import replace
 from html.parser import HTMLParser
 from pathlib import Path
 from xml.etree import ElementTree
@@ -13,11 +16,12 @@ from xml.etree import ElementTree
 import pytest
 import yaml
 from flights import SCENARIO, Log, environment, fly
+from PIL import Image
 
 from dsse_ros.cli.report import main
+from dsse_ros.report import texts
 from dsse_ros.report.metrics import METRICS, metrics
-from dsse_ros.report.record import read_csv
-from dsse_ros.report.report import chosen_steps
+from dsse_ros.report.record import chosen_steps, read_csv
 from dsse_ros.report.texts import duration
 
 
@@ -118,6 +122,44 @@ def test_the_page_has_every_metric_and_every_mission(report: Path, log: Path) ->
             assert row[name] == "" if value is None else float(row[name]) == value
 
 
+def test_the_page_begins_with_one_line_that_says_how_the_mission_ended(report: Path) -> None:
+    page = Elements((report / "report.html").read_text())
+    (verdict,) = [one for one in page.of("p") if one.get("class") == "verdict"]
+    assert verdict
+    assert re.search(
+        r"Persons? (found by drone\d.* after .* s|not found).*\. Searches like these find "
+        r"\d+\.\d% of the persons on average \(POS\)\.", page.text,
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("stated", "pos", "line"),
+    [
+        ("found by drone1 after 4 min 7 s", 0.551,
+         "Person found by drone1 after 4 min 7 s. Searches like these find the person in 55.1% of "
+         "missions (POS)."),
+        ("not found, out of time", None, "Person not found, out of time."),
+    ],
+)  # fmt: skip
+def test_the_line_on_top_says_who_found_whom_when_and_how_likely_that_was(
+    stated: str, pos: float | None, line: str, log: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    record = read_csv(log)[0]
+    one = replace(record, scenario=environment().scenario)
+    monkeypatch.setattr(texts, "outcome", lambda _: stated)
+    assert texts.verdict(one, pos) == line
+
+
+def test_a_narrow_page_has_each_map_with_its_key_below(report: Path) -> None:
+    page = Elements((report / "report.html").read_text())
+    narrow = [one for one in page.of("source") if "max-width" in one["media"]]
+    assert len(narrow) == 2
+    for one in narrow:
+        content = base64.b64decode(one["srcset"].partition(",")[2])
+        with Image.open(io.BytesIO(content)) as image:
+            assert image.height > 1.5 * image.width
+
+
 def test_figures_are_files_too(report: Path) -> None:
     html = (report / "report.html").read_text()
     names = ["effort", "map_step_0", "map_step_2", "progress", "tracks", "work"]
@@ -170,8 +212,8 @@ def test_a_mission_of_one_step_on_a_large_grid_has_a_report(
         (["nothing.csv"], "report: file: 'nothing.csv': No such file or directory"),
         ([__file__], "is neither the CSV of a mission nor a bag (MCAP)"),
         (["LOG", "--mission", "7"], "report: mission must be one of the file (1, 2, 3), got 7"),
-        (["LOG", "--steps", "99"], "report: steps must be recorded ones, 0 to "),
-        (["LOG", "--scenario", "atlantis"], "mission 1: scenario: 'atlantis' is no file"),
+        (["LOG", "--steps", "99"], "report: steps must be recorded steps, 0 to "),
+        (["LOG", "--scenario", "atlantis"], "mission 1: scenario: 'atlantis' is not a file"),
         (
             ["LOG", "--scenario", "santos"],
             "mission 1: scenario: 20 cells of 130 m a side do not have the recorded",

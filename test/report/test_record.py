@@ -120,7 +120,7 @@ def test_a_mission_that_was_cut_off_is_read_to_its_last_whole_step(tmp_path: Pat
     with pytest.raises(FieldError, match="no step of a mission"):
         read_csv(path)
     path.write_bytes(b"".join([*rows[: 1 + per_step], *rows[2 + per_step :]]))
-    with pytest.raises(FieldError, match="mission 1: step 1 has other drones and persons"):
+    with pytest.raises(FieldError, match="mission 1: step 1 has different drones or persons"):
         read_csv(path)
 
 
@@ -167,7 +167,7 @@ def test_another_scenario_than_that_of_the_record_is_refused(tmp_path: Path) -> 
         with pytest.raises(FieldError, match=says):
             read_csv(path, other(**fields))
     record = read_csv(path, other(sigma=5.0))[0]
-    with pytest.raises(FieldError, match="scenario: it is not that of the record; in step"):
+    with pytest.raises(FieldError, match="scenario: it does not match the record: in step"):
         views(record, {0})
     assert views(replace(record, probabilities=None), {0})
 
