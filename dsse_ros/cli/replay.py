@@ -1,18 +1,18 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""`ros2 run dsse_ros replay`: says whether the missions of a bag repeat, or publishes it again."""
+"""`ros2 run dsse_ros replay`: check whether the missions of a bag repeat, or publish it again."""
 
 from __future__ import annotations
 
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from dsse_ros.cli.command_line import Parser
 from dsse_ros.mission.status import counted
 from dsse_ros.nodes.bag_player import play
 from dsse_ros.recording.bag import read_bag
-from dsse_ros.recording.replay import ReplayedMission, replay
+from dsse_ros.recording.replay import Replay, ReplayedMission
 from dsse_ros.runtime.exit_codes import FAILED, fail
 from dsse_ros.runtime.ros_arguments import split_ros_arguments
 from dsse_ros.scenario.limits import LARGEST_GRID_CELLS
@@ -35,9 +35,20 @@ def line(mission: ReplayedMission) -> str:
     if mission.incomplete:
         parts.append(f"not replayed {'any further' if mission.steps else ''}".rstrip())
         parts[-1] += f": {mission.incomplete}"
+    elif not mission.ended:
+        parts.append("the bag does not have its end")
     if mission.lost:
         parts.append(f"lost: {', '.join(mission.lost)}")
     return f"{head}: {'; '.join(parts)}"
+
+
+def line_of_rest(not_compared: Mapping[str, tuple[int, int]]) -> str:
+    """Return what was not compared, on one line; "" if everything was."""
+    shown = [
+        topic if left == of else f"{topic} ({left} of {counted(of, 'message')})"
+        for topic, (left, of) in not_compared.items()
+    ]
+    return f"not compared: {', '.join(shown)}" if shown else ""
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -47,20 +58,20 @@ def main(argv: Sequence[str] | None = None) -> int:
     """
     own, ros = split_ros_arguments(sys.argv[1:] if argv is None else argv)
     parser = Parser(prog="replay", description=__doc__.partition(": ")[2])
-    parser.add_argument("bag", type=Path, help="MCAP file, or folder of rosbag2 with some")
+    parser.add_argument("bag", type=Path, help="MCAP file, or rosbag2 folder with MCAP files")
     parser.add_argument(
         "--play",
         nargs="?",
         type=float,
         const=1.0,
         metavar="RATE",
-        help="publish it again, at so many times the speed (default: 1)",
+        help="publish it again, at this many times the recorded speed (default: 1)",
     )
     parser.add(
         "--max-cells",
         type=int,
         default=LARGEST_GRID_CELLS,
-        help="cells of the largest grid whose missions are flown again",
+        help="number of cells of the largest grid to replay",
     )
     arguments = parser.parse_args(own)
     if arguments.play is not None:
@@ -68,14 +79,18 @@ def main(argv: Sequence[str] | None = None) -> int:
     if ros:
         return fail("replay", "--ros-args is allowed with --play only")
     replayed = different = 0
+    notes: list[str] = []
     try:
         with announced(lambda text: print(text, file=sys.stderr, flush=True)):
-            for mission in replay(read_bag(arguments.bag), arguments.max_cells):
+            bag = Replay(read_bag(arguments.bag, notes.append), arguments.max_cells)
+            for mission in bag.missions():
                 print(line(mission), flush=True)
                 replayed += bool(mission.compared)
                 different += bool(mission.difference)
     except FieldError as error:
         return fail("replay", error)
+    for note in filter(None, [line_of_rest(bag.not_compared), *notes]):
+        print(note)
     if different:
         return FAILED
     if not replayed:

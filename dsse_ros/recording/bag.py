@@ -7,7 +7,7 @@ from __future__ import annotations
 import contextlib
 import os
 import zlib
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from io import BytesIO
@@ -57,7 +57,7 @@ class Recorded:
 
     @cached_property
     def message(self) -> Any:
-        """The message as rclpy has it.
+        """The message as an rclpy class.
 
         Raises:
             FieldError: If its type is not installed, or the bytes are none of it.
@@ -152,22 +152,25 @@ class BagWriter:
             self._file.close()
 
 
-def read_bag(path: str | os.PathLike[str]) -> Iterator[Recorded]:
+def read_bag(
+    path: str | os.PathLike[str], on_cut_off: Callable[[str], None] = lambda _: None
+) -> Iterator[Recorded]:
     """Yield the messages of a mission's bag in the order in which they were recorded.
 
     A bag that is cut off is read to the end of its last whole chunk.
 
     Args:
         path: An MCAP file, or a folder of rosbag2 with some.
+        on_cut_off: Called with a line on where a file is cut off.
 
     Raises:
-        FieldError: If it cannot be read, is no MCAP file, is damaged, or has no mission in it.
+        FieldError: If it cannot be read, is not an MCAP file, is damaged, or has no mission in it.
     """
     of_mission = False
     for file in _files(Path(path)):
         schemas: dict[int, Schema] = {}
         channels: dict[int, Channel] = {}
-        for record in _records(file):
+        for record in _records(file, on_cut_off):
             match record:
                 case Schema():
                     schemas[record.id] = record
@@ -178,7 +181,7 @@ def read_bag(path: str | os.PathLike[str]) -> Iterator[Recorded]:
                     channel = channels.get(record.channel_id)
                     if channel is None:
                         raise FieldError(
-                            f"bag: {os.fspath(path)!r} is damaged: a message stands before its "
+                            f"bag: {os.fspath(path)!r} is damaged: a message comes before its "
                             f"channel, {record.channel_id}"
                         )
                     yield Recorded(
@@ -204,11 +207,11 @@ def _files(path: Path) -> list[Path]:
     return files
 
 
-def _records(path: Path) -> Iterator[McapRecord]:
+def _records(path: Path, on_cut_off: Callable[[str], None]) -> Iterator[McapRecord]:
     """Yield the records of a file up to its end, or to where it is cut off.
 
     Raises:
-        FieldError: If it cannot be read, is no MCAP file or is damaged.
+        FieldError: If it cannot be read, is not an MCAP file or is damaged.
     """
     try:
         with path.open("rb") as file:
@@ -225,12 +228,13 @@ def _records(path: Path) -> Iterator[McapRecord]:
                 except FieldError:
                     raise
                 except InvalidMagic:
-                    raise FieldError(f"bag: {str(path)!r} is no MCAP file") from None
+                    raise FieldError(f"bag: {str(path)!r} is not an MCAP file") from None
                 except Exception as error:
                     # Of struct, of the decompressors, of mcap: a record that is not whole. In a
                     # file that is cut off, or still written, it is the last one and not all there.
                     last = file.tell() >= size or isinstance(error, RecordLengthLimitExceeded)
                     if last and not ended:
+                        on_cut_off(f"bag: {str(path)!r} is cut off at byte {size}")
                         return
                     at = file.tell()
                     raise FieldError(f"bag: {str(path)!r} is damaged before byte {at}") from None
@@ -283,7 +287,7 @@ def _flat(records: Iterator[McapRecord], name: str) -> Iterator[McapRecord]:
 
 
 def _uncompressed(chunk: Chunk) -> bytes:
-    """Return what is in a chunk; no more memory is taken than it states.
+    """Return the content of a chunk, without taking more memory than it states.
 
     Raises:
         Exception: If it is damaged.
@@ -299,7 +303,7 @@ def _uncompressed(chunk: Chunk) -> bytes:
         case _:
             raise ValueError(f"compression {chunk.compression!r}")
     if len(content) != size:
-        raise ValueError(f"{len(content)} bytes in place of {size}")
+        raise ValueError(f"{len(content)} bytes instead of {size}")
     if chunk.uncompressed_crc and zlib.crc32(content) != chunk.uncompressed_crc:
         raise ValueError("its checksum does not match")
     return content

@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import array
+import struct
 from collections.abc import Iterator
 from hashlib import blake2b
 from typing import Any
@@ -13,6 +14,7 @@ import numpy as np
 from builtin_interfaces.msg import Time
 
 from dsse_ros.mission.mission import Mission
+from dsse_ros.mission.step_messages import battery_of, markers_of
 from msg_adapters.frames import GridFrame
 from msg_adapters.geodesy import cell_fix
 from msg_adapters.images import probability_image
@@ -20,7 +22,7 @@ from msg_adapters.mission_report import make_mission_report, mission_report_mess
 from msg_adapters.occupancy import SCALINGS, occupancy_grid
 from msg_adapters.particles import particles_message
 from msg_adapters.pos import pos_message
-from msg_adapters.poses import nav_sat_fix, pose_array, pose_stamped
+from msg_adapters.poses import nav_sat_fix, path, pose_array, pose_stamped
 
 OF_BELIEF = {
     "belief": "sensor_msgs/msg/Image",
@@ -35,10 +37,20 @@ OF_MISSION = {
     "probability_grid": "nav_msgs/msg/OccupancyGrid",
     "mission_report": "sensor_msgs/msg/PointCloud2",
     "drones": "geometry_msgs/msg/PoseArray",
+    "markers": "visualization_msgs/msg/MarkerArray",
 }
 """Topics whose messages are computed."""
-OF_DRONE = {"pose": "geometry_msgs/msg/PoseStamped", "fix": "sensor_msgs/msg/NavSatFix"}
+OF_DRONE = {
+    "pose": "geometry_msgs/msg/PoseStamped",
+    "fix": "sensor_msgs/msg/NavSatFix",
+    "path": "nav_msgs/msg/Path",
+    "battery": "sensor_msgs/msg/BatteryState",
+}
 """Those of each drone."""
+AFTER_REPORT = ("markers", "mission_report", "path")
+"""Last parts of the names of topics that are published after the report of their step."""
+BETWEEN_STEPS = ("belief_grid", "markers", "path", "probability_grid")
+"""Those of topics that are also published between two steps, in wall time with a stamp of then."""
 
 
 def computed(
@@ -80,13 +92,28 @@ def computed(
             yield mission_report_message(frame, report, stamp)
         case "drones":
             yield pose_array(frame, cells, stamp)
-        case "pose" | "fix" if drone in env.possible_agents:
-            number = env.possible_agents.index(drone)
-            cell, of_drone = cells[number].tolist(), frame.of_drone(number)
-            if name == "pose":
-                yield pose_stamped(of_drone, cell, stamp)
-            else:
-                yield nav_sat_fix(frame, *cell_fix(of_drone, *cell), stamp, drone)
+        case "markers":
+            # Whether they show the persons is a parameter of the node.
+            for reveal_person in (False, True):
+                yield markers_of(mission, frame, stamp, reveal_person=reveal_person)
+        case _ if drone in env.possible_agents:
+            yield from _of_drone(name, mission, frame, env.possible_agents.index(drone), stamp)
+
+
+def _of_drone(
+    name: str, mission: Mission, frame: GridFrame, drone: int, stamp: Time
+) -> Iterator[Any]:
+    cell, of_drone = mission.result.cells[drone].tolist(), frame.of_drone(drone)
+    match name:
+        case "pose":
+            yield pose_stamped(of_drone, cell, stamp)
+        case "fix":
+            agent = mission.env.possible_agents[drone]
+            yield nav_sat_fix(frame, *cell_fix(of_drone, *cell), stamp, agent)
+        case "path":
+            yield path(of_drone, mission.tracks[drone], stamp)
+        case "battery" if (battery := battery_of(mission, frame, drone, stamp)) is not None:
+            yield battery
 
 
 def digest(message: Any) -> bytes:
@@ -100,14 +127,17 @@ def digest(message: Any) -> bytes:
     return found.digest()
 
 
-def _parts(value: Any) -> Iterator[bytes]:
+def _parts(value: Any, kind: str = "") -> Iterator[bytes]:
     if hasattr(value, "get_fields_and_field_types"):
-        for name in value.get_fields_and_field_types():
-            yield from _parts(getattr(value, name))
+        for name, kind_of_field in value.get_fields_and_field_types().items():
+            yield from _parts(getattr(value, name), kind_of_field)
     elif isinstance(value, list | tuple):
         for one in value:
             yield from _parts(one)
     elif isinstance(value, array.array | np.ndarray):
         yield value.tobytes()
+    elif isinstance(value, float):
+        # The text of every NaN is the same.
+        yield struct.pack("<f" if kind == "float" else "<d", value)
     else:
         yield f"{value!r};".encode()

@@ -3,16 +3,18 @@
 """Replays the missions of a bag: flies the reported actions again in a new world, without a node.
 
 The replay compares the step reports and the messages of `computed` with those of the bag. It takes
-from the reports what the drones were commanded, and which were lost with their vehicles.
+the drones' commands, and which drones were lost with their vehicles, from the reports.
 """
 
 from __future__ import annotations
 
 import re
-from bisect import bisect_left
-from collections import defaultdict
+from bisect import bisect_right
+from collections import Counter, defaultdict
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -22,7 +24,15 @@ from sensor_msgs.msg import PointCloud2
 from dsse_ros.mission.mission import Mission
 from dsse_ros.mission.step_reports import step_report_of
 from dsse_ros.recording.bag import Recorded
-from dsse_ros.recording.computed import OF_BELIEF, OF_DRONE, OF_MISSION, computed, digest
+from dsse_ros.recording.computed import (
+    AFTER_REPORT,
+    BETWEEN_STEPS,
+    OF_BELIEF,
+    OF_DRONE,
+    OF_MISSION,
+    computed,
+    digest,
+)
 from dsse_ros.scenario.limits import LARGEST_GRID_CELLS, check_cells
 from dsse_ros.search import HOLD, FieldError, SearchEnv
 from msg_adapters.agents import AgentsInfo, agents_from_message
@@ -53,7 +63,8 @@ class ReplayedMission:
         run_id, number: The run and the number of the mission.
         seed: Its seed.
         steps: Steps that were replayed.
-        compared: Names of the topics with a compared message; of all drones as `drone<i>/pose`.
+        ended: Whether the mission ended within these steps.
+        compared: Number of compared messages by topic; of all drones as `drone<i>/pose`.
         lost: Names of the drones that were lost with their vehicles.
         difference: The first difference, "" for none; nothing is replayed after it.
         incomplete: Why it cannot be replayed, or not to its end; "" if it can.
@@ -64,7 +75,8 @@ class ReplayedMission:
     number: int
     seed: int | None = None
     steps: int = 0
-    compared: set[str] = field(default_factory=set)
+    ended: bool = False
+    compared: Counter[str] = field(default_factory=Counter)
     lost: list[str] = field(default_factory=list)
     difference: str = ""
     incomplete: str = ""
@@ -78,6 +90,11 @@ class _Other:
     name: str
     key: Any
     digest: bytes
+
+    @property
+    def last_part(self) -> str:
+        """Its topic without namespace and drone."""
+        return self.name.rpartition("/")[2]
 
 
 @dataclass(frozen=True)
@@ -93,14 +110,24 @@ class _Report:
     def stamp_ns(self) -> int:
         return to_nanoseconds(self.message.header.stamp)
 
-    @property
+    @cached_property
     def search(self) -> tuple[int, int]:
         """run_id and number of the mission."""
-        return int(self.points["run_id"][0]), int(self.points["mission"][0])
+        return self._of_most("run_id"), self._of_most("mission")
+
+    @cached_property
+    def step(self) -> int:
+        """Number of the step."""
+        return self._of_most("step")
+
+    def _of_most(self, name: str) -> int:
+        """Return the value of most drones, which have the same, unless the report is damaged."""
+        return int(Counter(self.points[name].tolist()).most_common(1)[0][0])
 
     @property
-    def step(self) -> int:
-        return int(self.points["step"][0])
+    def keys(self) -> tuple[Any, Any]:
+        """What a message of its step has in common with it."""
+        return self.stamp_ns, (*self.search, self.step)
 
 
 @dataclass
@@ -118,61 +145,84 @@ class _Recording:
         missions: defaultdict[tuple[int, int], list[_Report]] = defaultdict(list)
         for report in self.reports:
             missions[report.search].append(report)
-            for key in (report.stamp_ns, (*report.search, report.step)):
+            for key in report.keys:
                 of_key[key].append(report)
         for other in sorted(self.others, key=lambda other: other.time_ns):
-            # Runs begin with the same stamps: take the report that came with the message.
-            same = of_key.get(other.key)
-            if same:
-                report = min(same, key=lambda one: abs(one.time_ns - other.time_ns))
+            after = other.last_part in AFTER_REPORT
+            following = bisect_right(times, other.time_ns)
+            before, behind = self.reports[:following][-1:], self.reports[following:][:1]
+            if same := of_key.get(other.key):
+                # Runs begin with the same stamps: take the report that came with the message.
+                past = [report for report in same if report.time_ns <= other.time_ns]
+                near = past if after and past else same
+                report = min(near, key=lambda one: abs(one.time_ns - other.time_ns))
                 report.others.append(other)
-            elif (following := bisect_left(times, other.time_ns)) < len(times):
-                self.reports[following].others.append(other)
+            elif found := before if after else behind or before:
+                found[0].others.append(other)
         return missions
 
 
-def replay(
-    messages: Iterable[Recorded], max_cells: int = LARGEST_GRID_CELLS
-) -> Iterator[ReplayedMission]:
-    """Replay all missions of a bag, and yield each when it is done.
+class Replay:
+    """The replay of a bag.
 
     Args:
-        messages: Of a bag, as `read_bag` yields them.
+        messages: Of the bag, as `read_bag` yields them.
         max_cells: Cells of the largest grid; missions on larger ones are not replayed.
 
     Raises:
         FieldError: If `agents`, a report or a compared message cannot be read, or there is no
             mission in the bag.
     """
-    for namespace, recording in sorted(_collect(messages).items()):
-        belief = any(other.name in OF_BELIEF for other in recording.others)
-        flight: _Flight | None = None
-        for search, reports in recording.missions().items():
-            outcome = ReplayedMission(namespace, *search)
-            info = recording.infos.get(search)
-            outcome.incomplete = _reason_not_to_replay(info, reports[0], max_cells)
-            if info is not None:
-                outcome.seed = info.seed
-                if not outcome.incomplete:
-                    flight = _Flight(info, outcome, flight, belief=belief)
-                    flight.repeat(reports)
-            yield outcome
+
+    def __init__(self, messages: Iterable[Recorded], max_cells: int = LARGEST_GRID_CELLS) -> None:
+        self._max_cells = max_cells
+        self._messages: Counter[str] = Counter()
+        self._compared: Counter[str] = Counter()
+        self._recordings = _collect(messages, self._messages)
+
+    def missions(self) -> Iterator[ReplayedMission]:
+        """Replay all missions, and yield each when it is done."""
+        for namespace, recording in sorted(self._recordings.items()):
+            belief = any(other.name in OF_BELIEF for other in recording.others)
+            flight: _Flight | None = None
+            for search, reports in recording.missions().items():
+                outcome = ReplayedMission(namespace, *search)
+                info = recording.infos.get(search)
+                outcome.incomplete = _reason_not_to_replay(info, reports[0], self._max_cells)
+                if info is not None:
+                    outcome.seed = info.seed
+                    if not outcome.incomplete:
+                        flight = _Flight(info, outcome, flight, belief=belief)
+                        flight.repeat(reports)
+                for name, count in outcome.compared.items():
+                    self._compared[namespace + name] += count
+                yield outcome
+
+    @property
+    def not_compared(self) -> dict[str, tuple[int, int]]:
+        """Messages not compared so far, and all, by topic; of all drones as `drone<i>/pose`."""
+        left = self._messages - self._compared
+        return {topic: (left[topic], self._messages[topic]) for topic in sorted(left)}
 
 
-def _collect(messages: Iterable[Recorded]) -> dict[str, _Recording]:
+def _collect(messages: Iterable[Recorded], counts: Counter[str]) -> dict[str, _Recording]:
+    """Return the recordings by their namespaces, and count the messages of all topics."""
     recordings: defaultdict[str, _Recording] = defaultdict(_Recording)
-    seen: set[tuple[str, int]] = set()
+    seen: set[tuple[str, int, int]] = set()
     for one in messages:
-        match = _TOPIC.fullmatch(one.topic)
-        if match is None:
-            continue
-        name, time_ns = match["name"], one.publish_time_ns or one.log_time_ns
+        time_ns = one.publish_time_ns or one.log_time_ns
         # A new subscription receives a latched message again.
-        if one.type_name != _TYPES[name.rpartition("/")[2]] or (one.topic, time_ns) in seen:
+        identity = (one.topic, time_ns, hash(one.data))
+        if identity in seen:
             continue
-        seen.add((one.topic, time_ns))
-        recording, message = recordings[match["namespace"]], one.message
+        seen.add(identity)
+        counts[_of_drones(one.topic)] += 1
+        match = _TOPIC.fullmatch(one.topic)
+        if match is None or one.type_name != _TYPES[match["name"].rpartition("/")[2]]:
+            continue
+        name, recording = match["name"], recordings[match["namespace"]]
         try:
+            message = one.message
             if name == "agents":
                 info = agents_from_message(message)
                 recording.infos[info.run_id, info.mission] = info
@@ -185,15 +235,22 @@ def _collect(messages: Iterable[Recorded]) -> dict[str, _Recording]:
         except ValueError as error:
             raise FieldError(f"{one.topic}: {error}") from None
     if not any(recording.infos for recording in recordings.values()):
-        raise FieldError("the bag has no message on agents: it says what was searched")
+        raise FieldError("the bag has no message on agents, which describes the search")
     return recordings
+
+
+def _of_drones(topic: str) -> str:
+    """Return the common name of a topic of all drones."""
+    return re.sub(r"\bdrone\d+/", "drone<i>/", topic)
 
 
 def _key(message: Any) -> Any:
     """Return what a message and the report of its step have in common."""
+    if hasattr(message, "markers"):
+        message = message.markers[0] if message.markers else None
     if hasattr(message, "header"):
         return to_nanoseconds(message.header.stamp)
-    return tuple(message.data[:-1])
+    return tuple(getattr(message, "data", ())[:-1])
 
 
 def _reason_not_to_replay(info: AgentsInfo | None, first: _Report, max_cells: int) -> str:
@@ -207,7 +264,7 @@ def _reason_not_to_replay(info: AgentsInfo | None, first: _Report, max_cells: in
     if len(first.points) != len(info.agents):
         return "agents and step_report are not of the same drones"
     try:
-        check_cells(info.grid_size, max_cells)
+        check_cells(info.frame.grid_size, max_cells)
     except FieldError as error:
         return str(error)
     return ""
@@ -230,20 +287,22 @@ class _Flight:
             env = SearchEnv(info.definition.scenario, info.definition.rules)
             self.mission = Mission(env, info.seed, belief=belief)
         self.mission.number = outcome.number
-        # Stamps are mission time, as far as is known.
-        self._first_stamp: tuple[int, int] | None = None
         self._mission_time = True
 
     def repeat(self, reports: Sequence[_Report]) -> None:
         """Do the steps of the reports, up to the first difference."""
-        for number, report in enumerate(reports):
+        step_ns = max(round(self.info.step_duration_s * 1e9), 1)
+        expected, self._mission_time = _expected_stamps(reports, step_ns)
+        outcome = self.outcome
+        for number, (report, expected_ns) in enumerate(zip(reports, expected, strict=True)):
             if number:
                 self._go_on(report)
-            outcome = self.outcome
             if not (outcome.difference or outcome.incomplete):
-                outcome.difference = self._compare(report)
+                outcome.difference = self._compare(report, expected_ns, step_ns)
             if outcome.difference or outcome.incomplete:
                 return
+        # An aborted mission has a report of all of it, too.
+        outcome.ended = self.mission.done or "mission_report" in outcome.compared
 
     def _go_on(self, report: _Report) -> None:
         """Bring the mission to the step of a report."""
@@ -272,31 +331,35 @@ class _Flight:
         for drone in np.flatnonzero(report.points["terminated"]).tolist():
             if not self.mission.result.terminated[drone] and self.mission.lose(drone):
                 self.outcome.lost.append(self.info.agents[drone])
-        # Mission time may have restarted.
-        self._first_stamp = None
 
-    def _compare(self, report: _Report) -> str:
+    def _compare(self, report: _Report, expected_ns: int, step_ns: int) -> str:
         """Return the first difference of the last step to its report and messages, or ""."""
         where = f"step {report.step}, {self.outcome.namespace}"
-        different = self._different_report(report)
-        self.outcome.compared.add("step_report")
+        self.outcome.compared["step_report"] += 1
+        different = self._different_report(report, expected_ns)
         if different:
             return f"{where}step_report{different}"
+        later = (report.stamp_ns + step_ns, (*report.search, report.step + 1))
         for other in report.others:
+            if other.key not in report.keys and (
+                # The bag was cut off before the report of the next step.
+                (other.time_ns > report.time_ns and other.key in later)
+                or (not self._mission_time and other.last_part in BETWEEN_STEPS)
+            ):
+                continue
             stamp = report.message.header.stamp
             made = computed(other.name, self.mission, self.frame, self.outcome.run_id, stamp)
             digests = [digest(message) for message in made]
             if digests:
-                self.outcome.compared.add(re.sub(r"^drone\d+/", "drone<i>/", other.name))
+                self.outcome.compared[_of_drones(other.name)] += 1
                 if other.digest not in digests:
                     return f"{where}{other.name}{_ANOTHER}"
         return ""
 
-    def _different_report(self, report: _Report) -> str:
+    def _different_report(self, report: _Report, expected_ns: int) -> str:
         """Return where the report of the last step differs, and how; "" if it does not."""
         if len(report.points) != len(self.info.agents):
             return f": {len(report.points)} drones in the bag, {len(self.info.agents)} in agents"
-        stamp_ns, expected_ns = report.stamp_ns, self._expected_ns(report.step, report.stamp_ns)
         own = step_report_of(self.mission, self.frame, self.outcome.run_id)
         message = step_report_message(self.frame, own, report.message.header.stamp)
         if own.dtype != report.points.dtype:
@@ -308,18 +371,9 @@ class _Flight:
                 if recorded.tobytes() != replayed.tobytes():
                     shown = [self._shown(name, value) for value in (recorded, replayed)]
                     return _two(f", {drone}: {name}", *shown)
-        if stamp_ns != expected_ns:
-            return _two(": header.stamp", stamp_ns, expected_ns)
+        if report.stamp_ns != expected_ns:
+            return _two(": header.stamp", report.stamp_ns, expected_ns)
         return "" if message == report.message else _ANOTHER
-
-    def _expected_ns(self, step: int, stamp_ns: int) -> int:
-        """Return the stamp that a report must have; its own where stamps are no mission time."""
-        first, first_ns = self._first_stamp = self._first_stamp or (step, stamp_ns)
-        step_ns = max(round(self.info.step_duration_s * 1e9), 1)
-        expected_ns = first_ns + (step - first) * step_ns
-        if step == first + 1 and expected_ns != stamp_ns:
-            self._mission_time = False
-        return expected_ns if self._mission_time else stamp_ns
 
     def _shown(self, name: str, value: Any) -> str:
         if name in ("action", "command") and 0 <= value < len(self.info.actions):
@@ -329,3 +383,21 @@ class _Flight:
 
 def _two(what: str, recorded: Any, replayed: Any) -> str:
     return f"{what} is {recorded} in the bag, {replayed} in the replay"
+
+
+def _expected_stamps(reports: Sequence[_Report], step_ns: int) -> tuple[list[int], bool]:
+    """Return the stamps that the reports must have, and whether these are mission time.
+
+    They are if most are `step_ns` apart. Where they are not, each must have the one that it has.
+    """
+    expected: list[int] = []
+    mission_time = False
+    # A step that is reported again may be the first of another mission time.
+    starts = [i for i in range(1, len(reports)) if reports[i].step == reports[i - 1].step]
+    for begin, end in pairwise([0, *starts, len(reports)]):
+        of = [(report.step * step_ns, report.stamp_ns) for report in reports[begin:end]]
+        (first_ns, count), *_ = Counter(stamp - since for since, stamp in of).most_common(1)
+        known = 2 * count > len(of) > 1
+        mission_time |= known
+        expected += [first_ns + since if known else stamp for since, stamp in of]
+    return expected, mission_time

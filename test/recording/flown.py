@@ -16,18 +16,20 @@ from std_msgs.msg import Int8
 
 from dsse_ros.mission.command_intake import CommandIntake
 from dsse_ros.mission.mission import Mission
+from dsse_ros.mission.step_messages import battery_of, markers_of
 from dsse_ros.mission.step_reports import step_report_of
 from dsse_ros.recording.bag import BagWriter, Recorded
-from dsse_ros.search import Scenario, SearchDefinition, SearchEnv, profile
-from msg_adapters.agents import AgentsInfo, Origin, agents_message
+from dsse_ros.search import Rules, Scenario, SearchDefinition, SearchEnv, profile
+from msg_adapters.agents import AgentsInfo, agents_message
 from msg_adapters.commands import joint_action_message
 from msg_adapters.frames import scenario_frame
 from msg_adapters.geodesy import cell_fix
 from msg_adapters.images import probability_image
 from msg_adapters.mission_report import make_mission_report, mission_report_message
 from msg_adapters.occupancy import occupancy_grid
+from msg_adapters.particles import particles_message
 from msg_adapters.pos import pos_message
-from msg_adapters.poses import nav_sat_fix, pose_array, pose_stamped
+from msg_adapters.poses import nav_sat_fix, path, pose_array, pose_stamped
 from msg_adapters.stamps import to_stamp
 from msg_adapters.step_report import step_report_message
 
@@ -45,13 +47,14 @@ class Flown:
     """
 
     def __init__(
-        self, *, run_id: int = 7, namespace: str = "/", seed: int = 1, rules: str = "v2",
-        start_ns: int = START_NS, belief: bool = False, everything: bool = False, **fields: Any,
+        self, *, run_id: int = 7, namespace: str = "/", seed: int = 1, rules: str | Rules = "v2",
+        start_ns: int = START_NS, belief: bool = False, everything: bool = False,
+        reveal_person: bool = False, **fields: Any,
     ) -> None:  # fmt: skip
         scenario = {"grid_size": 8, "num_drones": 3, "probability_of_detection": 0.0} | fields
-        env = SearchEnv(Scenario(**scenario), profile(rules))
+        env = SearchEnv(Scenario(**scenario), profile(rules) if isinstance(rules, str) else rules)
         self.mission = Mission(env, seed, belief=belief)
-        self.everything = everything
+        self.everything, self.reveal_person = everything, reveal_person
         self.frame = scenario_frame(env.scenario)
         self.run_id, self.namespace = run_id, namespace
         self.intake = CommandIntake(self.mission, self.frame, lambda *_: None, lambda _: None)
@@ -69,14 +72,13 @@ class Flown:
         return message
 
     def _begin(self) -> None:
-        env, frame, mission = self.mission.env, self.frame, self.mission
+        env, mission = self.mission.env, self.mission
         info = AgentsInfo(
             agents=tuple(env.possible_agents), actions=env.rules.actions,
-            rules=env.rules.profile, seed=mission.seed, grid_size=frame.grid_size,
-            cell_size_m=frame.cell_size_m, timestep_limit=int(env.scenario.timestep_limit or 0),
-            step_duration_s=env.scenario.step_duration_s, map_frame=frame.map_frame,
-            frame_prefix="", alt_m=frame.alt_m, mission=mission.number, run_id=self.run_id,
-            origin=Origin(frame.origin_lat_deg, frame.origin_lon_deg, frame.origin_alt_m),
+            rules=env.rules.profile, seed=mission.seed, frame=self.frame,
+            timestep_limit=int(env.scenario.timestep_limit or 0),
+            step_duration_s=env.scenario.step_duration_s, mission=mission.number,
+            run_id=self.run_id,
             definition=SearchDefinition(env.rules, env.mission_scenario),
         )  # fmt: skip
         self.publish("agents", agents_message(info))
@@ -92,17 +94,29 @@ class Flown:
                 self.publish(f"drone{i}/pose", pose_stamped(frame.of_drone(i), cell, stamp))
                 fix = cell_fix(frame.of_drone(i), *cell)
                 self.publish(f"drone{i}/fix", nav_sat_fix(frame, *fix, stamp, f"drone{i}"))
+                if (battery := battery_of(mission, frame, i, stamp)) is not None:
+                    self.publish(f"drone{i}/battery", battery)
             self.publish("drones", pose_array(frame, cells, stamp))
         report = step_report_of(mission, frame, self.run_id)
         self.publish("step_report", step_report_message(frame, report, stamp))
+        if self.everything:
+            self._publish_history(stamp)
         if self.everything and mission.done:
             whole = make_mission_report(
                 frame, run_id=self.run_id, mission=mission.number, history=mission.history
             )
             self.publish("mission_report", mission_report_message(frame, whole, stamp))
 
+    def _publish_history(self, stamp: Time) -> None:
+        mission, frame = self.mission, self.frame
+        for i, track in enumerate(mission.tracks):
+            self.publish(f"drone{i}/path", path(frame.of_drone(i), track, stamp))
+        self.publish("markers", markers_of(mission, frame, stamp, reveal_person=self.reveal_person))
+
     def _publish_maps(self, stamp: Time) -> None:
         mission, frame = self.mission, self.frame
+        if (particles := mission.particles()) is not None:
+            self.publish("particles", particles_message(frame, *particles, stamp))
         maps = {"probability": mission.env.probability}
         if mission.pos is not None and not mission.env.rules.covers:
             maps["belief"] = mission.belief()

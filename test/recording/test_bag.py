@@ -186,7 +186,7 @@ def test_a_message_of_no_channel_is_damage(tmp_path: Path) -> None:
     content = struct.pack("<HIQQ", 7, 0, 1, 1)
     message = b"\x05" + struct.pack("<Q", len(content)) + content
     (tmp_path / "bag.mcap").write_bytes(MCAP0_MAGIC + message + MCAP0_MAGIC)
-    with pytest.raises(FieldError, match="damaged: a message stands before its channel, 7"):
+    with pytest.raises(FieldError, match="damaged: a message comes before its channel, 7"):
         list(read_bag(tmp_path / "bag.mcap"))
 
 

@@ -13,27 +13,32 @@ from typing import Any
 
 import numpy as np
 import pytest
-from flown import MS, Flown, with_byte, write
+from flown import MS, START_NS, Flown, with_byte, write
 from geometry_msgs.msg import PoseStamped
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from mcap.reader import make_reader
 from nav_msgs.msg import Path as PathMessage
+from rclpy.serialization import serialize_message
 from std_msgs.msg import Empty, String
 
 from dsse_ros.cli.replay import main
 from dsse_ros.recording.bag import Recorded
-from dsse_ros.recording.replay import ReplayedMission, replay
-from dsse_ros.search import FieldError
+from dsse_ros.recording.computed import OF_DRONE, OF_MISSION
+from dsse_ros.recording.replay import Replay, ReplayedMission
+from dsse_ros.search import FieldError, profile
 from msg_adapters.frames import cell_to_map
+from msg_adapters.stamps import to_stamp
 from msg_adapters.step_report import step_report_from_message
 
 SEARCH = 4
+CHANGED_BYTES = 8
+"""Of each topic, a hundred in all."""
 
 
 def one(messages: Sequence[Recorded]) -> ReplayedMission:
     """The only mission of a bag, replayed."""
-    (mission,) = replay(messages)
+    (mission,) = Replay(messages).missions()
     return mission
 
 
@@ -93,7 +98,7 @@ def test_each_mission_of_each_run_and_namespace_is_replayed() -> None:
     second.fly(3)
     other = Flown(run_id=3, namespace="/other/")
     other.fly(2)
-    found = list(replay([*other.messages, *first.messages, *second.messages]))
+    found = list(Replay([*other.messages, *first.messages, *second.messages]).missions())
     assert all(repeats(mission) for mission in found)
     assert [(m.namespace, m.run_id, m.number, m.seed, m.steps) for m in found] == [
         ("/", 1, 1, 4, 5), ("/", 1, 2, 5, 4), ("/", 1, 3, 5, 4), ("/", 2, 1, 1, 3),
@@ -128,7 +133,11 @@ def test_a_changed_stamp_is_found_unless_stamps_are_wall_time() -> None:
         # The seconds of the header's stamp stand behind the four bytes of the encapsulation.
         of.messages[at] = with_byte(of.messages[at], 4, 1)
         found = one(of.messages).difference
-        assert found.startswith("step 3, /step_report: header.stamp") if step == 3 else not found
+        assert found.startswith(f"step {step}, /step_report: header.stamp")
+    for step in range(7):
+        at = of.find("step_report", step)
+        of.messages[at] = with_byte(of.messages[at], 5, 10 * step + 1)
+    assert not one(of.messages).difference
 
 
 @pytest.mark.parametrize("step", [0, 1, 3])
@@ -139,7 +148,7 @@ def test_a_stamp_before_all_time_is_a_changed_one(step: int) -> None:
     sign = of.messages[at].data[7] | 0x80
     of.messages[at] = with_byte(of.messages[at], 7, sign)
     found = one(of.messages).difference
-    assert found.startswith("step 3, /step_report: header.stamp") if step == 3 else not found
+    assert found.startswith(f"step {step}, /step_report: header.stamp")
 
 
 def test_a_mission_without_its_beginning_or_with_a_gap_is_named_as_such() -> None:
@@ -152,7 +161,7 @@ def test_a_mission_without_its_beginning_or_with_a_gap_is_named_as_such() -> Non
     assert mission.steps == 4 and "no report of step 5" in mission.incomplete
     agents = of.messages[of.find("agents")]
     of.reset(2)
-    missing, whole = replay([m for m in of.messages if m is not agents])
+    missing, whole = Replay([m for m in of.messages if m is not agents]).missions()
     assert "agents" in missing.incomplete and repeats(whole)
 
 
@@ -184,24 +193,48 @@ def test_every_message_that_follows_from_the_mission_is_compared(
 ) -> None:
     of = Flown(rules=rules, belief=True, everything=True, timestep_limit=6, **fields)
     of.fly(9)
-    first = len(of.messages)
     of.reset(5)
     of.fly(9)
-    missions = list(replay(of.messages))
+    missions = list(Replay(of.messages).missions())
     topics = {re.sub(r"^/|\d", "", one.topic) for one in of.messages}
     assert len(missions) == 2
     for mission in missions:
         assert repeats(mission), mission
         compared = {topic.replace("<i>", "") for topic in mission.compared}
         assert compared == topics - {"agents", "joint_action"}
-    draw = np.random.default_rng(1)
-    changed = [i for i in range(first) if of.messages[i].topic not in ("/agents", "/joint_action")]
-    for at in draw.choice(changed, 25, replace=False).tolist():
-        message = of.messages[at]
-        place = -1 - int(draw.integers(min(8, len(message.data) // 2)))
-        other = with_byte(message, len(message.data) + place, message.data[place] ^ 1)
-        found = next(replay([*of.messages[:at], other, *of.messages[at + 1 :]])).difference
-        assert f", {message.topic}" in found, (message.topic, place)
+
+
+@pytest.fixture(scope="module")
+def whole() -> Flown:
+    """A mission with every topic that is compared."""
+    of = Flown(
+        rules=profile("v2", person_motion="constant_drift"), particles=50, belief=True,
+        everything=True, reveal_person=True, timestep_limit=4, battery_move=2.0,
+    )  # fmt: skip
+    of.fly(9)
+    assert of.mission.done
+    return of
+
+
+@pytest.mark.parametrize("name", sorted({"step_report"} | OF_MISSION.keys() | OF_DRONE.keys()))
+def test_any_changed_byte_of_a_compared_topic_is_found_and_named(whole: Flown, name: str) -> None:
+    of_topic = [i for i, one in enumerate(whole.messages) if one.topic.endswith(f"/{name}")]
+    draw = np.random.default_rng(len(name))
+    left = CHANGED_BYTES
+    while left:
+        at = int(draw.choice(of_topic))
+        message = whole.messages[at]
+        place, bit = int(draw.integers(4, len(message.data))), 1 << int(draw.integers(8))
+        other = with_byte(message, place, message.data[place] ^ bit)
+        try:
+            if repr(other.message) == repr(message.message):
+                continue  # It is of the padding.
+            changed = [*whole.messages[:at], other, *whole.messages[at + 1 :]]
+            found = one(changed).difference
+        except FieldError as error:
+            found = f", {error}"
+        assert f", {message.topic}" in found, (message.topic, place, bit, found)
+        left -= 1
 
 
 def test_a_mission_on_a_probability_matrix_repeats_with_its_file(tmp_path: Path) -> None:
@@ -218,7 +251,7 @@ def test_messages_of_runs_with_the_same_stamps_belong_to_their_own() -> None:
     first.fly(3)
     second = Flown(run_id=2, seed=5, everything=True, sigma=1.0, start_ns=first.time_ns)
     second.fly(3)
-    assert all(map(repeats, replay([*first.messages, *second.messages])))
+    assert all(map(repeats, Replay([*first.messages, *second.messages]).missions()))
 
 
 def test_drones_that_are_lost_with_their_vehicles_are_lost_again() -> None:
@@ -257,13 +290,63 @@ def test_the_program_says_what_repeats_and_what_differs(
     of.fly(6)
     whole = write(tmp_path / "whole.mcap", of.messages)
     assert main([str(whole)]) == 0
-    line = "mission 1 of run 12, seed 9: 6 steps repeat byte for byte in step_report\n"
-    assert capsys.readouterr().out == line
+    line = "mission 1 of run 12, seed 9: 6 steps repeat byte for byte in step_report"
+    rest = "not compared: /agents, /joint_action\n"
+    assert capsys.readouterr().out == f"{line}; the bag does not have its end\n{rest}"
     at = of.find("step_report", 4)
     place = of.messages[at].data.index(bytes(of.messages[at].message.data))
     of.messages[at] = with_byte(of.messages[at], place, of.messages[at].data[place] ^ 1)
     assert main([str(write(tmp_path / "changed.mcap", of.messages))]) == 3
     assert "DIFFERS: step 4, /step_report, drone0: x is " in capsys.readouterr().out
+
+
+def test_a_bag_that_is_cut_off_is_replayed_to_there_and_named(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    of = Flown(everything=True)
+    of.fly(12)
+    path = write(tmp_path / "cut.mcap", of.messages, per_chunk=7)
+    size = path.stat().st_size // 2
+    with path.open("r+b") as file:
+        file.truncate(size)
+    assert main([str(path)]) == 0
+    mission, rest, cut = capsys.readouterr().out.splitlines()
+    steps = int(re.findall(r"(\d+) steps repeat", mission)[0])
+    assert 0 < steps < 12 and mission.endswith("the bag does not have its end")
+    assert rest.startswith("not compared: /agents, ")
+    assert cut == f"bag: {str(path)!r} is cut off at byte {size}"
+
+
+@pytest.mark.parametrize("topic", ["/drones", "/probability", "/probability_of_success"])
+def test_messages_of_a_step_whose_report_was_cut_off_are_not_compared(
+    whole: Flown, topic: str
+) -> None:
+    report = whole.find("step_report", 3)
+    last = next(i for i in range(report, 0, -1) if whole.messages[i].topic == topic)
+    bag = Replay(whole.messages[: last + 1])
+    (mission,) = bag.missions()
+    assert repeats(mission) and mission.steps == 2 and not mission.ended
+    assert bag.not_compared[topic] == (1, 4)
+
+
+def test_displays_of_another_wall_time_are_not_compared_and_listed() -> None:
+    of = Flown(everything=True)
+    of.fly(3)
+    displays = ("/probability_grid", "/drone0/path", "/markers")
+    for step in range(4):
+        for topic in ("/step_report", *displays):
+            at = of.find(topic, step)
+            message = of.messages[at].message
+            for one_of in getattr(message, "markers", [message]):
+                one_of.header.stamp = to_stamp(START_NS + step * MS + (topic in displays))
+            data = bytes(serialize_message(message))
+            of.messages[at] = replace(of.messages[at], data=data)
+    kept = [m for m in of.messages if m.topic in ("/agents", "/step_report", *displays)]
+    bag = Replay(kept)
+    (mission,) = bag.missions()
+    assert repeats(mission), mission
+    shown = {"/agents": (1, 1), "/probability_grid": (4, 4), "/drone<i>/path": (4, 4)}
+    assert bag.not_compared == shown | {"/markers": (4, 4)}
 
 
 def nothing(folder: Path) -> Path:
@@ -322,7 +405,7 @@ def damaged(folder: Path) -> Path:
     ("make", "reason"),
     [
         (nothing, "No such file"),
-        (text, "is no MCAP file"),
+        (text, "is not an MCAP file"),
         (empty, "has none of the topics"),
         (folder_without_bag, "without an MCAP file"),
         (of_something_else, "has none of the topics"),
@@ -356,21 +439,21 @@ def test_a_topic_of_another_type_is_no_part_of_the_mission(topic: str) -> None:
     of = Flown()
     of.fly(3)
     of.publish(topic, Empty())
-    (mission,) = replay(of.messages)
+    (mission,) = Replay(of.messages).missions()
     assert not mission.difference
 
 
 def test_a_bag_without_agents_is_refused() -> None:
     of = Flown()
     with pytest.raises(FieldError, match="no message on agents"):
-        list(replay(of.messages[1:]))
+        list(Replay(of.messages[1:]).missions())
 
 
 def test_a_mission_on_a_larger_grid_than_is_allowed_is_not_replayed() -> None:
     of = Flown()
     of.fly(5)
     cells = of.mission.env.scenario.grid_size**2
-    (mission,) = replay(of.messages, max_cells=cells - 1)
+    (mission,) = Replay(of.messages, max_cells=cells - 1).missions()
     assert mission.incomplete.startswith("grid_size must ") and mission.steps == 0
-    (mission,) = replay(of.messages, max_cells=cells)
+    (mission,) = Replay(of.messages, max_cells=cells).missions()
     assert not mission.incomplete and not mission.difference
