@@ -145,7 +145,10 @@ class CoverageDroneSwarmSearch(SwarmEnv):
         cells = self._cells_to_cover
         self.reward_scheme["done"] = cells / len(self.agents)
         self.reward_scheme["reward_poc"] = cells
-        return self._observe(), self._infos()
+        self.agents_positions[:] = self._cells()
+        observations = self.create_observations()
+        self._show()
+        return observations, self._infos()
 
     def _infos(self) -> Infos:
         metrics = {name: of[0].item() for name, of in self._search.world.coverage_metrics().items()}

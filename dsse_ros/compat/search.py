@@ -131,6 +131,7 @@ class DroneSwarmSearch(SwarmEnv):
         probability_of_detection: float = 1.0,
         pre_render_time: float = 0,
         grid_cell_size: float = 130,
+        fps: float = 5,
     ) -> None:
         self._set_up(
             render_mode,
@@ -148,6 +149,7 @@ class DroneSwarmSearch(SwarmEnv):
                 pre_search_minutes=pre_render_time,
                 cell_size=grid_cell_size,
             ),
+            fps,
         )
         self.grid_size = grid_size
         drone = DroneData(drone_amount, drone_speed, probability_of_detection)
@@ -204,7 +206,10 @@ class DroneSwarmSearch(SwarmEnv):
         records = self._search.world.persons[0]
         self._persons = [Person(i, records[i]) for i in range(len(records))]
         self.rewards_sum = no_rewards(self.possible_agents)
-        return self._observe(), self._infos()
+        self.agents_positions[:] = self._cells()
+        observations = self.create_observations()
+        self._show()
+        return observations, self._infos()
 
     def step(
         self, actions: Mapping[str, int]

@@ -115,7 +115,10 @@ class DroneSwarmSearch(PublishedEnv):
         self._start(seed, start)
         self.vector = vector
         self.rewards_sum = no_rewards(self.possible_agents)
-        return self._observe()
+        self._note_positions()
+        observations = self.create_observations()
+        self._show()
+        return observations
 
     def step(
         self, actions: Mapping[str, Any]
@@ -133,10 +136,12 @@ class DroneSwarmSearch(PublishedEnv):
         world = search.world
         over = bool(world.worlds["done"][0])
         if not over:
+            self._place_drones(list(self.agents_positions.values()))
             known = range(len(search.rules.actions))
             joint = [actions[a] if actions[a] in known else HOLD for a in agents]
             search.advance(np.array(joint, np.int8))
             self.timestep = steps_done + 1
+            self._note_positions()
         rewards, terminations, truncations = self._outcome(agents)
         if over:
             rewards = dict.fromkeys(agents, 0.0)
@@ -144,13 +149,18 @@ class DroneSwarmSearch(PublishedEnv):
             self.rewards_sum[agent] += reward
         rewards["total_reward"] = sum(rewards.values())
         self.rewards_sum["total"] += rewards["total_reward"]
-        if self.render_mode == "human":
-            self.render()
+        self._show()
         infos = {"Found": bool(world.worlds["num_missing"][0] == 0)}
-        return self._observe(), rewards, terminations, truncations, infos
+        return self.create_observations(), rewards, terminations, truncations, infos
 
-    def _observe(self) -> Observations:
-        self.agents_positions = dict(zip(self.possible_agents, self._cells(), strict=True))
+    def _note_positions(self) -> None:
+        self.agents_positions.update(zip(self.possible_agents, self._cells(), strict=True))
+
+    def create_observations(self) -> Observations:
+        """Return the observation of each agent; called once per reset and step.
+
+        A subclass can override it. The person and the map have already moved.
+        """
         probability = self.probability_matrix.get_matrix()
         return {
             agent: {"observation": (cell, probability)}

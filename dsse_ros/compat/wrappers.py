@@ -52,6 +52,12 @@ class TopNProbsWrapper(EncodedObservations):
 
     def __init__(self, env: Any, n_positions: int = 10) -> None:
         super().__init__(env, top_cells(n_positions))
+        self._count = n_positions
+
+    @property
+    def n_positions(self) -> int:
+        """Number of the most probable cells."""
+        return self._count
 
 
 class CommunicationWrapper(DiscountedObservations):
@@ -60,9 +66,23 @@ class CommunicationWrapper(DiscountedObservations):
     def __init__(self, env: Any, n_steps: int = 20) -> None:
         super().__init__(env, n_steps)
 
+    @property
+    def n_steps(self) -> int:
+        """Steps until a cell counts in full again."""
+        return self._seen.n_steps
+
 
 class RetainDronePosWrapper(RetainedPositions):
     """Every reset puts the drones into the same cells."""
 
     def __init__(self, env: Any, drone_positions: list[tuple[int, int]]) -> None:
         super().__init__(env, drone_positions)
+
+    @property
+    def drone_positions(self) -> Any:
+        """Cells (x, y) of the drones at each reset; they can be set."""
+        return self.drones_positions
+
+    @drone_positions.setter
+    def drone_positions(self, cells: Any) -> None:
+        self.drones_positions = cells

@@ -113,6 +113,59 @@ def test_a_script_may_write_into_what_it_observed() -> None:
     np.testing.assert_array_equal(observed["drone0"][1], expected["drone0"][1])
 
 
+def test_a_cell_that_a_script_assigns_moves_the_drone() -> None:
+    env = DroneSwarmSearch(grid_size=9, drone_amount=2, probability_of_detection=0)
+    env.reset()
+    positions = env.agents_positions
+    positions[1] = np.array([6, 5])
+    env.step({"drone0": Actions.SEARCH.value, "drone1": Actions.LEFT.value})
+    assert positions is env.agents_positions and positions == [(0, 0), (5, 5)]
+    env.agents_positions = [(8, 8), (0, 0)]
+    observations, rewards, *_ = env.step(dict.fromkeys(env.agents, Actions.UP.value))
+    assert [observations[agent][0] for agent in rewards] == [(8, 7), (0, 0)]
+
+
+@pytest.mark.parametrize("cells", [[(0, 9)], [(0, -1)], [(0, 0), (1, 1)], [(None, None)], [3]])
+def test_a_cell_that_cannot_be_assigned_is_refused(cells: Any) -> None:
+    env = DroneSwarmSearch(grid_size=9)
+    env.reset()
+    env.agents_positions = cells
+    with pytest.raises(ValueError, match=r"^agents_positions must .*, got "):
+        env.step({"drone0": 1})
+    assert env.timestep == 0 and env.positions.tolist() == [[0, 0]]
+
+
+def test_drones_that_start_in_the_same_cell_are_refused() -> None:
+    env = DroneSwarmSearch(grid_size=9, drone_amount=2)
+    env.reset(options={"drones_positions": [(3, 3), (5, 5)]})
+    with pytest.raises(ValueError, match=r"^drones_positions must be different cells, got "):
+        env.reset(options={"drones_positions": [(4, 4), (4, 4)]})
+    assert env.positions.tolist() == [[3, 3], [5, 5]]
+
+
+def test_a_subclass_can_change_the_observations() -> None:
+    class Shifted(DroneSwarmSearch):
+        def create_observations(self) -> dict[str, Any]:
+            observations = super().create_observations()
+            assert observations["drone0"][0] == self.agents_positions[0]
+            return {agent: cell[0] + 100 for agent, (cell, _) in observations.items()}
+
+    env = Shifted(grid_size=9)
+    assert env.reset()[0] == {"drone0": 100}
+    assert env.step({"drone0": Actions.RIGHT.value})[0] == {"drone0": 101}
+
+
+@pytest.mark.parametrize("inherited", [False, True])
+def test_a_subclass_whose_method_would_never_be_called_is_refused(inherited: bool) -> None:
+    methods = {"move_drone": lambda self, position, action: position}
+    mixin = type("Mixin", (), methods)
+    with pytest.raises(TypeError, match="^Windy must not override move_drone"):
+        if inherited:
+            type("Windy", (mixin, DroneSwarmSearch), {})
+        else:
+            type("Windy", (DroneSwarmSearch,), methods)
+
+
 @pytest.mark.parametrize(
     "arguments",
     [
@@ -120,6 +173,7 @@ def test_a_script_may_write_into_what_it_observed() -> None:
         {"drone_amount": 1.5},
         {"drone_amount": 50, "grid_size": 7},
         {"render_mode": "loud"},
+        {"fps": 0},
         {"person_amount": 0},
         {"dispersion_start": 0},
         {"person_initial_position": (20, 0)},

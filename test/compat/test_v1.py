@@ -30,7 +30,7 @@ def test_leaving_the_grid_ends_the_mission_and_later_steps_change_nothing() -> N
     env.reset()
     _, rewards, terminated, _, _ = env.step({"drone0": 0, "drone1": 3})
     assert rewards["drone0"] == -100000 and terminated["drone0"]
-    positions, total = env.agents_positions, env.rewards_sum["total"]
+    positions, total = dict(env.agents_positions), env.rewards_sum["total"]
     env.step({"drone0": 1, "drone1": 1})
     assert (env.agents_positions, env.rewards_sum["total"]) == (positions, total)
 
@@ -40,6 +40,13 @@ def test_rewards_that_were_replaced_count_from_the_next_reset() -> None:
     env.reward_scheme["default"] = 7
     env.reset()
     assert env.step({"drone0": 1})[1]["drone0"] == 7
+
+
+def test_a_cell_that_a_script_assigns_moves_the_drone() -> None:
+    env = DroneSwarmSearch()
+    env.reset()
+    env.agents_positions["drone0"] = [3, 4]
+    assert env.step({"drone0": 1})[0]["drone0"]["observation"][0] == (4, 4)
 
 
 def test_a_missing_action_is_named() -> None:

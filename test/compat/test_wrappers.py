@@ -192,3 +192,14 @@ def test_what_the_coverage_task_observes_through_wrappers_lies_in_its_spaces(
         for agent, observed in observations.items():
             assert env.observation_space(agent).contains(observed)
         observations, *_ = env.step(dict.fromkeys(env.agents, 1))
+
+
+def test_wrappers_have_the_published_attributes() -> None:
+    env = DroneSwarmSearch(grid_size=6, drone_amount=2)
+    assert wrappers.TopNProbsWrapper(env, 7).n_positions == 7
+    assert wrappers.CommunicationWrapper(env, 9).n_steps == 9
+    retained = wrappers.RetainDronePosWrapper(env, [(1, 1), (2, 2)])
+    assert retained.drone_positions == [(1, 1), (2, 2)]
+    retained.drone_positions = [(3, 3), (4, 4)]
+    retained.reset()
+    assert env.agents_positions == [(3, 3), (4, 4)]
