@@ -24,12 +24,13 @@ PIP_INSTALL := $(BIN)/python -m pip --disable-pip-version-check -qq install --no
 # Most tests with nodes wait for one another's processes, so that four at once keep two cores busy.
 # The tests of a file share their nodes; the files come in the order of test/conftest.py.
 WITH_NODES := --numprocesses=4 --dist=loadfile --no-loadscope-reorder
-WITHOUT_NODES := --numprocesses=3 --dist=worksteal
+# The others wait for nothing, and each further worker collects all of them again.
+WITHOUT_NODES := --numprocesses=logical --maxprocesses=4 --dist=worksteal
 
 # Nothing but what is in a file, by its hashes.
 LOCKED := --no-deps --require-hashes --requirement
 COMMA := ,
-OF_TESTS := viz,area,geotiff,movie,onnx,test,sitl,routes,record,dashboard,browser,docs,viewer,campaign
+OF_TESTS := viz,area,geotiff,gis,movie,onnx,test,sitl,routes,record,dashboard,browser,docs,viewer,campaign,drift
 
 # What calls the libraries that have lower bounds.
 TESTS_OF_OLDEST := $(addprefix test/scenario/test_,actions.py scenario.py) test/view/test_rendering.py \
@@ -41,15 +42,16 @@ TESTS_OF_OLDEST := $(addprefix test/scenario/test_,actions.py scenario.py) test/
 
 # Folders of tests without DDS; those marked slow are left out of them.
 TESTS_OF_CHECK := $(addprefix test/,belief bridge campaign compat compiled conformance dashboard drift flight mavlink mission \
-	msg_adapters packaging planners recording report runtime scenario search step targets training view)
+	msg_adapters packaging planners recording report runtime scenario search sensors step targets training view)
 
 # Commands and their refusals come over DDS.
 TESTS_OF_COVERAGE := $(addprefix test/,belief bridge cli compat compiled conformance drift flight mavlink mission msg_adapters \
-	planners recording runtime scenario search step targets view \
+	planners recording runtime scenario search sensors step targets view \
 	$(addprefix nodes/test_,bad_input.py client_commands.py lost_drones.py step_modes.py))
 
 MISSION = $(if $(SCENARIO),--scenario '$(SCENARIO)') $(if $(RULES),--rules '$(RULES)') $(if $(PLANNER),--planner '$(PLANNER)') $(if $(MODEL),--model '$(MODEL)') \
 	$(if $(DRONES),--drones '$(DRONES)') $(if $(SEED),--seed '$(SEED)') $(if $(OUT),--out '$(OUT)')
+RATE_OF = $(if $(RATE),--rate '$(RATE)')
 MOVIE_OF = $(if $(MOVIE),--movie '$(MOVIE)')
 
 export ROS_AUTOMATIC_DISCOVERY_RANGE := LOCALHOST
@@ -68,8 +70,8 @@ help: ## List the targets
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/\1 \2/p' $(MAKEFILE_LIST) | while read -r target text; do \
 		printf 'make %-11s %s\n' "$$target" "$$text"; done
 
-sim: $(VENV)/$(if $(VIEW),.view,.sim) ## Fly a mission: SCENARIO=file RULES=name PLANNER=name DRONES=n SEED=n OUT=folder MOVIE=file VIEW=1
-	@$(BIN)/run_mission $(MISSION) $(MOVIE_OF) $(if $(VIEW),--view)
+sim: $(VENV)/$(if $(VIEW),.view,.sim) ## Fly a mission: SCENARIO=file RULES=name PLANNER=name DRONES=n SEED=n OUT=folder MOVIE=file RATE=steps/s VIEW=1
+	@$(BIN)/run_mission $(MISSION) $(RATE_OF) $(MOVIE_OF) $(if $(VIEW),--view)
 
 sitl-demo: $(VENV)/.sim ## Fly a search with three simulated autopilots: PLANNER=name SEED=n OUT=folder
 	@$(BIN)/python test/flight/sitl_demo.py $(MISSION)
@@ -159,7 +161,7 @@ $(BASE): $(if $(SOURCED),,$(wildcard requirements-$(DISTRO).lock))
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 10))' 2>/dev/null || \
 		{ echo '$(PYTHON) is not Python 3.10 or later: name one with PYTHON=...' >&2; exit 1; }
 	@$(PYTHON) -c 'import ensurepip, venv' 2>/dev/null || \
-		{ echo '$(PYTHON) cannot make virtual environments: install python3-venv' >&2; exit 1; }
+		{ echo '$(PYTHON) cannot create virtual environments: install python3-venv' >&2; exit 1; }
 	@echo 'Setting up $(VENV) with $(if $(SOURCED),the sourced ROS 2 $(SOURCED),ROS 2 $(DISTRO) from wheels)'
 	@rm -rf $(VENV)
 	@$(PYTHON) -m venv $(if $(SOURCED),--system-site-packages) $(VENV)
@@ -168,8 +170,8 @@ $(BASE): $(if $(SOURCED),,$(wildcard requirements-$(DISTRO).lock))
 
 # Requirements are looked at again only when they may have changed. The build has a new folder of
 # its own each time: setuptools would pack the modules that an earlier one left behind.
-$(VENV)/.sim: EXTRAS := viz,area,movie,onnx
-$(VENV)/.view: EXTRAS := viz,area,movie,onnx,dashboard
+$(VENV)/.sim: EXTRAS := viz,area,movie,onnx,record
+$(VENV)/.view: EXTRAS := viz,area,movie,onnx,record,dashboard
 $(VENV)/.campaign: EXTRAS := viz,area,campaign
 $(VENV)/.test: EXTRAS := $(OF_TESTS)
 $(VENV)/.test: $(if $(SOURCED),,requirements.lock)
@@ -190,12 +192,15 @@ $(VENV)/.sim $(VENV)/.view $(VENV)/.campaign $(VENV)/.test $(VENV)/.quality $(VE
 		$(CONSTRAINTS) $(if $(TO_RESOLVE),'.[$(EXTRAS)]',--no-deps .)
 	@touch $@
 
-# Otherwise each worker would compile the search, and each node that starts before one has.
+# Otherwise each worker would compile the search and the tests, and each node that starts before one
+# has. A test that cannot be collected is reported by the target that runs it.
 $(VENV)/.compiled: $(VENV)/.test
 $(VENV)/.compiled-oldest: $(VENV)/.oldest
+$(VENV)/.compiled-oldest: TO_COLLECT := $(TESTS_OF_OLDEST)
 $(VENV)/.compiled $(VENV)/.compiled-oldest:
-	@echo 'Compiling the search'
+	@echo 'Compiling the search and the tests'
 	@$(BIN)/python test/search/compiled.py
+	@$(BIN)/pytest --collect-only --quiet $(TO_COLLECT) >/dev/null 2>&1 || true
 	@touch $@
 
 # Every lower bound as the version itself; pyparsing 3.3 warns of what Matplotlib 3.6 does.

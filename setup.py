@@ -40,6 +40,7 @@ setup(
         "dsse_ros.drift": ["*.csv"],
         "dsse_ros.report": ["*.html"],
         "dsse_ros.runtime": ["fastdds.xml"],
+        "dsse_ros.sensors": ["*.csv"],
     },
     # The lower bounds admit what Ubuntu 24.04, the home of Jazzy and Kilted, has of these.
     install_requires=[
@@ -68,10 +69,12 @@ setup(
         "drift": ["netCDF4>=1.6", "xarray>=2024.2"],
         # Probability matrices from GeoTIFF files.
         "geotiff": ["rasterio>=1.4"],
+        # The program `export_gis`.
+        "gis": ["gpxpy>=1.6", "rasterio>=1.4", "simplekml>=1.3.6"],
         # What `recorder` and `replay` write and read.
         "record": ["lz4>=4.3", "mcap>=1.6", "zstandard>=0.21"],
         # The site of `make docs`.
-        "docs": ["furo>=2024.8.6", "myst-parser>=4", "sphinx>=8.1"],
+        "docs": ["furo>=2024.8.6", "myst-parser>=4", "sphinx>=8.1", "sphinx-copybutton>=0.5"],
         # It brings an ffmpeg with it.
         "movie": ["imageio-ffmpeg>=0.5"],
         # What `foxglove_viewer` serves with.
@@ -80,9 +83,9 @@ setup(
         "campaign": ["pyarrow>=15.0", "scipy>=1.11"],
         "ray": ["ray>=2.40"],
         "viz": ["jinja2>=3.1", "matplotlib>=3.6", "tqdm>=4.66"],
-        # The program `dashboard`; `browser` drives one in its tests.
+        # The program `dashboard`; `browser` drives one in its tests, and checks its pages with axe.
         "dashboard": ["jinja2>=3.1", "nicegui>=3.18", "pillow>=10.2"],
-        "browser": ["playwright>=1.49"],
+        "browser": ["axe-playwright-python>=0.1.8", "playwright>=1.49"],
         # `make coverage`, `make mutants`, `make lock`, `make sbom` and `make audit`.
         "quality": [
             "coverage>=7.10",
@@ -100,11 +103,13 @@ setup(
             "mcap-ros2-support>=0.6",
             "mypy>=1.15",
             "onnx>=1.16",
+            "pyogrio>=0.10",
             "pytest==8.3.*",
             "pytest-xdist>=3.8",
             "rosbags>=0.11",
             "ruff>=0.9",
             "setuptools>=70.1",
+            "tifffile>=2024.8.30",
             "types-PyYAML",
             "websockets>=14.2",
         ],

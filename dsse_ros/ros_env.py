@@ -34,7 +34,7 @@ from dsse_ros.scenario.fields import shown
 from dsse_ros.scenario.options import IGNORED_OPTION, check_seed
 from dsse_ros.search import HOLD, FieldError
 from dsse_ros.search.agent_spaces import AgentSpaces
-from dsse_ros.search.observation import AgentObservation, observation_space
+from dsse_ros.search.observation import AgentObservation, Started, Stepped, observation_space
 from msg_adapters.agents import AgentsInfo
 from msg_adapters.commands import joint_action_message
 from msg_adapters.observed_step import ObservedStep, StepInbox, step_id_of
@@ -137,9 +137,9 @@ class DsseRosEnv(AgentSpaces, ParallelEnv[str, AgentObservation, int]):
         ]
         for kind, topic, take, qos in topics:
             node.create_subscription(kind, topic, partial(self._on, topic, take), qos)
-        self._reset = node.create_client(Trigger, f"{node_name}/reset")
-        self._set = node.create_client(SetParameters, f"{node_name}/set_parameters")
-        get = node.create_client(GetParameters, f"{node_name}/get_parameters")
+        self._reset: Client = node.create_client(Trigger, f"{node_name}/reset")
+        self._set: Client = node.create_client(SetParameters, f"{node_name}/set_parameters")
+        get: Client = node.create_client(GetParameters, f"{node_name}/get_parameters")
         deadline_s = time.monotonic() + self.timeout_s
         answer = self._call(get, GetParameters.Request(names=list(_NEEDED)), deadline_s)
         for (name, needed), value in zip(_NEEDED.items(), answer.values, strict=True):
@@ -151,15 +151,13 @@ class DsseRosEnv(AgentSpaces, ParallelEnv[str, AgentObservation, int]):
             raise FieldError("agents.definition: missing; the environment needs it")
         self._wait(self._publisher.get_subscription_count, "a listener to joint_action", deadline_s)
         self.possible_agents = list(self.info.agents)
-        space = observation_space(self.info.grid_size, definition.rules)
+        space = observation_space(self.info.frame.grid_size, definition.rules)
         self.observation_spaces = dict.fromkeys(self.possible_agents, space)
         self.action_spaces = {
             agent: spaces.Discrete(len(self.info.actions)) for agent in self.possible_agents
         }
 
-    def reset(
-        self, seed: int | None = None, options: Mapping[str, Any] | None = None
-    ) -> tuple[dict[str, AgentObservation], dict[str, dict[str, Any]]]:
+    def reset(self, seed: int | None = None, options: Mapping[str, Any] | None = None) -> Started:
         """Have the node start a new mission.
 
         Args:
@@ -203,21 +201,13 @@ class DsseRosEnv(AgentSpaces, ParallelEnv[str, AgentObservation, int]):
 
         step = self._wait(begun, f"step 0 of a mission with seed {seed}", deadline_s)
         if step.info.agents != self.info.agents or step.info.actions != self.info.actions:
-            raise SearchLostError("the node was started again with another search")
+            raise SearchLostError("the node was restarted with a different search")
         self.info = step.info
         drones = list(range(len(self.possible_agents)))
         self._note(step, drones)
         return step.observations(drones), step.infos(drones)
 
-    def step(
-        self, actions: Mapping[str, int]
-    ) -> tuple[
-        dict[str, AgentObservation],
-        dict[str, float],
-        dict[str, bool],
-        dict[str, bool],
-        dict[str, dict[str, Any]],
-    ]:
+    def step(self, actions: Mapping[str, int]) -> Stepped:
         """Have the node advance the mission by one step.
 
         A drone whose vehicle is lost is terminated in the step that follows, as one withdrawn
@@ -322,7 +312,7 @@ class DsseRosEnv(AgentSpaces, ParallelEnv[str, AgentObservation, int]):
         found = step_id_of(report)
         if found[0] != run_id:
             raise SearchLostError(
-                f"the node was started again: its run is {found[0]}, was {run_id}; reset it"
+                f"the node was restarted: its run is {found[0]}, was {run_id}; reset it"
             )
         if found[1] != mission:
             raise SearchLostError(
@@ -331,7 +321,7 @@ class DsseRosEnv(AgentSpaces, ParallelEnv[str, AgentObservation, int]):
         if found[2] > number + 1:
             raise SearchLostError(
                 f"step {found[2]} of mission {mission} is done, {number + 1} was to be; "
-                "somebody else commands the node"
+                "another node commands the simulation"
             )
         step = self._inbox.step()
         if step is None or (found[2] == number and step.live.any()):
@@ -355,7 +345,7 @@ class DsseRosEnv(AgentSpaces, ParallelEnv[str, AgentObservation, int]):
             if done != asked and (held[i] or (done != HOLD and not faulty)):
                 raise SearchLostError(
                     f"step {step.step_id[2]}: {self.possible_agents[i]} did action {done}, not "
-                    f"{asked}: somebody else commands the node, or its command_timeout is over"
+                    f"{asked}: another node commands it, or its command_timeout has passed"
                 )
 
     # Waiting

@@ -1,6 +1,6 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""What a planner has to know of the search, as JSON in std_msgs/String."""
+"""The description of a search for planners, as JSON in std_msgs/String."""
 
 from __future__ import annotations
 
@@ -24,13 +24,10 @@ if TYPE_CHECKING:
     from std_msgs.msg import String
 
 
-@dataclass(frozen=True)
-class Origin:
-    """WGS84 position of the grid's south-west corner."""
+_ARRAYS = ("probability_matrix", "transition_probabilities")
+"""Fields of a scenario that a message has as path and digest."""
 
-    lat_deg: float
-    lon_deg: float
-    alt_m: float
+_ORIGIN = ("lat_deg", "lon_deg", "alt_m")
 
 
 @dataclass(frozen=True)
@@ -42,14 +39,10 @@ class AgentsInfo:
         actions: Names of the actions: the action with number i is actions[i].
         rules: Name of the rules profile.
         seed: Seed of the mission, None if it was not given.
-        grid_size: Cells along a side, G.
-        cell_size_m: Side of a cell.
+        frame: The grid in the map frame: all fields but the altitudes of kinds of drones, which
+            follow from the definition, are keys of the message.
         timestep_limit: Limit of the mission in steps.
         step_duration_s: Simulated time that a step takes.
-        map_frame: Name of the map frame, prefix included.
-        frame_prefix: What the names of all frames begin with.
-        origin: Where the map frame lies on the Earth.
-        alt_m: Flight altitude above the map plane, of drones whose kind has none of its own.
         mission: Number of the mission; grows by one with each reset. A mission that is resumed
             from a snapshot keeps its own.
         run_id: Identity of the simulation since its start, 1 to 2**32 - 1: with the mission it
@@ -65,14 +58,9 @@ class AgentsInfo:
     actions: tuple[str, ...]
     rules: str
     seed: int | None
-    grid_size: int
-    cell_size_m: float
+    frame: GridFrame
     timestep_limit: int
     step_duration_s: float
-    map_frame: str
-    frame_prefix: str
-    origin: Origin
-    alt_m: float
     mission: int
     run_id: int
     definition: SearchDefinition | None = None
@@ -87,21 +75,6 @@ class AgentsInfo:
             return None
         return np.array([[cell == "1" for cell in row] for row in self.area])
 
-    @property
-    def frame(self) -> GridFrame:
-        """The grid in the map frame."""
-        return GridFrame(
-            grid_size=self.grid_size,
-            cell_size_m=self.cell_size_m,
-            origin_lat_deg=self.origin.lat_deg,
-            origin_lon_deg=self.origin.lon_deg,
-            origin_alt_m=self.origin.alt_m,
-            alt_m=self.alt_m,
-            alts_m=() if self.definition is None else altitudes_of(self.definition.scenario),
-            map_frame=self.map_frame,
-            frame_prefix=self.frame_prefix,
-        )
-
 
 def area_rows(mask: NDArray[np.bool_] | None) -> tuple[str, ...] | None:
     """Return the `area` of `AgentsInfo` with this mask (G, G) bool; None for None."""
@@ -114,8 +87,9 @@ def definition_values(definition: SearchDefinition) -> dict[str, Any]:
     """Return the rules and the scenario as JSON values: the inverse of `definition_from`."""
     rules, scenario = definition.rules, definition.scenario
     fields = {name: getattr(scenario, name) for name in SPECS}
-    if scenario.probability_matrix is not None:
-        fields["probability_matrix"] = scenario.probability_matrix.reference
+    for name in _ARRAYS:
+        if fields[name] is not None:
+            fields[name] = fields[name].reference
     if scenario.area is not None:
         fields["area"] = json.loads(scenario.area.to_geojson())
     if scenario.incident is not None:
@@ -129,6 +103,9 @@ def agents_message(info: AgentsInfo) -> String:
     from std_msgs.msg import String
 
     values = asdict(replace(info, definition=None))
+    values |= values.pop("frame")
+    del values["alts_m"]
+    values["origin"] = {name: values.pop(f"origin_{name}") for name in _ORIGIN}
     if info.definition is not None:
         values["definition"] = definition_values(info.definition)
         values |= _of_incident(info.definition.scenario)
@@ -165,13 +142,12 @@ def definition_from(keys: Keys, num_drones: int, grid_size: int | None) -> Searc
     for name, value in parts.items():
         if not isinstance(value, dict):
             keys.refuse(name, "an object")
-    # A message names no file to be read here, except a matrix whose digest it knows.
+    # A message names no file to be read here, except an array whose digest it knows.
     if not isinstance(parts["scenario"].get("area"), dict | None):
         keys.inner("scenario").refuse("area", "a GeoJSON object or null")
-    if not isinstance(parts["scenario"].get("probability_matrix"), dict | None):
-        keys.inner("scenario").refuse(
-            "probability_matrix", "an object with path and sha256, or null"
-        )
+    for name in _ARRAYS:
+        if not isinstance(parts["scenario"].get(name), dict | None):
+            keys.inner("scenario").refuse(name, "an object with path and sha256, or null")
     if names_files(parts["scenario"].get("incident")):
         keys.inner("scenario").refuse("incident", "an object without files or null")
     try:
@@ -184,7 +160,7 @@ def definition_from(keys: Keys, num_drones: int, grid_size: int | None) -> Searc
             ("num_drones", drones, num_drones),
         ):
             if value is not None and stated != value:
-                raise ValueError(f"{name} must be {value}, as agents has it, got {stated}")
+                raise ValueError(f"{name} must be {value}, as in agents, got {stated}")
         return SearchDefinition(rules, scenario.resolve(rules))
     except (TypeError, ValueError) as error:
         raise ValueError(f"{keys.where}: {error}") from None
@@ -199,44 +175,46 @@ def agents_from_message(message: String) -> AgentsInfo:
         ValueError: If the text is not such JSON; one line that names the key.
     """
     keys = Keys(parse_json(message.data, "agents"), "agents")
-    origin = keys.inner("origin")
-    info = AgentsInfo(
-        agents=keys.names("agents"),
+    agents, definition = keys.names("agents"), None
+    if keys.value("definition") is not None:
+        grid_size = keys.integer("grid_size", 1, MAX_SIDE)
+        definition = definition_from(keys.inner("definition"), len(agents), grid_size)
+    return AgentsInfo(
+        agents=agents,
         actions=keys.names("actions"),
         rules=keys.text("rules"),
         seed=None if keys.value("seed") is None else keys.integer("seed", None),
-        grid_size=keys.integer("grid_size", 1, MAX_SIDE),
-        cell_size_m=keys.number("cell_size_m"),
+        frame=_frame_of(keys, definition),
         timestep_limit=keys.integer("timestep_limit", 1),
         step_duration_s=keys.number("step_duration_s"),
-        map_frame=keys.text("map_frame"),
-        frame_prefix=keys.text("frame_prefix", may_be_empty=True),
-        origin=Origin(
-            lat_deg=origin.number("lat_deg"),
-            lon_deg=origin.number("lon_deg"),
-            alt_m=origin.number("alt_m"),
-        ),
-        alt_m=keys.number("alt_m"),
         mission=keys.integer("mission", 0, MAX_ID),
         run_id=keys.integer("run_id", 1, MAX_ID),
-        definition=(
-            None
-            if keys.value("definition") is None
-            else definition_from(
-                keys.inner("definition"),
-                len(keys.names("agents")),
-                keys.integer("grid_size", 1, MAX_SIDE),
-            )
-        ),
+        definition=definition,
         area=_area_of(keys),
         decision_time_s=_decision_time_s(keys),
         commanded=keys.flag("commanded", default=True),
     )
+
+
+def _frame_of(keys: Keys, definition: SearchDefinition | None) -> GridFrame:
+    """Return the grid in the map frame.
+
+    Raises:
+        ValueError: If a key is missing or not allowed.
+    """
+    origin = keys.inner("origin")
+    values: dict[str, Any] = {
+        "grid_size": keys.integer("grid_size", 1, MAX_SIDE),
+        "map_frame": keys.text("map_frame"),
+        "frame_prefix": keys.text("frame_prefix", may_be_empty=True),
+        "alts_m": () if definition is None else altitudes_of(definition.scenario),
+        **{name: keys.number(name) for name in ("cell_size_m", "alt_m")},
+        **{f"origin_{name}": origin.number(name) for name in _ORIGIN},
+    }
     try:
-        _ = info.frame
+        return GridFrame(**values)
     except ValueError as error:
         raise ValueError(f"agents: {error}") from None
-    return info
 
 
 def _decision_time_s(keys: Keys) -> float | None:

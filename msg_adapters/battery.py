@@ -1,6 +1,6 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""What is left in the battery of a drone: sensor_msgs/BatteryState."""
+"""The charge of a drone's battery as sensor_msgs/BatteryState."""
 
 from __future__ import annotations
 

@@ -167,7 +167,7 @@ def _goal_cell(field: str, pose: Pose, frame: GridFrame) -> Result[Cell]:
                 return Rejected("not_finite", reason)
     cell = map_to_cell(frame, pose.position.x, pose.position.y)
     if cell is None:
-        side_m = frame.grid_size * frame.cell_size_m
+        side_m = frame.side_m
         return Rejected(
             "outside_grid",
             f"{field}.position must be 0 <= x, y < {side_m:.6g} m, "

@@ -76,6 +76,16 @@ class GridFrame:
         if not self.map_frame:
             raise ValueError("map_frame must be a name, got ''")
 
+    @property
+    def side_m(self) -> float:
+        """Length of a side of the grid."""
+        return self.grid_size * self.cell_size_m
+
+    @property
+    def origin(self) -> tuple[float, float, float]:
+        """WGS84 latitude, longitude and altitude of the south-west corner."""
+        return self.origin_lat_deg, self.origin_lon_deg, self.origin_alt_m
+
     def altitudes_m(self, drones: int) -> list[float]:
         """Return the flight altitude of each of N drones.
 

@@ -32,7 +32,7 @@ def map_to_geodetic(frame: GridFrame, x_m: F, y_m: F, z_m: float | F) -> tuple[F
         z_m: Metres above the surface that is as high above the ellipsoid as the origin.
     """
     x, y, z = np.broadcast_arrays(x_m, y_m, np.asarray(z_m, dtype=np.float64))
-    lat_deg, lon_deg = surface_to_geodetic(_origin(frame), x, y)
+    lat_deg, lon_deg = surface_to_geodetic(frame.origin, x, y)
     return lat_deg, lon_deg, _number(frame.origin_alt_m + z)
 
 
@@ -63,7 +63,17 @@ def on_near_side(frame: GridFrame, lat_deg: float, lon_deg: float) -> bool:
 
 def _surface_point(frame: GridFrame, lat_deg: Any, lon_deg: Any) -> tuple[Any, Any, Any]:
     """Return east, north and up of a place at the origin's height above the ellipsoid."""
-    return through_ecef(pymap3d.geodetic2enu, _origin(frame), lat_deg, lon_deg, frame.origin_alt_m)
+    of_numbers = isinstance(lat_deg, float) and isinstance(lon_deg, float)
+    convert = _surface_fix if of_numbers else _converted
+    return convert(frame.origin, lat_deg, lon_deg)
+
+
+def _converted(origin: Origin, lat_deg: Any, lon_deg: Any) -> tuple[Any, Any, Any]:
+    return through_ecef(pymap3d.geodetic2enu, origin, lat_deg, lon_deg, origin[2])
+
+
+_surface_fix = lru_cache(maxsize=1 << 10)(_converted)
+"""The same, remembered: a fence is asked for the same homes and middles many times a second."""
 
 
 def cell_to_geodetic(frame: GridFrame, col: F, row: F, z_m: float | F) -> tuple[F, F, F]:
@@ -88,7 +98,3 @@ def cell_fix(frame: GridFrame, col: int, row: int) -> tuple[float, float, float]
 def _number(array: Any) -> Any:
     """Return an array, or its number if it has no dimensions."""
     return array if array.ndim else float(array)
-
-
-def _origin(frame: GridFrame) -> Origin:
-    return frame.origin_lat_deg, frame.origin_lon_deg, frame.origin_alt_m

@@ -33,6 +33,7 @@ _OF_FLOWS: dict[str, tuple[float, Rgb]] = {
 }
 """Seconds of its way that the arrow of each shows, and its colour."""
 _SHORE: Rgb = (0.8, 0.7, 0.4)
+_LKP: Rgb = (1.0, 0.35, 0.85)
 
 _CIRCLE_SEGMENTS = 72
 # Successive hues this far apart (the golden ratio) never come close to each other.
@@ -62,8 +63,9 @@ def marker_array(
     """Return drones, tracks, datum and circle, and the persons when they are given.
 
     The first marker deletes all earlier ones. Namespaces: `drones`, `names`, `tracks` and
-    `persons`, with the index as id, `datum`, `circle`, `wind`, `current` and `shore`. The arrow of
-    the wind is as long as its way in a minute, that of the current as its way in ten.
+    `persons`, with the index as id, `datum`, `circle`, `wind`, `current`, `shore`, `lkp` and
+    `sea_names`. The arrow of the wind is as long as its way in a minute, that of the current as its
+    way in ten. A last known position is a disc in the circle of its uncertainty.
 
     Args:
         frame: The grid.
@@ -76,7 +78,7 @@ def marker_array(
         radius_cells: Radius of the circle about the datum; None to leave out.
         person_cells: (M, 2) cells of the persons; None to leave out.
         found: M flags; none is found if not given.
-        sea: Wind, current and shore; None to leave out.
+        sea: Wind, current, shore and sightings; None to leave out.
 
     Raises:
         ValueError: If the numbers of names, tracks, flags and cells differ.
@@ -93,6 +95,12 @@ def marker_array(
     def line(namespace: str, number: int, width_m: float, color: Rgb) -> Marker:
         return marker(namespace, number, Marker.LINE_STRIP, (width_m, 0.0, 0.0), color)
 
+    def text(namespace: str, number: int, shown: str, place: Point, color: Rgb) -> Marker:
+        size = (0.0, 0.0, 0.5 * cell_m)
+        made = marker(namespace, number, Marker.TEXT_VIEW_FACING, size, color)
+        made.pose.position, made.text = place, shown
+        return made
+
     markers = [Marker(header=head, action=Marker.DELETEALL)]
     cells = np.asarray(drone_cells, dtype=np.float64).reshape(-1, 2)
     places = _points(frame, cells, 0.0)
@@ -105,10 +113,8 @@ def marker_array(
         side_m = 0.5 * cell_m
         body = marker("drones", number, Marker.SPHERE, (side_m, side_m, 0.5 * side_m), color)
         body.pose.position = place
-        label = marker("names", number, Marker.TEXT_VIEW_FACING, (0.0, 0.0, side_m), _WHITE)
-        label.pose.position = Point(x=place.x, y=place.y, z=place.z + cell_m)
-        label.text = name
-        markers += [body, label]
+        above = Point(x=place.x, y=place.y, z=place.z + cell_m)
+        markers += [body, text("names", number, name, above, _WHITE)]
         turns = corners(track)
         if len(turns) > 1:
             flown = line("tracks", number, 0.08 * cell_m, color)
@@ -145,13 +151,23 @@ def marker_array(
             # An arrow between two points: width of shaft and head, length of head.
             arrow = marker(flow.kind, 0, Marker.ARROW, (size, 3 * size, 3 * size), color)
             east_m, north_m = (time_s * part for part in flow.velocity_mps)
-            arrow.points = [start, Point(x=start.x + east_m, y=start.y + north_m, z=0.0)]
-            markers.append(arrow)
+            end = Point(x=start.x + east_m, y=start.y + north_m, z=0.0)
+            arrow.points = [start, end]
+            markers += [arrow, text("sea_names", len(markers), flow.label, end, color)]
         for number, ring in enumerate(sea.shore):
             shore = line("shore", number, 0.08 * cell_m, _SHORE)
             closed = np.vstack([ring, ring[:1]])
             shore.points = [Point(x=x, y=y, z=0.0) for x, y in closed.tolist()]
             markers.append(shore)
+        for number, seen in enumerate(sea.sightings):
+            place, size = Point(x=seen.x_m, y=seen.y_m, z=0.0), 0.3 * cell_m
+            fix = marker("lkp", 2 * number, Marker.CYLINDER, (size, size, 0.1 * size), _LKP)
+            fix.pose.position = place
+            # A sighting may be exact; a fix of a chart has a circle all the same.
+            around = line("lkp", 2 * number + 1, 0.06 * cell_m, _LKP)
+            around.points = list(_circle(place, max(seen.radius_m, size)))
+            below = Point(x=seen.x_m, y=seen.y_m - 0.6 * cell_m, z=0.0)
+            markers += [fix, around, text("sea_names", len(markers), seen.label, below, _LKP)]
     return MarkerArray(markers=markers)
 
 

@@ -29,7 +29,7 @@ _LIMITS = {"latitude": 90.0, "longitude": 180.0, "altitude": 1e6}
 
 
 class Firmware(NamedTuple):
-    """How the missions of an autopilot's firmware are written.
+    """The mission format of an autopilot's firmware.
 
     Attributes:
         home_first: Whether item 0 is home; else it is the first to fly.
@@ -93,7 +93,7 @@ class MissionItem:
 
 @dataclass(frozen=True)
 class Mission:
-    """What one vehicle is to do.
+    """The mission of one vehicle.
 
     Attributes:
         home: Where it starts.

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The report of a whole mission: a NumPy structured array to sensor_msgs/PointCloud2 and back.
 
-One row per step, one entry per drone: who comes late, or has missed a step report, has all tracks.
+One row per step, one entry per drone, for nodes that joined late or missed step reports.
 """
 
 from __future__ import annotations

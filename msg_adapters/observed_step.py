@@ -1,6 +1,6 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""From the messages about a step to observations and infos, as the environment hands them out."""
+"""Observations and infos of a step from its messages, equal to those of the environment."""
 
 from __future__ import annotations
 
@@ -152,6 +152,6 @@ class StepInbox:
         fits = (
             len(report) == len(info.agents)
             and report["action_mask"].shape[1] == len(info.actions)
-            and probability.shape == (info.grid_size, info.grid_size)
+            and probability.shape == (info.frame.grid_size, info.frame.grid_size)
         )
         return ObservedStep(info, report, probability) if fits else None

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Drones as poses, odometry, paths, fixes and transforms in the map frame, at flight altitude.
 
-What is of one drone takes its own frame, see `GridFrame.of_drone`.
+Functions for a single drone take its own frame, see `GridFrame.of_drone`.
 
 Functions with `into` fill and return that message, one of their own earlier results, instead of
 a new one: building messages costs as much as publishing them.

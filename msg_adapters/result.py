@@ -1,6 +1,6 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""What a parser of commands returns: a value, or why there is none. Parsers never raise."""
+"""The result of a command parser: a value, or the reason for refusing it. Parsers never raise."""
 
 from __future__ import annotations
 

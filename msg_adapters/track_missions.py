@@ -1,6 +1,6 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""What vehicles fly for drones: a leg for each step, and whole tracks as missions."""
+"""Drones' moves for vehicles: a leg for each step, and whole tracks as missions."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from msg_adapters.tracks import stops
 
 @dataclass(frozen=True)
 class Leg:
-    """What a step asks of one drone's vehicle.
+    """The leg of one drone's vehicle in a step.
 
     Attributes:
         stamp_ns: Stamp of the step's report.

@@ -1,6 +1,6 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""What is known of a vehicle, as messages, and what the simulation reads from them."""
+"""The state of a vehicle as messages, and the parts that the simulation reads."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ RUN_ID = "run_id"
 
 @dataclass(frozen=True)
 class Progress:
-    """How far a vehicle has come with its drone.
+    """Progress of a vehicle with its drone's steps.
 
     Attributes:
         report_stamp_ns: Stamp of the step report that it follows; -1 if there is none.

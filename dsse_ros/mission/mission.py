@@ -248,7 +248,7 @@ class Mission:
         if self.done:
             return Rejected("mission_over", "the mission is over; call ~/reset for a new one")
         if drone is not None and not self.env.world.drones["alive"][0, drone]:
-            return Rejected("drone_terminated", f"drone{drone} is terminated; it takes no command")
+            return Rejected("drone_terminated", f"drone{drone} is terminated; it takes no commands")
         return None
 
     def refuse_goals(self, drone: int, goals: Sequence[Cell]) -> Rejected | None:

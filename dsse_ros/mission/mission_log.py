@@ -203,7 +203,7 @@ def _cut(path: str | os.PathLike[str], end: tuple[int, int], columns: Sequence[s
         head = file.readline()
         whole = ",".join(columns).encode() + b"\n"
         if head not in (whole, whole[: len(head)]):
-            raise FieldError(f"record_file: {os.fspath(path)!r} is no record of a mission")
+            raise FieldError(f"record_file: {os.fspath(path)!r} is not a record of a mission")
         keep = len(head) if head == whole else 0
         for line in file:
             try:

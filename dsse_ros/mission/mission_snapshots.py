@@ -70,7 +70,7 @@ def check_mission(snapshot: Snapshot, now: Snapshot, grid_size: int, num_actions
             possible[name] = bool(np.isin(arrays[name], actions).all())
     wrong = [name for name, is_possible in possible.items() if not is_possible]
     if wrong:
-        raise SnapshotError(f"the snapshot is of no mission that can be: {', '.join(wrong)}")
+        raise SnapshotError(f"the snapshot is of an impossible mission: {', '.join(wrong)}")
 
 
 def _is_int(value: Any, least: int, most: int = _LARGEST) -> bool:

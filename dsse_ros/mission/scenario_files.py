@@ -30,4 +30,4 @@ def find_scenario(name: str) -> Path:
         if path.is_file():
             return path.resolve()
     names = sorted({path.stem for folder in folders for path in folder.glob("*.yaml")})
-    raise FieldError(f"scenario: {name!r} is no file and none of those shipped: {', '.join(names)}")
+    raise FieldError(f"scenario: {name!r} is not a file or a known scenario: {', '.join(names)}")

@@ -35,8 +35,8 @@ class ArrivalSettings:
     """Setting for when a vehicle has arrived."""
 
     acceptance_radius: float = field(
-        "float", "Distance from the centre of a cell within which a vehicle has arrived; half the "
-        "side in cells too small for it.", 10.0, low=1, high=255, unit="m",
+        "float", "Distance from the centre of a cell within which a vehicle has arrived; at most "
+        "half the side of a cell.", 10.0, low=1, high=255, unit="m",
     )  # fmt: skip
 
 
@@ -80,7 +80,7 @@ def search_missions(
 ) -> list[Mission]:
     """Return what each vehicle has to fly: see `track_mission`.
 
-    Their tracks are flown at the same time, but nothing is known of who is where when. A vehicle
+    Their tracks are flown at the same time, but their timing is not coordinated. A vehicle
     descends to search only over cells that no other one passes at its altitude or below: see
     `level_cells`. The others it searches from its altitude.
 

@@ -54,7 +54,7 @@ class BagPlayer(AlarmNode):
         self._advance()
         self._begun_s = time.monotonic()
         self._begun_ns = self._next.log_time_ns if self._next else 0
-        self.get_logger().info(f"publishing {path} at {rate:g} times the speed")
+        self.get_logger().info(f"publishing {path} at {rate:g} times the recorded speed")
         self._alarm.set(0.0)
 
     def _advance(self) -> None:

@@ -121,6 +121,7 @@ class BridgePublishers:
             "reason": outcome.reason,
             "refused": refused,
             "blocked": blocked,
+            "return_altitude": f"{state.return_alt_m:g}",
             "item_current": state.item_current,
             "item_reached": state.item_reached,
         }

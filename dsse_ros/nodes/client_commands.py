@@ -131,7 +131,7 @@ def _json(type_name: str, data: bytes) -> Any:
     try:
         return json.loads(data)
     except (ValueError, RecursionError) as error:
-        raise FieldError(f"{type_name}: no JSON: {_line(error)}") from None
+        raise FieldError(f"{type_name}: not JSON: {_line(error)}") from None
 
 
 def _message(type_name: str, values: Any) -> Any:

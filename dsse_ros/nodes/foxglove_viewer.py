@@ -39,7 +39,7 @@ _WAITING = 1000
 
 
 class _Offer(NamedTuple):
-    """What a client advertises on a channel of its own."""
+    """A client's advertisement of a channel."""
 
     topic: str
     schema_name: str
@@ -144,7 +144,7 @@ class ViewerNode(AlarmNode):
         self.get_logger().info(f"serving {self.get_namespace()} to Foxglove at {url}")
         if not _is_loopback(settings.host):
             may = "read and command" if settings.accept_commands else "read"
-            self.get_logger().warning(f"who reaches {url} may {may}, without a password")
+            self.get_logger().warning(f"anybody who can reach {url} may {may}, without a password")
         return server
 
     def _discover(self) -> None:
@@ -214,7 +214,7 @@ class ViewerNode(AlarmNode):
             try:
                 if not self._command(offer, data):
                     if time.monotonic() - since_s > MATCHED_S:
-                        raise FieldError("nobody obeys it")
+                        raise FieldError("no node subscribes to it")
                     later.append((offer, data, since_s))
             except FieldError as error:
                 self._refuse(f"refused from a client: {offer.topic}: {error}")
@@ -231,7 +231,7 @@ class ViewerNode(AlarmNode):
         message = read_command(type_name, offer.encoding, data)
         if offer.topic not in self._commands:
             if not self.count_subscribers(offer.topic):
-                raise FieldError("nobody obeys it")
+                raise FieldError("no node subscribes to it")
             self._commands[offer.topic] = self.create_publisher(
                 message_class(type_name), offer.topic, COMMANDS
             )

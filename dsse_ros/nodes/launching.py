@@ -1,12 +1,13 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""What the launch files share: the arguments of a mission, and its nodes.
+"""The common parts of the launch files: the arguments of a mission, and its nodes.
 
 The nodes check the values. Arguments that are not given leave the choice to the parameter files.
 """
 
 from __future__ import annotations
 
+import signal
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -19,6 +20,9 @@ from launch_ros.actions import Node
 
 _BOOL = ["true", "false"]
 _WATCHERS = ("recorder", "foxglove_viewer", "rviz2")
+_INTERRUPTED = (-signal.SIGINT, 128 + signal.SIGINT)
+"""Codes of nodes that Ctrl-C has reached before launch."""
+_FAILURE = "dsse_ros_failure"
 
 
 def argument(
@@ -139,7 +143,7 @@ def node(
         # An interrupted bridge first makes its vehicles hold, and DDS needs time too.
         sigterm_timeout="20",
         # The mission continues if a node that only watches ends: RViz is closed, the disk is full.
-        on_exit=None if executable in _WATCHERS else _end,
+        on_exit=_note_failure if executable in _WATCHERS else _end,
         **{"package": "dsse_ros", **options},
     )
 
@@ -148,13 +152,21 @@ def _end(event: Any, context: LaunchContext) -> Shutdown | None:
     """Shut down; a node that has failed makes the launch fail.
 
     Raises:
-        RuntimeError: If it has failed.
+        RuntimeError: If it has failed, or a node that only watches has.
     """
     if context.is_shutdown:
         return None
-    if event.returncode:
-        raise RuntimeError(f"{event.process_name} ended with code {event.returncode}")
+    _note_failure(event, context)
+    if failure := context.get_locals_as_dict().get(_FAILURE):
+        raise RuntimeError(failure)
     return Shutdown(reason=f"{event.process_name} has ended")
+
+
+def _note_failure(event: Any, context: LaunchContext) -> None:
+    """Keep the failure of a node for the end of the launch."""
+    if event.returncode not in (0, *_INTERRUPTED) and not context.is_shutdown:
+        failure = f"{event.process_name} ended with code {event.returncode}"
+        context.extend_globals({_FAILURE: failure})
 
 
 def _share() -> Path:

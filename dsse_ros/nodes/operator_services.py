@@ -15,6 +15,7 @@ from types import MappingProxyType
 from typing import Any
 
 from rclpy.node import Node
+from rclpy.topic_endpoint_info import TopicEndpointInfo
 from std_srvs.srv import SetBool, Trigger
 
 OPERATOR_SERVICES: Mapping[str, Any] = MappingProxyType(
@@ -38,6 +39,11 @@ class FoundBridge:
     drones: tuple[str, ...]
 
 
+def full_name(endpoint: TopicEndpointInfo) -> str:
+    """Return the full name of the node of a publisher."""
+    return f"{endpoint.node_namespace.rstrip('/')}/{endpoint.node_name}"
+
+
 def find_bridges(node: Node) -> dict[str, FoundBridge]:
     """Return the running bridges by namespace, "" for the root.
 
@@ -49,8 +55,8 @@ def find_bridges(node: Node) -> dict[str, FoundBridge]:
         match = _STATES.fullmatch(topic)
         publishers = node.get_publishers_info_by_topic(topic) if match else []
         if match and publishers:
-            of, name = publishers[0].node_namespace, publishers[0].node_name
-            _, drones = found.setdefault(match["namespace"], (f"{of.rstrip('/')}/{name}", []))
+            node_of = full_name(publishers[0])
+            _, drones = found.setdefault(match["namespace"], (node_of, []))
             drones.append(match["drone"])
     return {
         namespace: FoundBridge(name, tuple(sorted(drones, key=lambda one: int(one[5:]))))

@@ -12,24 +12,36 @@ from functools import partial
 from typing import Any
 
 import numpy as np
+from diagnostic_msgs.msg import DiagnosticArray
 from numpy.typing import NDArray
+from rclpy.clock import Clock
 from sensor_msgs.msg import Image, PointCloud2
 from std_msgs.msg import Int32MultiArray, String
 
 from dsse_ros.nodes.settings import PlannerSettings
-from dsse_ros.planners import PLANNERS, Planner, load_planner, make_planner, planner_for
-from dsse_ros.runtime.qos import COMMANDS, LATCHED, read_settings
+from dsse_ros.planners import (
+    PLANNERS,
+    Planner,
+    load_planner,
+    make_planner,
+    planner_with,
+    read_options,
+)
+from dsse_ros.runtime.qos import COMMANDS, LATCHED, RELIABLE, read_settings
 from dsse_ros.runtime.run_node import AlarmNode, run_node
 from dsse_ros.search import HOLD, FieldError
 from dsse_ros.search.compiler import announced
 from msg_adapters.agents import AgentsInfo
 from msg_adapters.commands import joint_action_message
+from msg_adapters.diagnostics import Level, diagnostic_array
 from msg_adapters.observed_step import ObservedStep, StepId, StepInbox, step_id_of
 
 _RETRY_S = 1.0
 """Wall time after which the node retries a failed planner, and logs what it is waiting for."""
 _SHARE = 0.8
 """Share of a step's waiting time for the planner; the rest is for the transport of messages."""
+_DIAGNOSTICS_S = 1.0
+"""Wall time between diagnostics."""
 _PENDING_S = 10.0
 """Wall time after which the node logs that a step has not come: vehicles take that long."""
 
@@ -49,6 +61,7 @@ class PlannerNode(AlarmNode):
         self.settings, endpoints = read_settings(self, PlannerSettings)
         # Fail at once, without a simulation, if the planner cannot be loaded.
         load_planner(self.settings.planner)
+        read_options(self.settings.planner_options)
         if self.settings.planner == "onnx":
             from dsse_ros.planners.onnx import read_model
 
@@ -78,11 +91,15 @@ class PlannerNode(AlarmNode):
                 (PointCloud2, "step_report", self._on_report),
             )
         ]
+        self._diagnostics = endpoints.publisher(DiagnosticArray, "/diagnostics", RELIABLE)
         endpoints.check_all_used()
         # A lost command would stop a lockstep mission forever.
         self._resend_alarm = self.alarms.make(self._send)
         self._retry_alarm = self.alarms.make(self._plan)
         self.alarms.make(self._log_waiting).repeat(_RETRY_S)
+        # Monitors compare the stamps of diagnostics with the wall clock.
+        self._wall_clock = Clock()
+        self.alarms.make(self._publish_diagnostics).repeat(_DIAGNOSTICS_S)
 
     def _on(self, topic: str, read: Callable[[Any], None], message: Any) -> None:
         try:
@@ -187,12 +204,13 @@ class PlannerNode(AlarmNode):
         """
         name, seed = self.settings.planner, self.settings.seed
         covers = info.definition is not None and info.definition.rules.covers
-        if name in PLANNERS and not covers:
+        texts = self.settings.planner_options
+        if name in PLANNERS and not covers and not texts:
             return make_planner(name, info.actions, seed=seed, area=info.area_mask)
         if info.definition is None:
             raise ValueError("agents.definition: missing; this planner needs it")
         options = {"model": self.settings.model} if self.settings.model else {}
-        return planner_for(info.definition, name, seed=seed, **options)
+        return planner_with(info.definition, name, texts, seed=seed, **options)
 
     def _report_failure(self, step: StepId, error: Exception) -> None:
         """Log that the planner has failed, once for each step."""
@@ -201,7 +219,7 @@ class PlannerNode(AlarmNode):
         self._failed = step
         reason = " ".join(f"{type(error).__name__}: {error}".split())
         self.get_logger().error(
-            f"planner {self.settings.planner} has failed in step {step[2]} of mission {step[1]}: "
+            f"planner {self.settings.planner} failed in step {step[2]} of mission {step[1]}: "
             f"{reason}"
         )
         self.get_logger().debug("".join(traceback.format_exception(error)))
@@ -211,6 +229,22 @@ class PlannerNode(AlarmNode):
         before, self._waits_for = self._waits_for, self._missing()
         if self._waits_for and self._waits_for != before:
             self.get_logger().info(f"waiting for {self._waits_for}")
+
+    def _publish_diagnostics(self) -> None:
+        level: Level = "ok"
+        message = f"waiting for {missing}" if (missing := self._missing()) else "running"
+        report = self._inbox.report
+        if report is not None and step_id_of(report[1]) == self._failed:
+            level, message = "error", f"the planner failed in step {self._failed[2]}"
+        self._diagnostics.publish(
+            diagnostic_array(
+                self._wall_clock.now().to_msg(),
+                name=self.get_fully_qualified_name().lstrip("/"),
+                level=level,
+                message=message,
+                values={"planner": self.settings.planner},
+            )
+        )
 
     def _missing(self) -> str:
         """Return what the node is waiting for; "" for nothing worth logging."""

@@ -6,7 +6,6 @@ from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PoseArray, PoseStamped
@@ -19,26 +18,21 @@ from std_msgs.msg import Float64MultiArray, String
 from visualization_msgs.msg import MarkerArray
 
 from dsse_ros.mission.mission import Mission, StepResult
+from dsse_ros.mission.step_messages import battery_of, markers_of
 from dsse_ros.mission.step_reports import step_report_of
 from dsse_ros.mission.step_scheduler import Timing
 from dsse_ros.runtime.qos import COMPLETE, LATCHED, RELIABLE, SENSOR, Endpoints
-from dsse_ros.scenario.sea_state import sea_state
 from dsse_ros.search import SearchDefinition
-from dsse_ros.step.fault_kernels import HOME, LOST
-from dsse_ros.targets import sea_map
-from msg_adapters.agents import AgentsInfo, Origin, agents_message, area_rows
-from msg_adapters.battery import battery_state
+from msg_adapters.agents import AgentsInfo, agents_message, area_rows
 from msg_adapters.diagnostics import Level, diagnostic_array
 from msg_adapters.frames import GridFrame
 from msg_adapters.geodesy import cell_fix
 from msg_adapters.images import probability_image
-from msg_adapters.markers import marker_array
 from msg_adapters.mission_report import make_mission_report, mission_report_message
 from msg_adapters.occupancy import occupancy_grid
 from msg_adapters.particles import particles_message
 from msg_adapters.pos import pos_message
 from msg_adapters.poses import (
-    base_link,
     nav_sat_fix,
     odometry,
     path,
@@ -136,21 +130,16 @@ class MissionPublishers:
 
     def publish_agents(self, timing: Timing) -> None:
         """Publish the agents, their rules and grid, and whether they have been commanded."""
-        env, frame = self._mission.env, self._frame
+        env = self._mission.env
         begun = self._mission.result.step > 0 or not self._mission.missing
         info = AgentsInfo(
             agents=tuple(self._names),
             actions=env.rules.actions,
             rules=env.rules.profile,
             seed=self._mission.seed,
-            grid_size=frame.grid_size,
-            cell_size_m=frame.cell_size_m,
+            frame=self._frame,
             timestep_limit=int(env.scenario.timestep_limit or 0),
             step_duration_s=env.scenario.step_duration_s,
-            map_frame=frame.map_frame,
-            frame_prefix=frame.frame_prefix,
-            origin=Origin(frame.origin_lat_deg, frame.origin_lon_deg, frame.origin_alt_m),
-            alt_m=frame.alt_m,
             mission=self._mission.number,
             run_id=self.run_id,
             definition=SearchDefinition(env.rules, env.mission_scenario),
@@ -207,7 +196,7 @@ class MissionPublishers:
             publisher.publish(pose_stamped(of_drone, cell, stamp, message))
         self._drones.publish(pose_array(frame, result.cells, stamp, self._pose_array))
         self._publish_fixes(result, stamp)
-        self.publish_batteries(result, stamp)
+        self.publish_batteries(stamp)
         self._before = self._cells if result.step else result.cells
         self._cells = result.cells
         pos = self._mission.pos
@@ -237,17 +226,10 @@ class MissionPublishers:
                 message = nav_sat_fix(self._frame, *fix, stamp, self._names[i], self._fix_of[i])
                 self._fixes[i].publish(message)
 
-    def publish_batteries(self, result: StepResult, stamp: Time) -> None:
+    def publish_batteries(self, stamp: Time) -> None:
         """Publish the charge of the batteries, if they run down."""
-        if result.conditions is None:
-            return
-        for name, publisher, condition in zip(
-            self._names, self._batteries, result.conditions, strict=False
-        ):
-            flying = condition["status"] not in (HOME, LOST)
-            frame_id = base_link(name, self._frame.frame_prefix)
-            battery = float(condition["battery"])
-            publisher.publish(battery_state(stamp, frame_id, battery, flying=flying))
+        for drone, publisher in enumerate(self._batteries):
+            publisher.publish(battery_of(self._mission, self._frame, drone, stamp))
 
     def publish_odometry(self, stamp: Time, share: float) -> None:
         """Publish odometry and transforms of drones on the way to the cells of the last step.
@@ -284,33 +266,14 @@ class MissionPublishers:
         # A drone that is lost turns grey without a step.
         lost = len(self._mission.lost)
         if self._is_news(self._markers, result.stamp_ns, lost, reveal_person):
-            self._markers.publish(self._marker_array(result, stamp, reveal_person))
+            markers = markers_of(self._mission, self._frame, stamp, reveal_person=reveal_person)
+            self._markers.publish(markers)
 
     def _is_news(self, publisher: Publisher, *state: int) -> bool:
         listeners = publisher.get_subscription_count()
         news = listeners > 0 and self._seen.get(publisher) != (listeners, *state)
         self._seen[publisher] = (listeners, *state)
         return news
-
-    def _marker_array(self, result: StepResult, stamp: Time, reveal_person: bool) -> MarkerArray:
-        env = self._mission.env
-        world, persons = env.world.worlds[0], env.world.persons[0]
-        circle = env.rules.circle and env.world.ensemble is None
-        return marker_array(
-            self._frame,
-            stamp,
-            drone_cells=result.cells,
-            names=self._names,
-            tracks=self._mission.tracks,
-            live=(~(result.terminated | result.truncated)).tolist(),
-            datum=None if env.rules.covers else (int(world["datum_x"]), int(world["datum_y"])),
-            radius_cells=sea_map.radius(world) if circle else None,
-            person_cells=(
-                np.stack([persons["x"], persons["y"]], axis=1) if reveal_person else None
-            ),
-            found=persons["found"].tolist() if reveal_person else None,
-            sea=sea_state(env.scenario, result.step),
-        )
 
     def publish_diagnostics(
         self, stamp: Time, name: str, health: tuple[Level, str], values: dict[str, object]

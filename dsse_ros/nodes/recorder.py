@@ -107,7 +107,7 @@ class RecorderNode(AlarmNode):
         self.failed = self.finished = True
         self.get_logger().error(
             f"the recording has ended: {self.path}: {error.strerror}; "
-            "what was written before can be read"
+            "everything written before can be read"
         )
 
     def destroy_node(self) -> None:

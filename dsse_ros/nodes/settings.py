@@ -59,12 +59,12 @@ class SimSettings(ArrivalSettings):
     )
     missing_action: str = field(
         "str",
-        "What a drone without a command does when the step does not wait any longer.",
+        "What a drone without a command does once the step stops waiting.",
         "search",
         choices=MISSING_ACTIONS,
     )
     auto_reset: bool = field(
-        "bool", "Whether the next mission, with the next seed, starts when one is over.", False
+        "bool", "Whether a new mission, with the next seed, starts when one is over.", False
     )
     exit_at_end: bool = field("bool", "Whether the node exits after the last mission.", False)
     real_time_factor: float = field(
@@ -93,7 +93,7 @@ class SimSettings(ArrivalSettings):
         "max",
         choices=("max", "linear", "log"),
     )
-    reveal_person: bool = field("bool", "Whether markers show the true persons.", False)
+    reveal_person: bool = field("bool", "Whether markers show where the persons really are.", False)
     publish_belief: bool = field(
         "bool",
         "Whether to publish belief and belief_grid: the persons' positions given all searches.",
@@ -101,7 +101,7 @@ class SimSettings(ArrivalSettings):
     )
     compute_pos: str = field(
         "str",
-        "Whether to keep a belief, for the POS in diagnostics and record_file; "
+        "Whether to compute a belief, for the POS in diagnostics and record_file; "
         f"auto: on grids of at most {LARGEST_AUTO_GRID} cells a side, or with publish_belief.",
         "auto",
         choices=("auto", "always", "never"),
@@ -121,10 +121,10 @@ class SimSettings(ArrivalSettings):
     )
     record_file: str = field("str", "CSV file of the mission's steps; empty for none.", "")
     snapshot_file: str = field(
-        "str", "File to which the node writes the state of the mission; empty for none.", ""
+        "str", "File to save the state of the mission in; empty for none.", ""
     )
     snapshot_every: int = field(
-        "int", "Steps from one snapshot to the next.", 100, low=1, high=10**9, unit="steps"
+        "int", "Steps between snapshots.", 100, low=1, high=10**9, unit="steps"
     )
     resume: bool = field(
         "bool", "Whether to start from snapshot_file; record_file continues at its step.", False
@@ -141,7 +141,7 @@ class SimSettings(ArrivalSettings):
         for name in ("map_frame", "frame_prefix"):
             if getattr(self, name).startswith("/"):
                 raise FieldError(
-                    f"{name} must not begin with a slash, as no frame of tf2 does, got "
+                    f"{name} must not begin with a slash, as in tf2, got "
                     f"{shown(getattr(self, name))}"
                 )
         if self.resume and not self.snapshot_file:
@@ -204,6 +204,9 @@ class PlannerSettings:
     model: str = field(
         "str", "ONNX file of the planner onnx; empty for the model of this package.", "",
     )  # fmt: skip
+    planner_options: tuple[str, ...] = field(
+        "names", "Options of the planner, each as name=value, such as heading=45 for sweep.", ()
+    )
     seed: int = field("int", "Seed of the planner's random draws.", 0, low=0, high=2**62)
     resend_period: float = field(
         "float",

@@ -25,6 +25,7 @@ from dsse_ros.mission.awaited_vehicles import AwaitedVehicles
 from dsse_ros.mission.command_intake import CommandIntake
 from dsse_ros.mission.mission import Mission
 from dsse_ros.mission.mission_files import MissionFiles
+from dsse_ros.mission.simulation_state import NEXT, Request, SimulationState, reason_to_refuse
 from dsse_ros.mission.step_scheduler import Due, StepScheduler
 from dsse_ros.nodes import deprecated, sim_services, simulation_interfaces
 from dsse_ros.nodes.publisher_counts import PublisherCounts, consequences
@@ -89,7 +90,7 @@ class SimNode(AlarmNode):
             publish_clock=settings.publish_clock,
             publish_belief=settings.publish_belief,
         )
-        self.stopped = False
+        self.state = SimulationState.PLAYING
         self.timeouts = 0
         self._idle = False
         self._wall_clock = Clock()
@@ -135,7 +136,7 @@ class SimNode(AlarmNode):
         if was_moving and not self._scheduler.moving:
             self._publish_odometry()
         if "grid_scaling" in changes:
-            self.publishers_.publish_grid(self.stamp(), self.settings.grid_scaling)
+            self.publishers_.publish_grid(self._report_stamp, self.settings.grid_scaling)
         if changes.keys() & {"auto_reset", "exit_at_end"}:
             self._follow_on()
 
@@ -182,12 +183,6 @@ class SimNode(AlarmNode):
         self.mission.restart_time()
         self._vehicles.restart_time()
 
-    def stop(self) -> None:
-        """Restart, and pause the mission at its start."""
-        self.restart()
-        self.set_paused(True)
-        self.stopped = True
-
     def reset(self, seed: int | None = None) -> None:
         """Start a new mission with this seed, by default the parameter's."""
         self.mission.reset(draw_seed(self.settings) if seed is None else seed)
@@ -202,7 +197,6 @@ class SimNode(AlarmNode):
 
     def step(self) -> None:
         """Do one step now; drones without a command follow `missing_action`."""
-        self.stopped = False
         result = self.mission.advance(self.settings.missing_action)
         self.debug(lambda: f"step {result.step}: {status.actions(self.mission, result.actions)}")
         self._publish()
@@ -233,8 +227,10 @@ class SimNode(AlarmNode):
         self.get_logger().info("exit_at_end: the node ends with its mission")
         self.finished = True
 
-    def try_step(self) -> str:
+    def try_step(self, request: Request = Request.STEP) -> str:
         """Do one step if that is allowed; returns why not, empty if it did."""
+        if reason := reason_to_refuse(request, self.state):
+            return reason
         refused = self.mission.refuse()
         if refused is not None:
             return refused.reason
@@ -330,15 +326,12 @@ class SimNode(AlarmNode):
         self._arm()
         self._end()
 
-    @property
-    def paused(self) -> bool:
-        """Whether the mission is paused."""
-        return self._scheduler.paused
-
-    def set_paused(self, paused: bool) -> None:
-        """Pause the mission, or continue it."""
-        self.stopped = False
-        self._scheduler.pause(paused, time.monotonic())
+    def change_state(self, request: Request) -> None:
+        """Stop, play or pause the simulation; to stop it restarts the mission."""
+        if request is Request.STOP:
+            self.restart()
+        self.state = NEXT[request][self.state]
+        self._scheduler.pause(self.state is not SimulationState.PLAYING, time.monotonic())
         self._arm()
 
     def _on_idle(self) -> None:
@@ -411,7 +404,7 @@ class SimNode(AlarmNode):
         health = status.health(
             self.mission,
             self._scheduler,
-            stopped=self.stopped,
+            stopped=self.state is SimulationState.STOPPED,
             awaited=status.awaited(self.mission, self._scheduler, late) if self._idle else "",
             publishers=self._publisher_counts.update(),
             lost=self._vehicles.lost,

@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING
 
 from std_srvs.srv import SetBool, Trigger
 
+from dsse_ros.mission.simulation_state import Request
+
 if TYPE_CHECKING:
     from dsse_ros.nodes.sim_node import SimNode
 
@@ -28,8 +30,8 @@ def serve(node: SimNode) -> None:
         return response
 
     def pause(request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
-        node.set_paused(bool(request.data))
-        response.success, response.message = True, "paused" if node.paused else "running"
+        node.change_state(Request.PAUSE if request.data else Request.PLAY)
+        response.success, response.message = True, "paused" if request.data else "running"
         return response
 
     for kind, callback in ((Trigger, reset), (Trigger, step), (SetBool, pause)):

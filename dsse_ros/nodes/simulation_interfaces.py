@@ -1,22 +1,31 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""The services of simulation_interfaces 1.0 and later, if that package is installed.
+"""The services of simulation_interfaces 1 and 2, if that package is installed.
 
-Gazebo and Isaac Sim follow this standard. There is no ROS 2 wheel of it.
+Gazebo and Isaac Sim follow this standard. There is no ROS 2 wheel of it. Version 2 has the same
+services and adds worlds, which `sim_node` neither loads nor unloads.
 """
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+from dsse_ros.mission.simulation_state import Request, SimulationState
+
 if TYPE_CHECKING:
     from dsse_ros.nodes.sim_node import SimNode
+
+_REQUESTS = {
+    SimulationState.STOPPED: Request.STOP,
+    SimulationState.PLAYING: Request.PLAY,
+    SimulationState.PAUSED: Request.PAUSE,
+}
 
 
 def serve(node: SimNode) -> bool:
     """Offer reset, step, state and features; returns whether the package is installed."""
     try:
-        from simulation_interfaces.msg import Result, SimulationState, SimulatorFeatures
+        from simulation_interfaces.msg import Result, SimulatorFeatures
         from simulation_interfaces.srv import (
             GetSimulationState,
             GetSimulatorFeatures,
@@ -27,11 +36,6 @@ def serve(node: SimNode) -> bool:
     except ImportError:
         return False
 
-    stopped, playing, paused = (
-        SimulationState.STATE_STOPPED,
-        SimulationState.STATE_PLAYING,
-        SimulationState.STATE_PAUSED,
-    )
     has_time = node.settings.publish_clock
 
     def answer(response: Any, code: int = Result.RESULT_OK, reason: str = "") -> Any:
@@ -57,11 +61,9 @@ def serve(node: SimNode) -> bool:
         return answer(response)
 
     def step(request: Any, response: Any) -> Any:
-        if state() != paused:
-            return answer(response, Result.RESULT_OPERATION_FAILED, "the simulation is not paused")
         number = node.mission.number
         for _ in range(int(request.steps)):
-            refusal = node.try_step()
+            refusal = node.try_step(Request.STEP_PAUSED)
             if refusal:
                 return answer(response, Result.RESULT_OPERATION_FAILED, refusal)
             if node.mission.number != number:
@@ -69,29 +71,21 @@ def serve(node: SimNode) -> bool:
                 break
         return answer(response)
 
-    def state() -> int:
-        if node.stopped:
-            return int(stopped)
-        return int(paused if node.paused else playing)
-
     def get_state(_: Any, response: Any) -> Any:
-        response.state.state = state()
+        response.state.state = int(node.state)
         return answer(response)
 
     def set_state(request: Any, response: Any) -> Any:
         wanted = request.state.state
-        if wanted not in (stopped, playing, paused):
+        if wanted not in _REQUESTS:
             return answer(
                 response,
                 Result.RESULT_FEATURE_UNSUPPORTED,
                 f"state must be stopped, playing or paused, got {wanted}",
             )
-        if wanted == state():
+        if wanted == node.state:
             return answer(response, SetSimulationState.Response.ALREADY_IN_TARGET_STATE)
-        if wanted == stopped:
-            node.stop()
-        else:
-            node.set_paused(wanted == paused)
+        node.change_state(_REQUESTS[wanted])
         return answer(response)
 
     def get_features(_: Any, response: Any) -> Any:

@@ -1,6 +1,6 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""Frequent discovery announcements, so that late joiners find the nodes of a mission soon.
+"""Frequent discovery announcements, so that late joiners find the nodes of a mission quickly.
 
 Fast DDS announces a process five times at its start, and then every 3 s. A late joiner that misses
 the first answer would have no map for that long.

@@ -36,6 +36,7 @@ _TYPES = {
     "names": Parameter.Type.STRING_ARRAY,
     "area": Parameter.Type.STRING,
     "matrix": Parameter.Type.STRING,
+    "transitions": Parameter.Type.STRING,
     "incident": Parameter.Type.STRING,
 }
 
@@ -96,7 +97,7 @@ def to_ros(spec: Spec, value: Any) -> Any:
     """Return a field's value as a parameter holds it."""
     if spec.kind == "area":
         return "" if value is None else value.to_geojson()
-    if spec.kind == "matrix":
+    if spec.kind in ("matrix", "transitions"):
         return "" if value is None else value.path
     if spec.kind == "incident":
         return "" if value is None else json.dumps(value.to_dict())

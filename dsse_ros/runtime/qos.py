@@ -107,7 +107,7 @@ class Endpoints:
             FieldError: If one does not.
         """
         for name in self._given.keys() & self._node.typed_names:
-            raise FieldError(f"{name} is of no topic of {self._node.get_name()}")
+            raise FieldError(f"{name} matches no topic of {self._node.get_name()}")
 
     def _profile(self, entity: str, topic: str, qos: QoSProfile) -> QoSProfile:
         prefix = f"{QOS_PREFIX}{self._node.resolve_topic_name(topic)}.{entity}."

@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import contextlib
+import faulthandler
 import os
 import signal
 import sys
@@ -50,6 +51,8 @@ _LOOK_S = 0.1
 _WARN_S = 1.0
 _ELSEWHERE_S = 0.05
 """Wall time between looks at the alarms in another executor's loop."""
+LEAVING_S = 60.0
+"""Wall time in which a node closes its files and leaves ROS, else its process ends."""
 
 _nodes: weakref.WeakSet[Node] = weakref.WeakSet()
 """All nodes, including those that are still being made."""
@@ -145,7 +148,8 @@ class AlarmNode(Node):
 def run_node(name: str, make_node: Callable[[], AlarmNode], argv: list[str] | None) -> int:
     """Make a node, spin it until it has ended, SIGINT or SIGTERM; returns the process's exit code.
 
-    The process should exit soon after the return: from then on it ignores both signals.
+    The process should exit soon after the return: from then on it ignores both signals. If leaving
+    ROS takes longer than `LEAVING_S`, the process ends.
 
     Args:
         name: Start of the error line.
@@ -174,7 +178,7 @@ def run_node(name: str, make_node: Callable[[], AlarmNode], argv: list[str] | No
     finally:
         # Ignore signals instead of handling them: a signal can kill Python while it exits.
         on_signals(signal.SIG_IGN)
-        with contextlib.suppress(Exception):
+        with contextlib.suppress(Exception), _in_time():
             if node is not None:
                 node.destroy_node()
             rclpy.try_shutdown()
@@ -183,9 +187,26 @@ def run_node(name: str, make_node: Callable[[], AlarmNode], argv: list[str] | No
 
 def _destroy_nodes() -> None:
     """Destroy all nodes, because otherwise their files in shared memory would stay."""
-    for node in list(_nodes):
-        with contextlib.suppress(Exception):
-            Node.destroy_node(node)
+    with _in_time():
+        for node in list(_nodes):
+            with contextlib.suppress(Exception):
+                Node.destroy_node(node)
+
+
+@contextlib.contextmanager
+def _in_time() -> Iterator[None]:
+    """End the process with code 1 and a traceback if this takes longer than `LEAVING_S`.
+
+    Fast DDS can deadlock as a node removes an endpoint while another node leaves (its issue #6502).
+    rclpy then holds Python's lock, so no thread of Python could end the process.
+    """
+    # A program may have replaced `sys.stderr` with an object that is not a file.
+    if sys.__stderr__ is not None and not sys.__stderr__.closed:
+        faulthandler.dump_traceback_later(LEAVING_S, exit=True, file=sys.__stderr__)
+    try:
+        yield
+    finally:
+        faulthandler.cancel_dump_traceback_later()
 
 
 def init_ros(arguments: list[str]) -> None:
@@ -233,7 +254,7 @@ def _init(arguments: list[str], context: Context | None = None) -> None:
         rest = remove_ros_args(arguments)[1:]
         if rest:
             raise FieldError(
-                f"{rest[0]!r} is no argument; parameters are given as --ros-args -p name:=value"
+                f"{rest[0]!r} is not an argument; give parameters as --ros-args -p name:=value"
             )
         _ros_arguments[:] = split_ros_arguments(arguments)[1]
         if security.enforce(os.environ):

@@ -15,12 +15,14 @@ from builtin_interfaces.msg import Time
 from dsse_ros.mission import status
 from dsse_ros.mission.mission import Mission
 from dsse_ros.mission.mission_log import MissionLog, definition_file
-from dsse_ros.report.metrics import metrics
+from dsse_ros.report.metrics import metrics, work
 from dsse_ros.report.record import read_csv
+from dsse_ros.report.report import Report
 from dsse_ros.scenario.sea_state import SeaState, sea_state
 from dsse_ros.search import Scenario, SearchDefinition, SearchEnv, profile
 from msg_adapters.agents import definition_values
 from msg_adapters.frames import scenario_frame
+from msg_adapters.geodesy import map_to_geodetic
 from msg_adapters.markers import marker_array
 from msg_adapters.particles import PARTICLE, particles_message
 from msg_adapters.point_clouds import points_from_message
@@ -91,6 +93,32 @@ def test_markers_show_wind_current_and_shore(mission: Mission) -> None:
     assert len(by_name["shore"].points) == 5
 
 
+def test_a_sighting_has_its_place_time_and_circle(mission: Mission) -> None:
+    scenario = mission.env.scenario
+    sea = sea_state(scenario, 4)
+    (seen,) = sea.sightings
+    assert seen.label == "LKP 13:00Z" and sea.time.startswith("14:")
+    frame = scenario_frame(scenario)
+    lat, lon, _ = map_to_geodetic(frame, seen.x_m, seen.y_m, 0.0)
+    assert (lat, lon) == (pytest.approx(-24.0, abs=1e-7), pytest.approx(-46.0, abs=1e-7))
+    made = marker_array(
+        frame, Time(), drone_cells=[], names=[], tracks=[], live=[], datum=None, sea=sea
+    )
+    (circle,) = [one for one in made.markers if one.ns == "lkp" and one.points]
+    far = [np.hypot(point.x - seen.x_m, point.y - seen.y_m) for point in circle.points]
+    assert far == pytest.approx([300.0] * len(far))
+    texts = [one.text for one in made.markers if one.ns == "sea_names"]
+    assert texts == [*(flow.label for flow in sea.flows), seen.label]
+
+
+def test_several_sightings_state_their_shares_and_another_day(mission: Mission) -> None:
+    before = {"lat": -24.1, "lon": -46.0, "time": "2026-01-16T23:30Z", "weight": 3}
+    incident = INCIDENT | {"seen": [before, *INCIDENT["seen"]]}
+    stated = Scenario(incident=incident, particles=10, timestep_limit=9, grid_size=12)
+    seen = sea_state(stated.resolve(profile("sea")), 0).sightings
+    assert [one.label for one in seen] == ["LKP 2026-01-16 23:30Z, 75%", "LKP 13:00Z, 25%"]
+
+
 def test_a_search_without_an_incident_shows_no_sea() -> None:
     assert sea_state(Scenario().resolve(profile("paper")), 0) == SeaState()
     plain = Mission(SearchEnv(Scenario(grid_size=9), profile("paper")), 1)
@@ -113,6 +141,10 @@ def test_log_diagnostics_and_report_state_what_strands_and_what_is_outside(
     numbers = metrics(record)
     assert numbers["stranded"] == laid.stranded
     assert numbers["poc_outside"] == 1.0 - laid.inside
+    page = Report(record, {}, [record], "mission.csv")._page(work(record), maps=(), charts=())
+    facts = dict(page.facts)
+    assert facts["Stranded"] == f"{laid.stranded:.1%}"
+    assert facts["POC outside"] == f"{1.0 - laid.inside:.1%}"
     shown = status.values(
         mission, run_id=1, step_mode="lockstep", timeouts=0, publishers={}, duplicates=0,
         late=None, lost={}, rejected={},

@@ -307,6 +307,6 @@ def test_a_snapshot_with_an_action_that_is_none_is_refused(name: str) -> None:
     flown, other = of_faults(), of_faults()
     snapshot, before = flown.snapshot(), state(other)
     snapshot.arrays[name][1] = 7
-    with pytest.raises(SnapshotError, match=f"is of no mission that can be: {name}"):
+    with pytest.raises(SnapshotError, match=f"is of an impossible mission: {name}"):
         other.restore(snapshot)
     assert state(other) == before

@@ -167,7 +167,7 @@ def test_a_record_without_steps_is_gone_on_with(text: str, tmp_path: Path) -> No
 def test_a_file_that_is_no_record_is_refused_and_left_alone(tmp_path: Path) -> None:
     path = tmp_path / "accounts.csv"
     path.write_text("date,amount\n1,2,3\n")
-    with pytest.raises(FieldError, match="is no record of a mission"):
+    with pytest.raises(FieldError, match="is not a record of a mission"):
         MissionLog(path, FRAME, resume_at=(1, 0))
     assert path.read_text() == "date,amount\n1,2,3\n"
 
@@ -220,7 +220,7 @@ def test_a_log_without_the_file_beside_it_is_refused_on_one_line(tmp_path: Path)
     file = definition_file(path)
     text = file.read_text()
     file.unlink()
-    with pytest.raises(FieldError, match="mission.csv.json', which states .* --scenario names it$"):
+    with pytest.raises(FieldError, match="mission.csv.json', which describes .* use --scenario$"):
         read_csv(path)
     for wrong in ("", "[]", "{}", text.replace('"grid_size": 6', '"grid_size": 7'), "\0"):
         file.write_text(wrong)

@@ -21,7 +21,7 @@ from dsse_ros.search import SearchEnv, parallel_env
 from dsse_ros.searchers.registry import SEARCHERS
 from dsse_ros.searchers.searcher import Searcher
 from dsse_ros.step.fault_kernels import STATUSES, UNDER_WAY
-from msg_adapters.agents import AgentsInfo, Origin, agents_from_message, agents_message
+from msg_adapters.agents import AgentsInfo, agents_from_message, agents_message
 from msg_adapters.frames import scenario_frame
 from msg_adapters.markers import marker_array
 from msg_adapters.mission_report import make_mission_report
@@ -115,10 +115,8 @@ def test_the_topic_agents_lets_a_planner_know_the_kinds() -> None:
     scenario, frame = env.scenario, scenario_frame(env.scenario)
     info = AgentsInfo(
         agents=tuple(env.possible_agents), actions=env.rules.actions, rules="v2", seed=1,
-        grid_size=8, cell_size_m=frame.cell_size_m, timestep_limit=40,
-        step_duration_s=scenario.step_duration_s, map_frame="map", frame_prefix="",
-        origin=Origin(frame.origin_lat_deg, frame.origin_lon_deg, frame.origin_alt_m),
-        alt_m=frame.alt_m, mission=1, run_id=1,
+        frame=frame, timestep_limit=40, step_duration_s=scenario.step_duration_s,
+        mission=1, run_id=1,
         definition=SearchDefinition(env.rules, env.mission_scenario),
     )  # fmt: skip
     read = agents_from_message(agents_message(info))

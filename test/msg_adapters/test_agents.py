@@ -16,7 +16,6 @@ from std_msgs.msg import String
 from dsse_ros.search import Scenario, SearchDefinition, profile
 from msg_adapters.agents import (
     AgentsInfo,
-    Origin,
     agents_from_message,
     agents_message,
     area_rows,
@@ -32,16 +31,19 @@ INFOS = st.builds(
     actions=NAMES,
     rules=st.text(min_size=1, max_size=8),
     seed=st.none() | st.integers(),
-    grid_size=st.integers(1, 10_000),
-    cell_size_m=st.floats(0.001, 1e6),
+    frame=st.builds(
+        GridFrame,
+        grid_size=st.integers(1, 10_000),
+        cell_size_m=st.floats(0.001, 1e6),
+        origin_lat_deg=st.floats(-90, 90),
+        origin_lon_deg=st.floats(-180, 180),
+        origin_alt_m=NUMBERS,
+        alt_m=NUMBERS,
+        map_frame=st.text(min_size=1, max_size=8),
+        frame_prefix=st.text(max_size=8),
+    ),
     timestep_limit=st.integers(1, 10**9),
     step_duration_s=NUMBERS,
-    map_frame=st.text(min_size=1, max_size=8),
-    frame_prefix=st.text(max_size=8),
-    origin=st.builds(
-        Origin, lat_deg=st.floats(-90, 90), lon_deg=st.floats(-180, 180), alt_m=NUMBERS
-    ),
-    alt_m=NUMBERS,
     mission=st.integers(0, 2**32 - 1),
     run_id=st.integers(1, 2**32 - 1),
     decision_time_s=st.none() | st.floats(1e-6, 1e6),
@@ -51,14 +53,9 @@ INFO = AgentsInfo(
     actions=("left", "right", "up", "down", "search"),
     rules="paper",
     seed=None,
-    grid_size=8,
-    cell_size_m=130.0,
+    frame=GridFrame(8, 130.0, -24.04, -46.17, 0.0, 120.0),
     timestep_limit=100,
     step_duration_s=13.0,
-    map_frame="map",
-    frame_prefix="",
-    origin=Origin(-24.04, -46.17, 0.0),
-    alt_m=120.0,
     mission=1,
     run_id=4_000_000_000,
 )
@@ -104,22 +101,31 @@ def test_an_area_comes_back_as_its_mask_and_as_its_polygons():
     assert INFO.area_mask is None and area_rows(None) is None
 
 
-def test_what_is_to_be_covered_comes_back_from_its_file_by_path_and_digest(tmp_path):
-    matrix = np.arange(64.0).reshape(8, 8)
-    path = tmp_path / "matrix.npy"
-    np.save(path, matrix)
-    rules = profile("coverage")
-    scenario = Scenario(probability_matrix=path, num_drones=2).resolve(rules)
+@pytest.mark.parametrize(
+    ("field", "values", "rules"),
+    [
+        ("probability_matrix", np.arange(64.0).reshape(8, 8), profile("coverage")),
+        (
+            "transition_probabilities",
+            np.eye(9)[np.arange(64).reshape(8, 8) % 9],
+            profile("paper", person_motion="markov_chain"),
+        ),
+    ],
+)
+def test_an_array_comes_back_from_its_file_by_path_and_digest(field, values, rules, tmp_path):
+    path = tmp_path / "array.npy"
+    np.save(path, values)
+    scenario = Scenario(**{field: path}, num_drones=2).resolve(rules)
     message = agents_message(
         dataclasses.replace(INFO, definition=SearchDefinition(rules, scenario))
     )
     heard = agents_from_message(message).definition.scenario
     assert heard == scenario
-    np.testing.assert_array_equal(heard.probability_matrix.values, matrix)
-    sent = json.loads(message.data)["definition"]["scenario"]["probability_matrix"]
+    np.testing.assert_array_equal(getattr(heard, field).values, values)
+    sent = json.loads(message.data)["definition"]["scenario"][field]
     assert sent["path"] == str(path) and len(sent["sha256"]) == 64
 
-    np.save(path, matrix + 1)
+    np.save(path, values[::-1])
     with pytest.raises(ValueError, match=rf"^agents.definition: .* '{path}' with the SHA-256"):
         agents_from_message(message)
     path.unlink()
@@ -131,7 +137,8 @@ def test_an_incident_comes_back_with_its_grid():
     rules = profile("sea")
     scenario = Scenario.from_yaml(KAYAK).resolve(rules)
     info = dataclasses.replace(
-        INFO, agents=tuple(f"drone{i}" for i in range(4)), grid_size=scenario.grid_size,
+        INFO, agents=tuple(f"drone{i}" for i in range(4)), 
+        frame=dataclasses.replace(INFO.frame, grid_size=scenario.grid_size),
         definition=SearchDefinition(rules, scenario),
     )  # fmt: skip
     message = agents_message(info)
@@ -161,6 +168,7 @@ def test_a_message_names_no_file_to_be_read(tmp_path):
     for name, wanted in (
         ("area", "a GeoJSON object"),
         ("probability_matrix", "an object with path"),
+        ("transition_probabilities", "an object with path"),
     ):
         message = json.loads(json.dumps(document))
         message["definition"]["scenario"][name] = str(tmp_path / "file")
@@ -203,7 +211,7 @@ def test_keys_of_later_versions_are_ignored():
     assert agents_from_message(changed(["battery_wh"], 80)) == INFO
 
 
-REQUIRED = {field.name for field in dataclasses.fields(AgentsInfo)} - {"commanded"}
+REQUIRED = json.loads(agents_message(INFO).data).keys() - {"commanded"}
 
 
 @pytest.mark.parametrize("field", sorted(REQUIRED))
@@ -300,4 +308,4 @@ def test_one_hostile_value_is_taken_or_refused_in_one_line(field, value):
     except ValueError as error:
         assert str(error).startswith("agents") and str(error).isprintable()
     else:
-        assert math.isfinite(info.cell_size_m) and info.grid_size >= 1 and info.agents
+        assert math.isfinite(info.frame.cell_size_m) and info.frame.grid_size >= 1 and info.agents

@@ -84,7 +84,10 @@ class Bridge:
 
     def until(self, i: int, **values: str) -> Mapping[str, str]:
         """Return the state of a vehicle as soon as it has these values."""
-        self.rig.until(lambda: self.state(i).items() >= values.items(), f"{values} of drone{i}")
+        try:
+            self.rig.until(lambda: self.state(i).items() >= values.items(), f"{values} of drone{i}")
+        except AssertionError as failed:
+            raise AssertionError(f"drone{i} is in the state {self.state(i)}") from failed
         return self.state(i)
 
 

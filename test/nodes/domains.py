@@ -15,7 +15,9 @@ from typing import IO
 
 _locks: deque[IO[bytes]] = deque()
 _MOST_LOCKS = 8
-"""Those that came before the last of these have ended, or hold the port of their domain."""
+"""Those that came before the last of these have ended, or hold a port of their domain."""
+_PROBED = 10
+"""Participants whose ports are tried: the first one of a domain may have ended before others."""
 
 
 def free_domain() -> int:
@@ -26,9 +28,10 @@ def free_domain() -> int:
         lock = path.open("wb")
         try:
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-                # The port of a domain's first participant (DDSI-RTPS 2.3, 9.6.1.1).
-                probe.bind(("127.0.0.1", 7400 + 250 * domain + 10))
+            for participant in range(_PROBED):
+                with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+                    # DDSI-RTPS 2.3, 9.6.1.1
+                    probe.bind(("127.0.0.1", 7400 + 250 * domain + 10 + 2 * participant))
         except OSError:
             lock.close()
             continue

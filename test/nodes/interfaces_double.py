@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Classes of the package simulation_interfaces, which is not among the wheels.
 
-They are made from its definitions (versions 1.0.0 to 2.1.0, what is used here is the same in all),
-without type support: handlers can be called with them, DDS cannot carry them.
+They are made from its definitions (the same in versions 1.0.0 to 2.1.0, but for `ADDED`), without
+type support: handlers can be called with them, DDS cannot carry them.
 """
 
 from __future__ import annotations
@@ -79,6 +79,19 @@ DEFINITIONS = {
     """,
 }
 
+ADDED = {
+    "msg/SimulationState": """
+        uint8 STATE_NO_WORLD = 4
+        uint8 STATE_LOADING_WORLD = 5
+    """,
+    "msg/SimulatorFeatures": """
+        uint8 WORLD_LOADING = 40
+        uint8 WORLD_UNLOADING = 43
+        uint8 SPAWNING_ENTITIES = 50
+    """,
+}
+"""Further lines of version 2, which later releases of version 1 have too."""
+
 _LINE = re.compile(r"(?P<type>[\w\[\]]+) (?P<name>\w+)(?: (?P<constant>= )?(?P<value>\d+))?")
 
 
@@ -119,8 +132,8 @@ def _message(name: str, lines: list[str], known: dict[str, type[Double]]) -> typ
     return type(name, (Double,), {"FIELDS": fields, **constants})
 
 
-def modules() -> dict[str, ModuleType]:
-    """Return the modules of the package by their names in `sys.modules`."""
+def modules(version: int) -> dict[str, ModuleType]:
+    """Return the modules of the package, version 1 or 2, by their names in `sys.modules`."""
     made = {
         name: ModuleType(name)
         for name in (
@@ -132,7 +145,8 @@ def modules() -> dict[str, ModuleType]:
     known: dict[str, type[Double]] = {}
     for path, text in DEFINITIONS.items():
         kind, name = path.split("/")
-        lines = [line.strip() for line in text.strip().splitlines()]
+        text += ADDED.get(path, "") if version > 1 else ""
+        lines = [line.strip() for line in text.splitlines() if line.strip()]
         if kind == "msg":
             known[name] = _message(name, lines, known)
             setattr(made["simulation_interfaces.msg"], name, known[name])

@@ -49,7 +49,7 @@ CASES = {
     "not a mapping": scenario("- 1\n- 2", "mapping"),
     "not text": Case("-p scenario:={x}", "not UTF-8", files={"x": "\udcff\udcfe"}),
     "missing scenario": Case(
-        "-p scenario:=/no/such.yaml", "'/no/such.yaml' is no file and none of those shipped"
+        "-p scenario:=/no/such.yaml", "'/no/such.yaml' is not a file or a known scenario"
     ),
     "0 drones": Case("-p scenario.num_drones:=0", "num_drones must be an integer >= 1"),
     "more drones than cells": Case(
@@ -134,7 +134,7 @@ CASES = {
     "empty list for the planner": Case(
         "-p planner:=[]", "planner must be one of sweep", "planner_node"
     ),
-    "key twice in YAML": scenario("sigma: 1.0\nsigma: 2.0", "'sigma' stands twice"),
+    "key twice in YAML": scenario("sigma: 1.0\nsigma: 2.0", "'sigma' is given twice"),
     "aliases in YAML": scenario("a: &a [1]\nb: [*a, *a]", "must be written out, got an alias"),
     "unknown step mode": Case("-p step_mode:=fast", "lockstep, realtime, manual"),
     "unknown rules": Case("-p rules:=v9", "rules.profile must be one of"),
@@ -185,8 +185,8 @@ CASES = {
     "bad namespace": Case("-r __ns:=bad-ns", "__ns:=bad-ns"),
     "bad log level": Case("--log-level loud", "loud"),
     "unknown ROS argument": Case("--no-such", "--no-such"),
-    "no ROS argument": Case("-- --drones", "'--drones' is no argument"),
-    "unknown planner": Case("-p planner:=oracle", "sweep, expanding_square", "planner_node"),
+    "no ROS argument": Case("-- --drones", "'--drones' is not an argument"),
+    "unknown planner": Case("-p planner:=oracle", "sweep, creeping_line", "planner_node"),
     "unknown parameter of the planner": Case("-p planer:=sweep", "planner", "planner_node"),
     "negative resend period": Case("-p resend_period:=-1.0", "resend_period", "planner_node"),
 }

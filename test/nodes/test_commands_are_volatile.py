@@ -8,7 +8,7 @@ from typing import Any
 
 from geometry_msgs.msg import PoseStamped
 from nav_msgs.msg import Path
-from rig import LATCHED, Rig
+from rig import LATCHED, TIMEOUT_S, Rig
 from std_msgs.msg import Int8, Int32MultiArray, String
 
 from dsse_ros.ros_env import DsseRosEnv
@@ -68,7 +68,7 @@ def test_who_commands_does_not_latch_it(rig: Rig) -> None:
     assert offered() == VOLATILE
     planner.stop()
     rig.until(lambda: not offered(), "the planner to end")
-    env = DsseRosEnv("/volatile", domain_id=rig.domain)
+    env = DsseRosEnv("/volatile", timeout_s=TIMEOUT_S, domain_id=rig.domain)
     try:
         rig.until(offered, "the environment")
         assert offered() == VOLATILE

@@ -55,6 +55,8 @@ def test_a_mission_that_another_follows_is_no_end(rig: Rig) -> None:
 
 def test_a_reset_in_time_keeps_the_node(rig: Rig) -> None:
     sim = rig.sim(SHORT, namespace="/again")
+    # From here on the service is known.
+    sim.reset()
     ended = 0
     for _ in range(3):
         while sim.step_number < SHORT["timestep_limit"]:

@@ -140,11 +140,24 @@ def test_nothing_is_started_where_rviz_is_wanted_and_missing() -> None:
         assert len(expand("mission", rviz="true")) == 3
 
 
-def test_a_node_that_has_failed_makes_the_launch_fail() -> None:
-    class Exited:
-        process_name, returncode = "sim_node-1", 2
+class Exited:
+    def __init__(self, name: str, code: int) -> None:
+        self.process_name, self.returncode = name, code
 
-    with pytest.raises(RuntimeError, match="sim_node-1 ended with code 2"):
-        launching._end(Exited(), LaunchContext())
-    Exited.returncode = 0
-    assert isinstance(launching._end(Exited(), LaunchContext()), Shutdown)
+
+@pytest.mark.parametrize("code", [1, 2, -9, -11])
+def test_a_node_that_has_failed_makes_the_launch_fail(code: int) -> None:
+    with pytest.raises(RuntimeError, match=f"sim_node-1 ended with code {code}"):
+        launching._end(Exited("sim_node-1", code), LaunchContext())
+
+
+@pytest.mark.parametrize("code", [0, 130, -2])
+def test_a_node_that_has_finished_or_was_interrupted_does_not(code: int) -> None:
+    assert isinstance(launching._end(Exited("sim_node-1", code), LaunchContext()), Shutdown)
+
+
+def test_a_recorder_that_has_failed_makes_the_launch_fail_at_its_end() -> None:
+    context = LaunchContext()
+    assert launching._note_failure(Exited("recorder-1", 2), context) is None
+    with pytest.raises(RuntimeError, match="recorder-1 ended with code 2"):
+        launching._end(Exited("sim_node-2", 0), context)

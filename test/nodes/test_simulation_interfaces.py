@@ -12,6 +12,7 @@ import pytest
 import rclpy
 from interfaces_double import Double, modules
 from rig import free_domain
+from std_srvs.srv import SetBool, Trigger
 
 from dsse_ros.nodes.settings import FORMER_NAMES
 from dsse_ros.nodes.sim_node import SimNode
@@ -28,6 +29,7 @@ class Simulator(SimNode):
 
     def __init__(self) -> None:
         self.handlers: dict[str, tuple[Any, Any]] = {}
+        self.own_handlers: dict[str, Any] = {}
         super().__init__()
 
     def create_service(self, kind: Any, name: str, callback: Any, **more: Any) -> Any:
@@ -35,20 +37,25 @@ class Simulator(SimNode):
         if issubclass(getattr(kind, "Request", object), Double):
             self.handlers[name.removeprefix("~/")] = kind, callback
             return None
+        self.own_handlers[name.removeprefix("~/")] = callback
         return super().create_service(kind, name, callback, **more)
+
+    def own(self, name: str, kind: Any, **fields: Any) -> Any:
+        """Return the response of a service of the node."""
+        return self.own_handlers[name](kind.Request(**fields), kind.Response())
 
     def call(self, name: str, **fields: Any) -> Any:
         """Return the response of a standard service."""
         kind, handler = self.handlers[name]
         return handler(kind.Request(**fields), kind.Response())
 
-    def state(self) -> int:
+    def standard_state(self) -> int:
         """Return the state that the service returns."""
         response = self.call("get_simulation_state")
         assert response.result.result == OK
         return int(response.state.state)
 
-    def set_state(self, state: int) -> Any:
+    def set_standard_state(self, state: int) -> Any:
         """Return the result of setting a state."""
         kind = sys.modules["simulation_interfaces.msg"].SimulationState
         return self.call("set_simulation_state", state=kind(state=state)).result
@@ -65,8 +72,15 @@ def parameters() -> dict[str, Any]:
 
 
 @pytest.fixture
-def sim(monkeypatch: pytest.MonkeyPatch, parameters: dict[str, Any]) -> Iterator[Simulator]:
-    for name, module in modules().items():
+def version() -> int:
+    return 1
+
+
+@pytest.fixture
+def sim(
+    monkeypatch: pytest.MonkeyPatch, parameters: dict[str, Any], version: int
+) -> Iterator[Simulator]:
+    for name, module in modules(version).items():
         monkeypatch.setitem(sys.modules, name, module)
     given = {"num_drones": 2, "probability_of_detection": 0.0, "seed": 3} | parameters
     named = {FORMER_NAMES.get(name, name): value for name, value in given.items()}
@@ -82,11 +96,11 @@ def sim(monkeypatch: pytest.MonkeyPatch, parameters: dict[str, Any]) -> Iterator
 
 def test_setting_the_present_state_says_so_and_changes_nothing(sim: Simulator) -> None:
     for state in (PLAYING, PAUSED, STOPPED, PLAYING):
-        if state != sim.state():
-            assert sim.set_state(state).result == OK
+        if state != sim.standard_state():
+            assert sim.set_standard_state(state).result == OK
         before = sim.where()
-        assert sim.set_state(state).result == ALREADY
-        assert sim.state() == state and sim.where() == before
+        assert sim.set_standard_state(state).result == ALREADY
+        assert sim.standard_state() == state and sim.where() == before
 
 
 def test_stopped_is_a_state_at_the_start_of_a_run_that_can_be_played_or_paused(
@@ -95,25 +109,41 @@ def test_stopped_is_a_state_at_the_start_of_a_run_that_can_be_played_or_paused(
     for leave in (PLAYING, PAUSED):
         sim.step()
         run, number, _, _ = sim.where()
-        assert sim.set_state(STOPPED).result == OK
-        assert sim.state() == STOPPED and sim.paused
+        assert sim.set_standard_state(STOPPED).result == OK
+        assert sim.standard_state() == STOPPED
         assert sim.where()[0] != run and sim.where()[1:] == (number + 1, 0, STEP_NS)
-        assert sim.set_state(leave).result == OK
-        assert sim.state() == leave and sim.where()[1:] == (number + 1, 0, STEP_NS)
-    sim.set_state(STOPPED)
-    sim.step()
-    assert sim.state() == PAUSED
-    sim.set_state(STOPPED)
-    sim.set_paused(False)
-    assert sim.state() == PLAYING
+        assert sim.set_standard_state(leave).result == OK
+        assert sim.standard_state() == leave and sim.where()[1:] == (number + 1, 0, STEP_NS)
 
 
+@pytest.mark.parametrize("state", [STOPPED, PLAYING, PAUSED])
+def test_services_of_the_node_and_of_the_standard_share_one_state(
+    sim: Simulator, state: int
+) -> None:
+    services = {"set playing": PLAYING, "set paused": PAUSED, "pause": PAUSED, "continue": PLAYING}
+    for service, after in services.items():
+        if state != sim.standard_state():
+            sim.set_standard_state(state)
+        if service.startswith("set"):
+            sim.set_standard_state(after)
+        else:
+            assert sim.own("pause", SetBool, data=service == "pause").success
+        assert sim.standard_state() == after
+    for service in ("step", "reset"):
+        if state != sim.standard_state():
+            sim.set_standard_state(state)
+        response = sim.own(service, Trigger)
+        assert response.success == (service == "reset" or state != STOPPED), response
+        assert sim.standard_state() == state
+
+
+@pytest.mark.parametrize("version", [1, 2])
 @pytest.mark.parametrize("state", [QUITTING, 4, 5, 200])
 def test_a_state_that_there_is_not_is_unsupported(sim: Simulator, state: int) -> None:
     before = sim.where()
-    result = sim.set_state(state)
+    result = sim.set_standard_state(state)
     assert result.result == UNSUPPORTED and str(state) in result.error_message
-    assert sim.state() == PLAYING and sim.where() == before
+    assert sim.standard_state() == PLAYING and sim.where() == before
 
 
 @pytest.mark.parametrize("state", [PLAYING, STOPPED])
@@ -121,13 +151,14 @@ def test_only_a_paused_simulation_is_stepped_through_the_service(
     sim: Simulator, state: int
 ) -> None:
     if state != PLAYING:
-        sim.set_state(state)
+        sim.set_standard_state(state)
     refused = sim.call("step_simulation").result
-    assert refused.result == FAILED and refused.error_message == "the simulation is not paused"
-    sim.set_state(PAUSED)
+    assert refused.result == FAILED
+    assert refused.error_message.startswith("the simulation must be paused, got ")
+    sim.set_standard_state(PAUSED)
     assert sim.call("step_simulation").result.result == OK
     assert sim.call("step_simulation", steps=3).result.result == OK
-    assert sim.mission.result.step == 4 and sim.state() == PAUSED
+    assert sim.mission.result.step == 4 and sim.standard_state() == PAUSED
 
 
 @pytest.mark.parametrize("scope", [DEFAULT, ALL, TIME | STATE])
@@ -164,6 +195,7 @@ def test_a_reset_of_what_there_is_not_is_unsupported(sim: Simulator, scope: int)
     assert sim.where() == before
 
 
+@pytest.mark.parametrize("version", [1, 2])
 @pytest.mark.parametrize("parameters", [{}, {"publish_clock": False}], ids=["clock", "no clock"])
 def test_the_features_are_the_scopes_that_are_honoured(sim: Simulator) -> None:
     features = sim.call("get_simulator_features").features.features

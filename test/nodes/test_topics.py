@@ -162,8 +162,7 @@ def test_all_messages_of_a_step_have_one_stamp(sim: Sim) -> None:
 
 
 def test_names_follow_the_namespace_and_the_remaps(sim: Sim) -> None:
-    types = dict(sim.rig.node.get_topic_names_and_types())
-    for name, kind in {
+    topics = {
         "/sea/probability_grid": "nav_msgs/msg/OccupancyGrid",
         "/sea/probability": "sensor_msgs/msg/Image",
         "/sea/drone3/pose": "geometry_msgs/msg/PoseStamped",
@@ -182,23 +181,31 @@ def test_names_follow_the_namespace_and_the_remaps(sim: Sim) -> None:
         "/sea/drone3/command_pose": "geometry_msgs/msg/PoseStamped",
         "/sea/drone3/command_path": "nav_msgs/msg/Path",
         "/sea/joint_action": "std_msgs/msg/Int32MultiArray",
-    }.items():
-        assert types.get(name) == [kind], name
-    assert "/sea/drones" not in types
-    services = dict(sim.rig.node.get_service_names_and_types())
-    for name, kind in {
-        "reset": "std_srvs/srv/Trigger",
-        "step": "std_srvs/srv/Trigger",
-        "pause": "std_srvs/srv/SetBool",
-        "get_map": "nav_msgs/srv/GetMap",
-    }.items():
-        assert services.get(f"/sea/sim_node/{name}") == [kind], name
+    }
+    services = {
+        "/sea/sim_node/reset": "std_srvs/srv/Trigger",
+        "/sea/sim_node/step": "std_srvs/srv/Trigger",
+        "/sea/sim_node/pause": "std_srvs/srv/SetBool",
+        "/sea/sim_node/get_map": "nav_msgs/srv/GetMap",
+    }
+    node = sim.rig.node
+    # They are discovered one by one.
+    for wanted, found in (
+        (topics, node.get_topic_names_and_types),
+        (services, node.get_service_names_and_types),
+    ):
+        listed = {(name, (kind,)) for name, kind in wanted.items()}
+        sim.rig.until(
+            lambda listed=listed, found=found: listed <= {(n, tuple(k)) for n, k in found()},  # type: ignore[misc]
+            f"{listed}",
+        )
+    assert "/sea/drones" not in dict(node.get_topic_names_and_types())
     assert sim.rig.first(DiagnosticArray, "/diagnostics", RELIABLE).status[0].name == "sea/sim_node"
 
 
 def test_the_qos_is_that_of_the_interface_but_where_it_is_overridden(sim: Sim) -> None:
     def of(topic: str) -> tuple[str, str]:
-        (info,) = sim.rig.node.get_publishers_info_by_topic(topic)
+        (info,) = sim.rig.until(lambda: sim.rig.node.get_publishers_info_by_topic(topic), topic)
         return info.qos_profile.reliability.name, info.qos_profile.durability.name
 
     latched, reliable = ("RELIABLE", "TRANSIENT_LOCAL"), ("RELIABLE", "VOLATILE")

@@ -39,6 +39,7 @@ LAYOUT = json.loads((ROOT / "viewers" / "foxglove_layout.json").read_text())
 TYPES = {
     "rviz_default_plugins/Map": "nav_msgs/msg/OccupancyGrid",
     "rviz_default_plugins/MarkerArray": "visualization_msgs/msg/MarkerArray",
+    "rviz_default_plugins/PointCloud2": "sensor_msgs/msg/PointCloud2",
     "rviz_default_plugins/Pose": "geometry_msgs/msg/PoseStamped",
     "rviz_default_plugins/PoseArray": "geometry_msgs/msg/PoseArray",
     "rviz_default_plugins/SetGoal": "geometry_msgs/msg/PoseStamped",
@@ -177,11 +178,11 @@ def test_a_goal_of_a_client_is_flown_to(mission: Mission, style: str) -> None:
     ("topic", "schema", "encoding", "data", "line"),
     [
         ("/drone0/cmd_action", "std_msgs/msg/Int8", "json", {"data": 300}, "int8, got 300"),
-        ("/drone0/cmd_action", "std_msgs/msg/Int8", "json", b"{", "no JSON"),
+        ("/drone0/cmd_action", "std_msgs/msg/Int8", "json", b"{", "not JSON"),
         ("/drone0/cmd_action", "std_msgs/msg/Int8", "cdr", b"", "no such message"),
         ("/drone0/cmd_action", "std_msgs/msg/Int8", "ros1", b"\1", "got 'ros1'"),
         ("/drone0/cmd_action", "std_msgs/msg/String", "json", {}, "got 'std_msgs/msg/String'"),
-        ("/drone9/cmd_action", "std_msgs/msg/Int8", "json", {"data": 1}, "nobody obeys"),
+        ("/drone9/cmd_action", "std_msgs/msg/Int8", "json", {"data": 1}, "no node subscribes"),
         ("/agents", "std_msgs/msg/String", "json", {"data": ""}, "got '/agents'"),
     ],
 )  # fmt: skip
@@ -236,7 +237,7 @@ def test_an_operator_commands_vehicles_and_gets_what_the_bridge_answers(mission:
         ("/drone0/arm", {}, "json", "data: missing"),
         ("/drone0/arm", {"data": 1}, "json", "data must be boolean, got 1"),
         ("/drone0/arm", {"armed": True}, "json", "must be one of data, got 'armed'"),
-        ("/drone0/arm", b"{", "json", "no JSON"),
+        ("/drone0/arm", b"{", "json", "not JSON"),
         ("/drone0/arm", [], "json", "must be an object, got []"),
         ("/drone0/hold", {"data": True}, "json", "got 'data'"),
         ("/drone0/land", b"\0", "cdr", "Unsupported encoding"),
@@ -299,7 +300,8 @@ def test_the_layout_has_panels_of_foxglove_with_settings_that_it_knows() -> None
 
 def test_the_layout_shows_topics_that_there_are(mission: Mission) -> None:
     panels = LAYOUT["configById"]
-    topics = set(panels["3D!map"]["topics"]) | {panels["3D!map"]["publish"]["poseTopic"]}
+    topics = set(panels["3D!map"]["topics"]) - {"/particles"}
+    topics |= {panels["3D!map"]["publish"]["poseTopic"]}
     for name in ("Plot!pos", "StateTransitions!nodes"):
         topics |= {path["value"].partition(".")[0] for path in panels[name]["paths"]}
     topics |= {panels["DiagnosticSummary!all"]["topicToRender"]}
@@ -337,7 +339,7 @@ def seen(endpoint: Any) -> QoSProfile:
 
 @pytest.mark.parametrize(
     "display",
-    # Only a search on an ensemble has particles.
+    # Only a search on an ensemble has particles: see below.
     [
         one
         for one in displays(RVIZ["Displays"])
@@ -348,7 +350,12 @@ def seen(endpoint: Any) -> QoSProfile:
 def test_a_display_of_rviz_gets_what_is_published(
     mission: Mission, rig: Rig, display: dict[str, Any]
 ) -> None:
-    topic = f"/{display['Topic']['Value']}"
+    check_display(rig, display, "/")
+
+
+def check_display(rig: Rig, display: dict[str, Any], namespace: str) -> None:
+    """Check that a display asks for what is published."""
+    topic = f"{namespace}{display['Topic']['Value']}"
     (offer,) = rig.until(lambda: rig.node.get_publishers_info_by_topic(topic), topic)
     assert offer.topic_type == TYPES[display["Class"]]
     asked = profile(display["Topic"])
@@ -390,3 +397,26 @@ def test_the_services_of_a_bridge_that_has_ended_are_offered_no_more(mission: Mi
     client.until(lambda: client.services, "the bridge's services")
     mission.bridge.stop()
     client.until(lambda: not client.services, "them to be withdrawn")
+
+
+# The sea
+
+
+def test_the_particles_and_the_sea_of_an_incident_reach_a_client_and_rviz(rig: Rig) -> None:
+    viewer = rig.start("foxglove_viewer", {"port": 0}, "-r", "__ns:=/kayak")
+    incident = {"scenario": "kayak", "scenario.particles": 500}
+    rig.sim({**incident, "publish_belief": True}, namespace="/kayak")
+    client = FoxgloveClient(rig, viewer)
+    try:
+        cloud = client.first("/kayak/particles")
+        assert cloud.width * cloud.height == 500
+        assert {one.name for one in cloud.fields} >= {"x", "y", "z", "weight"}
+        markers = client.first("/kayak/markers").markers
+        assert {one.ns for one in markers} >= {"wind", "current", "shore", "lkp"}
+        shown = [one.text for one in markers if one.ns == "sea_names"]
+        assert len(shown) == 4 and {text.split()[0] for text in shown} == {"wind", "current", "LKP"}
+    finally:
+        client.close()
+        viewer.stop()
+    (display,) = [one for one in displays(RVIZ["Displays"]) if "Particles" in one.values()]
+    check_display(rig, display, "/kayak/")

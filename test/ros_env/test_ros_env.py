@@ -239,7 +239,7 @@ def test_a_mission_that_somebody_else_resets_or_steps_is_lost_and_another_can_be
     env.reset(seed=1)
     sim.rig.until(lambda: sim.search[1] == env.info.mission, "the mission")
     sim.fly(4, 4, 4)
-    with pytest.raises(SearchLostError, match="somebody else commands"):
+    with pytest.raises(SearchLostError, match="another node commands"):
         env.step(dict.fromkeys(env.agents, 0))
     assert env.reset(seed=1)[0]
 
@@ -266,7 +266,8 @@ def test_a_killed_node_is_an_error_within_ten_seconds_and_a_new_one_is_noticed(r
             TimeoutError, match="no step_report and probability of step 1 of mission 2"
         ):
             env.step(dict.fromkeys(env.agents, 4))
-        assert time.monotonic() - began_s < 10
+        # Not the time-out that the environment was made with, however busy the machine is.
+        assert time.monotonic() - began_s < TIMEOUT_S / 2
         assert env.agents == []
         env.timeout_s = TIMEOUT_S
         sim = rig.sim(parameters("paper"), namespace="/killed")
@@ -274,7 +275,7 @@ def test_a_killed_node_is_an_error_within_ten_seconds_and_a_new_one_is_noticed(r
         sim.process.kill()
         # Who has an action under way when a node starts again gets no step of another search.
         rig.sim(parameters("paper"), namespace="/killed")
-        with pytest.raises(SearchLostError, match="was started again"):
+        with pytest.raises(SearchLostError, match="was restarted"):
             env.step(dict.fromkeys(env.agents, 4))
         assert_equal(env.reset(seed=1), direct("paper").reset(seed=1))
     finally:
