@@ -13,7 +13,7 @@ from dsse_ros.flight.vehicle_controller import Order
 
 @dataclass(frozen=True)
 class Clearance:
-    """What the other vehicles and the search allow a vehicle to do.
+    """Permissions of a vehicle, from the other vehicles and the search.
 
     Attributes:
         search_alive: Whether the search is running; without it no vehicle takes off.

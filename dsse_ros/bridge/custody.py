@@ -1,6 +1,6 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""Custody of a vehicle: who has it, and which orders the bridge may send to it.
+"""Custody of a vehicle: who controls it, and which orders the bridge may send to it.
 
 `NEXT` maps each state and event to the next state; an event that is not listed changes nothing.
 `MAY_ORDER` lists the orders that a state allows. Nothing else decides whether a vehicle is armed,
@@ -26,7 +26,7 @@ from dsse_ros.flight.vehicle_controller import Order
 
 
 class Custody(Enum):
-    """Who has a vehicle; the value is the name of the state on topics and in files."""
+    """Who controls a vehicle; the value is the name of the state on topics and in files."""
 
     FREE = "free"
     """Nobody has cleared it to fly."""
@@ -41,17 +41,17 @@ class Custody(Enum):
     ENDING = "ending"
     """Its search is over: it carries out `at_end`."""
     TAKEN = "taken over"
-    """A person has it, in the air or on the ground."""
+    """A person controls it, in the air or on the ground."""
     RELEASED = "released"
     """A person has released it while it was armed; it is not cleared."""
     FAILSAFE = "failsafe"
-    """A failsafe of its autopilot has it."""
+    """A failsafe of its autopilot controls it."""
     GROUNDED = "grounded"
     """It has flown or dropped out, and stays on the ground."""
 
 
 class Event(Enum):
-    """Events that change who has a vehicle; the value describes when each happens."""
+    """Events that change who controls a vehicle; the value describes when each happens."""
 
     CLEAR = "it is cleared: `~/arm`, or by the parameter `arm`"
     LIFT_OFF = "its motors turn for the take-off"
@@ -146,5 +146,5 @@ AIRBORNE = frozenset({Custody.FOLLOWING, Custody.HELD, Custody.RECALLED, Custody
 
 
 def next_custody(custody: Custody, event: Event) -> Custody:
-    """Return who has a vehicle after an event."""
+    """Return who controls a vehicle after an event."""
     return NEXT[custody].get(event, custody)

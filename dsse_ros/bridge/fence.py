@@ -146,7 +146,7 @@ def check_mission(
 def check_search(fence: Fence) -> str:
     """Return why the search area does not lie in the circle of the fence; empty if it does."""
     frame, center = fence.frame, fence.center
-    side_m = frame.grid_size * frame.cell_size_m
+    side_m = frame.side_m
     for x_m, y_m in itertools.product((0.0, side_m), repeat=2):
         lat_deg, lon_deg, _ = map_to_geodetic(frame, x_m, y_m, 0.0)
         if center and not (on_near_side(frame, *center) and _in_circle(lat_deg, lon_deg, fence)):
@@ -157,7 +157,7 @@ def check_search(fence: Fence) -> str:
     return ""
 
 
-def _check_home(item: MissionItem, fence: Fence) -> Result[MissionItem]:
+def _check_home(item: MissionItem, fence: Fence) -> Rejected | None:
     if item.command != NAV_WAYPOINT:
         return Rejected(
             "unknown_command", f"command must be a waypoint for home, got {item.command}"
@@ -165,8 +165,7 @@ def _check_home(item: MissionItem, fence: Fence) -> Result[MissionItem]:
     if item.frame != FRAME_GLOBAL:
         wanted = f"{FRAME_GLOBAL}, above the sea, for home"
         return Rejected("unknown_frame", f"frame must be {wanted}, got {item.frame}")
-    refused = _check_parameters(item) or _check_horizontal(item.lat_deg, item.lon_deg, fence)
-    return refused or Accepted(item)
+    return _check_parameters(item) or _check_horizontal(item.lat_deg, item.lon_deg, fence)
 
 
 def _check_parameters(item: MissionItem) -> Rejected | None:
@@ -195,7 +194,7 @@ def _check_horizontal(lat_deg: float, lon_deg: float, fence: Fence) -> Rejected 
     else:
         where = f"{margin_m:g} m of the search area"
         x_m, y_m, _ = geodetic_to_map(frame, lat_deg, lon_deg, frame.origin_alt_m)
-        side_m = frame.grid_size * frame.cell_size_m
+        side_m = frame.side_m
         if near and all(-margin_m <= value <= side_m + margin_m for value in (x_m, y_m)):
             return None
     return Rejected(

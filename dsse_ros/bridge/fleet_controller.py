@@ -37,8 +37,10 @@ QUIET_S = 0.5
 """Wall time without a report after which the last one counts: latched reports come in a burst."""
 _DRAINED_S = 10.0
 """Wall time after which the last report counts even if more come."""
-_NEWS: tuple[tuple[Level, str], ...] = (("error", " is lost"), ("warning", ""), ("info", " waits"))
-"""How a vehicle's reasons are logged: why it is lost, refused, blocked."""
+_NEWS: tuple[tuple[Level, str], ...] = (
+    ("error", " is lost"), ("warning", ""), ("info", " waits"), ("warning", "")
+)  # fmt: skip
+"""How news of a vehicle are logged: why it is lost, refused, blocked, and where it returns."""
 _NOT_ENDED = ("under_way", "silent", "done", "failed")
 
 Log = Callable[[Level, str], None]
@@ -111,7 +113,7 @@ class FleetController(SearchListener):
         self._record_trouble = ""
         self._defects = [Defects(name) for name in self.names]
         # For each vehicle, the last logged reasons: see `_NEWS`.
-        self._logged = [("", "", "")] * len(vehicles)
+        self._logged = [("",) * len(_NEWS)] * len(vehicles)
         for name, follower, _ in self._each():
             if follower.custody.state is not Custody.FREE:
                 log("warning", f"{name}: {_shown(follower)}, from an earlier flight")
@@ -373,7 +375,7 @@ class FleetController(SearchListener):
             trouble = f"state_directory: {error.filename!r}: {error.strerror}"
             if trouble != self._record_trouble:
                 self._record_trouble = trouble
-                who = "a bridge that is started again would not know who has the vehicles"
+                who = "a restarted bridge would not know who controls the vehicles"
                 self._log("warning", f"{trouble}; {who}")
 
     def _give(self, i: int, vehicle: Vehicle, order: Order) -> None:
@@ -416,11 +418,32 @@ class FleetController(SearchListener):
         """Whether nothing is left to do in the search."""
         return bool(self.followers) and all(follower.finished for follower in self.followers)
 
+    def _left_layer(self, i: int) -> str:
+        """Return why a vehicle that returns by itself would leave its layer; empty if it stays."""
+        if self.plan is None or len(self._vehicles) == 1:
+            return ""
+        state, alt_m = self._vehicles[i].state, self.plan.frames[i].alt_m
+        autopilot = AUTOPILOTS[self._settings.autopilot]
+        reasons = []
+        if alt_m < state.return_alt_m:
+            names = " or ".join(autopilot.return_altitudes)
+            reasons.append(
+                f"altitude must be at least {state.return_alt_m:g} m, the vehicle's {names}, to "
+                f"return in its own layer, got {alt_m:g}"
+            )
+        if state.return_climb_m > 0:
+            names = " or ".join(autopilot.return_climbs)
+            reasons.append(
+                f"the vehicle's {names} must be 0 to return in its own layer, got "
+                f"{state.return_climb_m:g} m"
+            )
+        return "; ".join(reasons)
+
     def _log_news(self, i: int, before: Custody) -> None:
         name, follower = self.names[i], self.followers[i]
         if follower.custody.state is not before:
             self._log("info", f"{name}: {before.value} -> {_shown(follower)}")
-        reasons = (follower.lost, follower.refused, follower.blocked)
+        reasons = (follower.lost, follower.refused, follower.blocked, self._left_layer(i))
         for (level, what), reason, logged in zip(_NEWS, reasons, self._logged[i], strict=True):
             if reason and reason != logged:
                 self._log(level, f"{name}{what}: {reason}")

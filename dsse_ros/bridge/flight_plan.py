@@ -27,6 +27,9 @@ from msg_adapters.tracks import without_repeats
 HOME_HOLD_S = 600.0
 """Time for which a vehicle on a mission waits over home for those below, if nobody lands it."""
 
+OVER_HOME_M = 5.0
+"""Distance from home at which a vehicle may come down: it would climb first if it were farther."""
+
 
 @dataclass(frozen=True)
 class MissionPlan:
@@ -125,7 +128,7 @@ class FlightPlan:
         frame = self.frames[i]
         if isinstance(check_take_off(lat_deg, lon_deg, frame.alt_m, self.fence(i)), Rejected):
             return None
-        radius_m = acceptance_radius_m(frame, self._settings.acceptance_radius)
+        radius_m = acceptance_radius_m(frame, min(self._settings.acceptance_radius, OVER_HOME_M))
         return GoTo(lat_deg, lon_deg, frame.alt_m, radius_m)
 
 
@@ -142,6 +145,6 @@ def layered(frame: GridFrame, settings: BridgeSettings, vehicles: int) -> list[G
 
 
 def _middle(frame: GridFrame) -> tuple[float, float]:
-    half_m = frame.grid_size * frame.cell_size_m / 2
+    half_m = frame.side_m / 2
     lat_deg, lon_deg, _ = map_to_geodetic(frame, half_m, half_m, 0.0)
     return lat_deg, lon_deg

@@ -1,6 +1,6 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""Files that record who has each vehicle, one per vehicle, for a restarted bridge."""
+"""Files that record who controls each vehicle, one per vehicle, for a restarted bridge."""
 
 from __future__ import annotations
 

@@ -107,8 +107,8 @@ class BridgeSettings(FlightSettings):
     )  # fmt: skip
     export_directory: str = field("str", "Directory for the files of mode export.", ".")
     state_directory: str = field(
-        "str", "Directory that records who has each vehicle, by system id, across restarts of the "
-        "bridge; by default dsse_ros in ROS_HOME, or in ~/.ros.", "",
+        "str", "Directory that records who controls each vehicle, by system id, across restarts of "
+        "the bridge; by default dsse_ros in ROS_HOME, or in ~/.ros.", "",
     )  # fmt: skip
     exit_at_end: bool = field(
         "bool", "Whether the bridge exits once the search is over and its vehicles have carried "

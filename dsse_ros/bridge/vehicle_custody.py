@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Custody of one vehicle, from what it reports, from searches and from persons.
 
-This module recognises the events of `custody`. The `FlightRecord` is what must outlast the program.
+This module recognises the events of `custody`. The `FlightRecord` outlasts the program.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ Arm = Literal["false", "true", "always"]
 
 @dataclass(frozen=True)
 class FlightRecord:
-    """What a restarted program must know about a vehicle.
+    """The state of a vehicle that a restarted bridge needs.
 
     Attributes:
         custody: Who has it.
@@ -122,7 +122,7 @@ class VehicleCustody:
 
     @property
     def state(self) -> Custody:
-        """Who has the vehicle."""
+        """Who controls the vehicle."""
         return self.record.custody
 
     @property
@@ -142,7 +142,7 @@ class VehicleCustody:
 
     @property
     def holder(self) -> str:
-        """Who has the vehicle, in words."""
+        """Who controls the vehicle, in words."""
         mode = self.seen.mode or "no known mode"
         return {
             Custody.TAKEN: f"a person has it, in {mode}",
@@ -206,6 +206,8 @@ class VehicleCustody:
         custody, seen = self.state, self.seen
         released = custody is Custody.RELEASED and alone and not self.is_out
         if custody in (Custody.HELD, Custody.RECALLED) or released:
+            if self._whole:
+                return "in the air, and its mission does not go on: clear it once it is down"
             self._clear_in_the_air()
             return ""
         if custody is Custody.FOLLOWING:
@@ -294,7 +296,7 @@ class VehicleCustody:
     # The vehicle
 
     def observe(self, state: VehicleState, outcome: Outcome, *, takes_off: bool) -> None:
-        """Recognise who has the vehicle.
+        """Recognise who controls the vehicle.
 
         Args:
             state: Its reported state.
@@ -337,7 +339,7 @@ class VehicleCustody:
         """Return whether an order of the bridge may have caused a mode."""
         autopilot, order = self._autopilot, outcome.order
         if self._whole:
-            return True
+            return order is not None or mode in autopilot.mission_modes
         climbs = isinstance(order, TakeOff) and outcome.status != "done"
         if self.record.mode == autopilot.take_off_mode:
             climbs |= self.seen.alt_m < self.record.alt_m - RISEN_M
@@ -356,7 +358,11 @@ class VehicleCustody:
     def _observe_without_order(self, state: VehicleState, outcome: Outcome) -> None:
         """Recognise that somebody else has a vehicle that an earlier program flew."""
         usual = self._autopilot.take_off_modes
-        if self.state in (Custody.ENDING, Custody.RECALLED) or self._whole:
+        going = self.state is Custody.FOLLOWING and self._whole
+        if going and self.record.mode in self._autopilot.mission_modes:
+            # It has begun its mission, which goes on without the bridge.
+            usual = self._autopilot.mission_modes
+        elif self.state in (Custody.ENDING, Custody.RECALLED) or self._whole:
             usual |= self._autopilot.landed_modes
         ordered = outcome.order is not None or not (self.airborne and state.connected)
         orderly = state.mode in usual and state.failsafe in CONTINUES
@@ -369,8 +375,9 @@ class VehicleCustody:
             self._lose_to_others(state)
 
     def _lose_to_others(self, state: VehicleState) -> None:
-        self.lose(f"taken over: in {state.mode}")
-        self.on(Event.FAILSAFE if state.failsafe else Event.TAKE_OVER)
+        failsafe = state.failsafe
+        self.lose(f"{failsafe} failsafe" if failsafe else f"taken over: in {state.mode}")
+        self.on(Event.FAILSAFE if failsafe else Event.TAKE_OVER)
 
     def _observe_since_record(self, state: VehicleState) -> bool:
         """Recognise that somebody else has changed the mode since an earlier program recorded it.

@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Chooses the next order of a drone's vehicle, without ROS, links and clocks.
 
-`VehicleCustody` decides who has the vehicle and which orders are allowed; this module decides which
-order is wanted.
+`VehicleCustody` decides who controls the vehicle and which orders are allowed; this module decides
+which order is wanted.
 """
 
 from __future__ import annotations
@@ -85,6 +85,7 @@ class VehicleFollower:
         record: FlightRecord | None = None,
     ) -> None:
         self._acts_when_critical = autopilot.acts_when_critical
+        self._mission_mode = autopilot.mission_mode
         self._at_end = at_end
         self._join_timeout_s = join_timeout_s
         self._lost_timeout_s = lost_timeout_s
@@ -324,6 +325,9 @@ class VehicleFollower:
         task = self._task
         if not isinstance(task, FlyMission) or task.hold_item < 0 or not state.has_position:
             return False
+        if state.mode != self._mission_mode:
+            # The item stays the current one if a person ends the mission.
+            return False
         item = task.items[task.hold_item]
         away = offset_m((state.lat_deg, state.lon_deg), (item.lat_deg, item.lon_deg))
         return state.item_current == task.hold_item and math.hypot(*away) <= _OVER_HOME_M
@@ -364,7 +368,11 @@ class VehicleFollower:
         self.ready = self.custody.state is Custody.CLEARED
         if not self.ready:
             # Waiting for a person has no timeout.
-            self.blocked = f"{self.custody.holder}: ~/arm clears it to fly"
+            in_the_air = state.flying or state.armed
+            # In the air it is cleared alone.
+            alone = self.custody.state is Custody.RELEASED and in_the_air and not self._whole
+            clears = "drone<i>/arm clears it to fly" if alone else "~/arm clears it to fly"
+            self.blocked = f"{self.custody.holder}: {clears}"
         elif clearance.take_off:
             self.blocked = clearance.take_off
 

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The differences between autopilots: one `Autopilot` each, registered in `AUTOPILOTS`.
 
-`msg_adapters.mission_items.FIRMWARES` has, by the same names, how missions are numbered.
+`msg_adapters.mission_items.FIRMWARES` has the numbering of missions under the same names.
 """
 
 from __future__ import annotations
@@ -61,6 +61,10 @@ class Autopilot:
         boot_modes: Modes in which it may start without a person having chosen them.
         landed_modes: Modes in which it may be on the ground after a flight for us.
         item_modes: Modes that mission items bring about, by their MAV_CMD.
+        return_altitudes: Parameters with the altitude above home to which it climbs before it
+            returns, and their units in metres; it has one of them.
+        return_climbs: Parameters with the height that it climbs at least before it returns, near
+            home too, in the same way.
         disarmed_modes: Modes that it enters by itself while it is disarmed.
         disarming_s: Time after disarming in which it may fall back into any mode.
         messages: Types of the messages that we need from it.
@@ -101,6 +105,8 @@ class Autopilot:
     boot_modes: frozenset[str]
     landed_modes: frozenset[str]
     item_modes: Mapping[int, str] = field(default_factory=dict)
+    return_altitudes: Mapping[str, float]
+    return_climbs: Mapping[str, float] = field(default_factory=dict)
     disarmed_modes: frozenset[str] = _NO_MODES
     disarming_s: float = 0.0
     messages: tuple[Any, ...]
@@ -144,6 +150,11 @@ class Autopilot:
     def take_off_modes(self) -> frozenset[str]:
         """Modes from which, and in which, it takes off."""
         return self.orderly_modes | ({self.take_off_mode} if self.take_off_mode else set())
+
+    @property
+    def mission_modes(self) -> frozenset[str]:
+        """Modes in which it flies a mission, and those that the mission's items bring about."""
+        return frozenset({self.mission_mode, *self.item_modes.values()})
 
     @property
     def first_item(self) -> int:
@@ -194,6 +205,9 @@ ARDUPILOT = Autopilot(
     mission_mode="AUTO",
     boot_modes=frozenset({"STABILIZE"}),
     landed_modes=frozenset({"RTL", "LAND", "AUTO"}),
+    # The second of each from 4.7 on.
+    return_altitudes={"RTL_ALT": 0.01, "RTL_ALT_M": 1.0},
+    return_climbs={"RTL_CLIMB_MIN": 0.01, "RTL_CLIMB_MIN_M": 1.0},
     messages=(*_MESSAGES, EkfStatus, PositionTarget),
     position_is_checked=False,
     texts_prove_failsafe=True,
@@ -250,6 +264,7 @@ PX4 = Autopilot(
         mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH: "RTL",
         mavlink.MAV_CMD_NAV_LAND: "LAND",
     },
+    return_altitudes={"RTL_RETURN_ALT": 1.0},
     disarmed_modes=frozenset({"HOLD"}),
     disarming_s=3.0,
     messages=(*_MESSAGES, BatteryStatus),

@@ -1,6 +1,6 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""Recognises modes that our orders have not set: a person or a failsafe has."""
+"""Recognises modes set by a person or a failsafe rather than by our orders."""
 
 from __future__ import annotations
 
@@ -130,7 +130,7 @@ class ModeWatch:
         resting_mode = self._situation.autopilot.resting_mode
         return self._mode == resting_mode and not self.announced - {resting_mode}
 
-    # Who has the vehicle
+    # Who controls the vehicle
 
     def give_up(self) -> None:
         """Leave the vehicle to the person or failsafe that has set its mode."""

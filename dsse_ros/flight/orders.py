@@ -1,6 +1,6 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""What a vehicle can be ordered to do, and how that is carried out.
+"""The orders to a vehicle, and how each is carried out.
 
 Altitudes are metres above its home. An order is carried out by a generator that yields what it is
 waiting for: see `Order.carry_out`.

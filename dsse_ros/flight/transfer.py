@@ -1,6 +1,6 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""What every exchange of the mission protocol has in common, without a link and without a clock.
+"""The common part of every exchange of the mission protocol, without a link or a clock.
 
 An exchange is given the time and the messages received, and returns the messages to send. It waits
 for a reply, sends again, starts again where that helps, and always ends, within the limits of its

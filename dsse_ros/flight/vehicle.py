@@ -86,7 +86,7 @@ class VehicleSnapshot:
     Attributes:
         state: What the vehicle reports.
         outcome: Outcome of the latest order that its controller has.
-        trouble: What is wrong with the link, or with signatures; empty if nothing.
+        trouble: Problem with the link or the signatures; empty if there is none.
         counts: Number of events; see `Vehicle.counts`.
     """
 
@@ -210,7 +210,7 @@ class Vehicle:
 
     @property
     def trouble(self) -> str:
-        """What is wrong with the link, or with signatures; empty if nothing."""
+        """Problem with the link or the signatures; empty if there is none."""
         return self._snapshot.trouble
 
     @property

@@ -14,7 +14,6 @@ from dsse_ros.mavlink.messages import (
     NO_POSITION,
     Address,
     BatteryStatus,
-    CommandLong,
     EkfStatus,
     ExtendedSysState,
     GlobalPosition,
@@ -24,6 +23,9 @@ from dsse_ros.mavlink.messages import (
     Incoming,
     MissionCurrent,
     MissionItemReached,
+    Outgoing,
+    ParamRequestRead,
+    ParamValue,
     PositionTarget,
     StatusText,
     SysStatus,
@@ -82,6 +84,7 @@ _MISSED = 3
 _GRACE_S = 1.0
 _REQUEST_AGAIN_S = 2.0
 _ASK_AGAIN_S = 10.0
+_BY_NAME = -1
 
 
 @dataclass(frozen=True)
@@ -104,6 +107,8 @@ class VehicleState:
         speed_mps: Over ground.
         climb_mps: Upwards.
         home: Latitude, longitude in degrees and altitude above mean sea level.
+        return_alt_m: Altitude above home to which it climbs before it returns.
+        return_climb_m: Height that it climbs at least before it returns.
         battery: 0 (empty) to 1.
         fenced: Whether a geofence of its own is enabled.
         failsafe: Empty, or which one is active: `battery`, `gcs`, `radio`, `ekf`, `gps`, `motors`,
@@ -134,6 +139,8 @@ class VehicleState:
     speed_mps: float = math.nan
     climb_mps: float = math.nan
     home: tuple[float, float, float] | None = None
+    return_alt_m: float = math.nan
+    return_climb_m: float = math.nan
     battery: float = math.nan
     fenced: bool = False
     failsafe: str = ""
@@ -199,6 +206,10 @@ def observe(
             return _flying(replace(state, _landed_state=landed))
         case HomePosition(latitude=lat, longitude=lon, altitude=alt):
             return replace(state, home=(lat * 1e-7, lon * 1e-7, alt * 1e-3))
+        case ParamValue(param_id=name, param_value=value) if name in autopilot.return_altitudes:
+            return replace(state, return_alt_m=value * autopilot.return_altitudes[name])
+        case ParamValue(param_id=name, param_value=value) if name in autopilot.return_climbs:
+            return replace(state, return_climb_m=value * autopilot.return_climbs[name])
         case PositionTarget():
             return replace(state, target=_target(state, message), target_s=now)
         case MissionCurrent(seq=seq, mission_state=mission_state):
@@ -341,6 +352,8 @@ def _event(state: VehicleState, event: EventMessage) -> VehicleState:
 class MessageRequests:
     """Requests for the messages that are needed, repeated until they come, and when they stop.
 
+    The altitude and the climb of its return are requested too, as parameters.
+
     An autopilot may acknowledge a request and forget it, and loses all of them when it restarts.
 
     Args:
@@ -352,6 +365,10 @@ class MessageRequests:
     def __init__(self, target: Address, autopilot: Autopilot, position_hz: float) -> None:
         self._target = target
         self._kinds = autopilot.messages
+        # It has one parameter of each.
+        self._parameters = [
+            names for names in (autopilot.return_altitudes, autopilot.return_climbs) if names
+        ]
         self._rates_hz = dict.fromkeys(self._kinds, _RATE_HZ)
         for kind in (GlobalPosition, PositionTarget):
             if kind in self._rates_hz:
@@ -359,6 +376,7 @@ class MessageRequests:
         self._received_s = dict.fromkeys(self._kinds, -math.inf)
         self._requested_s = dict.fromkeys([*self._kinds, HomePosition], -math.inf)
         self._has_home = False
+        self._parameter_s = -math.inf
         self._asked_s = math.inf
 
     def receive(self, message: Incoming, now: float) -> None:
@@ -368,10 +386,11 @@ class MessageRequests:
             self._received_s[kind] = now
         elif kind is HomePosition:
             self._has_home = True
+        elif isinstance(message, ParamValue):
+            name = message.param_id
+            self._parameters = [names for names in self._parameters if name not in names]
 
-    def due(
-        self, now: float, *, has_setpoint: bool, unexplained: bool = False
-    ) -> list[CommandLong]:
+    def due(self, now: float, *, has_setpoint: bool, unexplained: bool = False) -> list[Outgoing]:
         """Return the requests to send now.
 
         Args:
@@ -380,7 +399,7 @@ class MessageRequests:
             unexplained: Whether it cannot be armed and has not reported why. PX4 reports its checks
                 when they change, and when it is asked.
         """
-        requests = []
+        requests: list[Outgoing] = []
         if not (unexplained and math.isfinite(self._asked_s)):
             self._asked_s = now
         elif now - self._asked_s > _ASK_AGAIN_S:
@@ -403,4 +422,11 @@ class MessageRequests:
             requests.append(
                 command_long(self._target, mavlink.MAV_CMD_REQUEST_MESSAGE, float(HomePosition.id))
             )
+        if self._parameters and now - self._parameter_s > _ASK_AGAIN_S:
+            self._parameter_s = now
+            requests += [
+                ParamRequestRead(*self._target, name.encode(), _BY_NAME)
+                for names in self._parameters
+                for name in sorted(names)
+            ]
         return requests

@@ -1,6 +1,6 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""Messages as bytes and back, by pymavlink's generated code; no incoming bytes make it raise.
+"""Messages as bytes and back, by pymavlink's generated code; it never raises on incoming bytes.
 
 Frames: https://mavlink.io/en/guide/serialization.html. MAVLink 2 is imported explicitly, whatever
 pymavlink's environment variables select.

@@ -40,6 +40,8 @@ MissionCurrent = mavlink.MAVLink_mission_current_message
 MissionItemReached = mavlink.MAVLink_mission_item_reached_message
 CommandAck = mavlink.MAVLink_command_ack_message
 CommandLong = mavlink.MAVLink_command_long_message
+ParamRequestRead = mavlink.MAVLink_param_request_read_message
+ParamValue = mavlink.MAVLink_param_value_message
 MissionSetCurrent = mavlink.MAVLink_mission_set_current_message
 MissionRequestList = mavlink.MAVLink_mission_request_list_message
 MissionCount = mavlink.MAVLink_mission_count_message
@@ -132,12 +134,20 @@ INCOMING: tuple[Any, ...] = (
     mavlink.MAVLink_statustext_message,
     EventMessage,
     CommandAck,
+    ParamValue,
     *get_args(MissionMessage),
 )
 """Types of the messages from a vehicle; no other needs to be decoded."""
 Incoming = mavlink.MAVLink_message | StatusText
 """A message from a vehicle."""
-Outgoing = Heartbeat | CommandLong | SetPositionTarget | MissionSetCurrent | MissionMessage
+Outgoing = (
+    Heartbeat
+    | CommandLong
+    | ParamRequestRead
+    | SetPositionTarget
+    | MissionSetCurrent
+    | MissionMessage
+)
 """A message to a vehicle."""
 
 _ABOVE_SEA = mavlink.MAV_FRAME_GLOBAL_INT

@@ -2,9 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Events of PX4: numbers, which a ground station looks up in the autopilot's metadata.
 
-https://mavlink.io/en/services/events.html. An event's number is a hash of its name, so that the few
-that are about arming need no metadata. PX4 reports all its arming checks that fail whenever that
-changes: the summary, the checks, and the summary of its health.
+https://mavlink.io/en/services/events.html. An event's number is a hash of its name, so the few
+about arming need no metadata. PX4 reports all failing arming checks whenever they change: the
+summary, the checks, and the summary of its health.
 """
 
 from __future__ import annotations

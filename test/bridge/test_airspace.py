@@ -27,8 +27,8 @@ GAP_M = 3.0
 """Difference in altitude that layers of 5 m leave at least while vehicles fly."""
 SLACK_M = 6.0
 """How far two vehicles may be off their lines together."""
-LOW = replace(FRAME, alt_m=45.0)
-"""The search closer to the ground, for shorter flights; no layer below where PX4 returns."""
+LOW = replace(FRAME, alt_m=35.0)
+"""The search closer to the ground, for shorter flights."""
 
 
 class Watch:

@@ -3,6 +3,7 @@
 """Nothing is sent to a place where a vehicle may not be."""
 
 import dataclasses
+import itertools
 import math
 
 import pymap3d
@@ -261,9 +262,10 @@ def test_a_fence_may_be_as_small_and_as_large_as_it_says(values):
             (0.0, 0.0, 1e5 + 0.5),
             "max_alt_m must be 0 to 100000, got 100000.5",
         ),
+        ((0.0, 50.0, 40.0), "min_alt_m must be 0 to 40, got 50.0"),
     ],
 )
-def test_a_fence_that_is_too_large_is_refused_by_its_field(values, reason):
+def test_a_fence_that_cannot_be_is_refused_by_its_field(values, reason):
     with pytest.raises(ValueError) as raised:
         Fence(FRAME, *values)
     assert str(raised.value) == reason
@@ -292,6 +294,14 @@ def test_no_place_beyond_the_circle_is_allowed_whatever_the_search_is(
         assert isinstance(checked, Accepted) == (away_m < radius_m)
 
 
+def test_a_place_beyond_the_circle_is_refused_by_the_circle():
+    fence = dataclasses.replace(FENCE, center=(-24.04, -46.17), radius_m=500.0)
+    item = waypoint(600.0, 0.0)
+    reason = "place must be within 500 m of (-24.0400000, -46.1700000), the middle of the fence"
+    got = f"got ({item.lat_deg:.7f}, {item.lon_deg:.7f})"
+    assert check_item(item, fence) == Rejected("outside_fence", f"{reason}, {got}")
+
+
 @pytest.mark.parametrize(
     ("origin", "why"),
     [((-24.04, -46.17), ""), ((-24.045, -46.17), ""), ((-24.1, -46.17), "got 2500"),
@@ -305,3 +315,12 @@ def test_a_search_must_lie_in_the_circle_with_all_of_its_corners(
     trouble = check_search(Fence(frame, 500.0, 10.0, 120.0, center=middle, radius_m=2500.0))
     assert bool(trouble) == bool(why) and why in trouble
     assert not trouble or trouble.startswith("fence_radius must ")
+
+
+@pytest.mark.parametrize("corner", itertools.product((0.0, SIDE_M), repeat=2))
+def test_a_search_lies_in_the_circle_to_its_very_corners(corner: tuple[float, float]) -> None:
+    away_m = math.copysign(700.0, 1300.0 - corner[0]), math.copysign(700.0, 1300.0 - corner[1])
+    middle = map_to_geodetic(FRAME, 1300.0 + away_m[0], 1300.0 + away_m[1], 0.0)[:2]
+    for more_m, lies in ((0.5, True), (-0.5, False)):
+        fence = dataclasses.replace(FENCE, center=middle, radius_m=math.hypot(2e3, 2e3) + more_m)
+        assert (check_search(fence) == "") == lies

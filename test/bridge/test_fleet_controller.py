@@ -4,8 +4,10 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
-from virtual_fleet import SEARCH, VirtualFleet, pilots_mode, with_settings
+from virtual_fleet import FRAME, SEARCH, VirtualFleet, pilots_mode, with_settings
 
 from dsse_ros.mavlink.messages import CommandLong, SetPositionTarget
 
@@ -472,14 +474,72 @@ def test_on_a_mission_each_starts_when_those_above_are_up_and_lands_after_those_
     assert not any(one.lost for one in fleet.controller.followers)
 
 
+@pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])
+def test_a_mission_that_was_held_does_not_go_on_and_no_answer_says_that_it_does(
+    autopilot: str,
+) -> None:
+    fleet = VirtualFleet(1, autopilot, mode="mission")
+    search = fleet.simulate(7)
+    for _ in range(4):
+        search.advance()
+    fleet.finish(search)
+    flight = fleet.flights[0]
+    fleet.until(lambda: flight.vehicle.craft.up_m > 20.0)
+    for what, custody in (("hold", "held"), ("return", "recalled")):
+        assert fleet.controller.operate(0, what)[0]
+        fleet.wait(20.0)
+        refused = "drone0: in the air, and its mission does not go on: clear it once it is down"
+        assert fleet.controller.arm(0, data=True) == (False, refused)
+        fleet.wait(5.0)
+        assert fleet.custody() == custody
+    fleet.until(lambda: not flight.vehicle.armed)
+    fleet.wait(5.0)
+    assert fleet.controller.finished
+
+
+@pytest.mark.parametrize(("autopilot", "alt_m"), [("ardupilot", 20.0), ("px4", 35.0)])
+def test_a_layer_is_left_on_the_way_home_only_after_a_warning(autopilot: str, alt_m: float) -> None:
+    fleet = VirtualFleet(3, autopilot, frame=replace(FRAME, alt_m=alt_m), search_altitude=10.0)
+    search = fleet.simulate(7, [(1, 1), (2, 2), (3, 1)])
+    fleet.until(lambda: fleet.arrived(search))
+    fleet.controller.operate(None, "return")
+    tops_m = fleet.tops_m_until_down()
+    warned = [line for line in fleet.log if "altitude must be at least" in line]
+    lowest_m, return_m = alt_m - 10.0, alt_m - 5.0
+    assert len(warned) == 1
+    assert f"drone2: altitude must be at least {return_m:g} m, the vehicle's RTL_" in warned[0]
+    assert warned[0].endswith(f"got {lowest_m:g}")
+    assert tops_m == pytest.approx([alt_m, return_m, return_m], abs=1.0)
+
+
+def test_a_climb_that_begins_every_return_is_warned_of_in_any_layer() -> None:
+    fleet = VirtualFleet(3, search_altitude=10.0)
+    fleet.flights[1].vehicle.parameters["RTL_CLIMB_MIN"] = 700.0
+    search = fleet.simulate(7, [(1, 1), (2, 2), (3, 1)])
+    fleet.until(lambda: fleet.arrived(search))
+    fleet.controller.operate(None, "return")
+    top_m = fleet.tops_m_until_down()[1]
+    assert [line for line in fleet.log if "to return in" in line] == [
+        "warning: drone1: the vehicle's RTL_CLIMB_MIN or RTL_CLIMB_MIN_M must be 0 to return in "
+        "its own layer, got 7 m"
+    ]
+    assert top_m == pytest.approx(FRAME.alt_m - 5.0 + 7.0, abs=1.0)
+
+
+def test_one_vehicle_alone_may_return_above_its_altitude() -> None:
+    fleet = VirtualFleet(1, "px4", frame=replace(FRAME, alt_m=20.0), search_altitude=10.0)
+    search = fleet.simulate(7)
+    fleet.until(lambda: fleet.arrived(search))
+    assert fleet.flights[0].state.return_alt_m == 30.0
+    assert not any("altitude must be" in line for line in fleet.log)
+
+
 def test_a_search_that_cannot_be_flown_ends_the_flights_of_the_one_before() -> None:
     fleet = VirtualFleet(1)
     search = fleet.simulate(7)
     fleet.fly(search, 1)
     fleet.until(lambda: fleet.arrived(search))
     search.reset()
-    from dataclasses import replace
-
     search.frame = replace(search.frame, grid_size=500)
     fleet.publish(search)
     fleet.wait(2.0)
@@ -501,6 +561,39 @@ def test_a_defect_about_one_vehicle_leaves_the_others_flying() -> None:
     fleet.fly(search, 1)
     fleet.until(lambda: fleet.arrived(search))
     assert sum("broken" in line for line in fleet.log if line.startswith("error")) <= 2
+
+
+def test_a_state_directory_that_fails_is_reported_until_it_works_again() -> None:
+    fleet = VirtualFleet(1)
+    search = fleet.simulate(7)
+    update = fleet.records.update
+    full = OSError(28, "No space left on device", "/state")
+
+    def fail(_: object) -> None:
+        raise full
+
+    fleet.records.update = fail  # type: ignore[method-assign]
+    fleet.until(lambda: fleet.arrived(search))
+    trouble = "state_directory: '/state': No space left on device"
+    assert fleet.controller.trouble(fleet.now) == trouble
+    warned = [line for line in fleet.log if "state_directory" in line]
+    assert len(warned) == 1 and warned[0].startswith(f"warning: {trouble}; a restarted bridge")
+    fleet.records.update = update  # type: ignore[method-assign]
+    fleet.wait(1.0)
+    assert fleet.controller.trouble(fleet.now) == ""
+
+
+@both
+def test_without_steps_the_vehicles_hold_until_the_next_one(autopilot: str) -> None:
+    fleet = VirtualFleet(2, autopilot, planner_timeout=20.0)
+    search = fleet.simulate(7)
+    fleet.until(lambda: fleet.arrived(search))
+    assert not fleet.controller.holding
+    fleet.until(lambda: fleet.controller.holding, 30.0)
+    assert fleet.log.count("warning: no step within 20 s: the vehicles hold") == 1
+    fleet.fly(search, 1)
+    fleet.until(lambda: fleet.arrived(search))
+    assert not fleet.controller.holding
 
 
 def test_parameters_of_the_next_program_count() -> None:

@@ -13,7 +13,8 @@ import pytest
 from numpy.typing import NDArray
 
 from dsse_ros.bridge.followed_search import MISSION_REPORT_S, FollowedSearch, News
-from msg_adapters.agents import AgentsInfo, Origin
+from msg_adapters.agents import AgentsInfo
+from msg_adapters.frames import GridFrame
 from msg_adapters.mission_report import MISSION_REPORT_DTYPE
 from msg_adapters.step_report import step_report_dtype
 
@@ -28,14 +29,9 @@ def agents(run_id: int = 7, mission: int = 1, count: int = 2) -> AgentsInfo:
         actions=ACTIONS,
         rules="paper",
         seed=0,
-        grid_size=8,
-        cell_size_m=100.0,
+        frame=GridFrame(8, 100.0, -24.0, -46.0, 0.0, 100.0),
         timestep_limit=10,
         step_duration_s=1.0,
-        map_frame="map",
-        frame_prefix="",
-        origin=Origin(-24.0, -46.0, 0.0),
-        alt_m=100.0,
         mission=mission,
         run_id=run_id,
     )

@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from dsse_ros.bridge.custody import Custody
-from dsse_ros.bridge.vehicle_custody import RISEN_M, Arm, FlightRecord, VehicleCustody
+from dsse_ros.bridge.vehicle_custody import FOREIGN_S, RISEN_M, Arm, FlightRecord, VehicleCustody
 from dsse_ros.flight.autopilots import ARDUPILOT, PX4, Autopilot
 from dsse_ros.flight.orders import GoTo, Land, TakeOff
 from dsse_ros.flight.vehicle_controller import Outcome
@@ -118,6 +118,43 @@ def test_who_has_ended_an_order_before_a_clearance_is_known_to_who_clears_it() -
     assert custody.clear(alone=True) == ""
     custody.observe(seen_in("GUIDED"), ended, takes_off=False)
     assert custody.state is Custody.FOLLOWING
+
+
+@pytest.mark.parametrize(
+    ("autopilot", "mode", "known"),
+    [
+        (ARDUPILOT, "AUTO", True),
+        (ARDUPILOT, "GUIDED", False),
+        (ARDUPILOT, "LAND", False),
+        (ARDUPILOT, "RTL", False),
+        (PX4, "MISSION", True),
+        # The last item of the mission brings it about.
+        (PX4, "RTL", True),
+        (PX4, "HOLD", False),
+        (PX4, "OFFBOARD", False),
+    ],
+)
+def test_a_mission_that_goes_on_without_its_bridge_is_left_by_a_person_alone(
+    autopilot: Autopilot, mode: str, known: bool
+) -> None:
+    record = replace(FLOWN, mode=autopilot.mission_mode)
+    custody = VehicleCustody(autopilot, "true", record, lambda: None, whole=True)
+    custody.begin(SEARCH, TOP_M, first=True)
+    custody.observe(seen_in(autopilot.mission_mode), Outcome(), takes_off=False)
+    for time_s in (0.0, 1.0, FOREIGN_S):
+        custody.observe(seen_in(mode, heard_s=time_s), Outcome(), takes_off=False)
+    assert custody.state is (Custody.FOLLOWING if known else Custody.TAKEN)
+
+
+def test_a_failsafe_in_a_mission_without_its_bridge_is_named() -> None:
+    custody = VehicleCustody(
+        ARDUPILOT, "true", replace(FLOWN, mode="AUTO"), lambda: None, whole=True
+    )
+    custody.begin(SEARCH, TOP_M, first=True)
+    for time_s in (0.0, FOREIGN_S):
+        failed = seen_in("RTL", failsafe="battery", heard_s=time_s)
+        custody.observe(failed, Outcome(), takes_off=False)
+    assert custody.state is Custody.FAILSAFE and custody.lost == "battery failsafe"
 
 
 @pytest.mark.parametrize("record", [HELD, LANDING], ids=["held", "recalled"])

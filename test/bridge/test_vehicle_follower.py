@@ -477,6 +477,7 @@ def test_what_a_pilot_has_taken_over_gets_no_order_any_more() -> None:
     led.begin(NEXT_SEARCH, 120.0, FENCE)
     follow(led, 39, 4, 4)
     assert vehicle.turn() is None and not led.lost
+    assert led.blocked == "a person has released it, in GUIDED: drone<i>/arm clears it to fly"
     assert not led.custody.clear(alone=True)
     assert isinstance(vehicle.turn(), GoTo)
 
@@ -944,7 +945,7 @@ def test_a_mission_that_holds_over_home_is_landed_from_there_when_the_others_all
     led = follower(whole=True)
     mission = fly_mission(led, holds=True)
     vehicle = ready_for_mission(led)
-    vehicle.state = replace(FLYING, item_current=mission.hold_item, lat_deg=-23.99)
+    vehicle.state = replace(FLYING, mode="AUTO", item_current=mission.hold_item, lat_deg=-23.99)
     # On its way there.
     assert vehicle.turn() is None and not led.arrived
     vehicle.clearance = Clearance(admit=lambda order: "waiting for drone1 to be out of the way")
@@ -954,6 +955,23 @@ def test_a_mission_that_holds_over_home_is_landed_from_there_when_the_others_all
     assert vehicle.turn() == Return()
     vehicle.obey()
     assert led.finished and not led.lost and led.custody.state is Custody.GROUNDED
+
+
+def test_a_vehicle_that_a_person_flies_home_from_its_mission_is_not_landed_by_a_new_bridge() -> (
+    None
+):
+    led = follower(whole=True, record=replace(FLOWN, mode="AUTO"))
+    mission = fly_mission(led, holds=True)
+    vehicle = Vehicle(
+        led, replace(FLYING, mode="AUTO", item_current=mission.hold_item, lat_deg=-23.99)
+    )
+    assert vehicle.turn() is None
+    # The current item does not change any more.
+    vehicle.state = replace(vehicle.state, mode="GUIDED", lat_deg=-23.999)
+    assert vehicle.turn() is None
+    vehicle.state = replace(vehicle.state, heard_s=10.0)
+    assert [vehicle.turn() for _ in range(3)] == [None] * 3
+    assert led.custody.state is Custody.TAKEN and led.lost == "taken over: in GUIDED"
 
 
 def test_a_mission_whose_vehicle_is_down_but_armed_is_let_end_by_itself() -> None:

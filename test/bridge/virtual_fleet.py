@@ -21,7 +21,7 @@ from dsse_ros.bridge.vehicle_custody import FlightRecord
 from dsse_ros.flight.vehicle_controller import Order, Outcome
 from dsse_ros.flight.vehicle_state import VehicleState
 from dsse_ros.mavlink.messages import StatusText
-from msg_adapters.agents import AgentsInfo, Origin
+from msg_adapters.agents import AgentsInfo
 from msg_adapters.frames import GridFrame
 from msg_adapters.geodesy import map_to_geodetic
 from msg_adapters.mission_report import MISSION_REPORT_DTYPE
@@ -87,20 +87,14 @@ class VirtualSearch:
 
     def agents(self) -> AgentsInfo:
         """Return what `agents` says."""
-        frame = self.frame
         return AgentsInfo(
             agents=tuple(f"drone{i}" for i in range(len(self.cells))),
             actions=ACTIONS,
             rules="paper",
             seed=0,
-            grid_size=frame.grid_size,
-            cell_size_m=frame.cell_size_m,
+            frame=replace(self.frame, origin_alt_m=0.0),
             timestep_limit=1000,
             step_duration_s=1.0,
-            map_frame="map",
-            frame_prefix="",
-            origin=Origin(frame.origin_lat_deg, frame.origin_lon_deg, 0.0),
-            alt_m=frame.alt_m,
             mission=self.mission,
             run_id=self.run_id,
             commanded=self.commanded,
@@ -369,6 +363,18 @@ class VirtualFleet:
     def down(self) -> bool:
         """Whether all vehicles stand on the ground, disarmed."""
         return all(not one.vehicle.armed and one.vehicle.landed for one in self.flights)
+
+    def tops_m_until_down(self) -> list[float]:
+        """Let time pass until all are down, and return how high each vehicle was."""
+        tops_m = [0.0] * len(self.flights)
+
+        def down() -> bool:
+            crafts = [one.vehicle.craft for one in self.flights]
+            tops_m[:] = [max(top_m, one.up_m) for top_m, one in zip(tops_m, crafts, strict=True)]
+            return self.down()
+
+        self.until(down)
+        return tops_m
 
 
 def pilots_mode(flight: VirtualFlight) -> str:

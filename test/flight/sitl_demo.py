@@ -19,10 +19,14 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+sys.path[:0] = [str(Path(__file__).parent), str(Path(__file__).resolve().parents[1] / "nodes")]
+
+from domains import free_domain  # noqa: E402
+
 # Left to itself each run has a domain of its own.
-os.environ.setdefault("ROS_DOMAIN_ID", str(1 + os.getpid() % 100))
+if "ROS_DOMAIN_ID" not in os.environ:
+    os.environ["ROS_DOMAIN_ID"] = str(free_domain())
 os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
-sys.path.insert(0, str(Path(__file__).parent))
 
 import numpy as np  # noqa: E402
 import rclpy  # noqa: E402
@@ -149,6 +153,10 @@ def run(arguments: argparse.Namespace, scenario: Any, rules: Any, path: Path) ->
     """Fly; returns the exit code."""
     drones = scenario.num_drones
     frame = scenario_frame(scenario)
+    homes = [(HOMES_APART_M * (i + 1), 10.0) for i in range(drones)]
+    if scenario.incident is not None:
+        # The base is farther away than the fence allows; the drones enter the grid here.
+        homes = [cell_to_map(frame, *cell) for cell in scenario.drones_positions]
     out: Path = arguments.out
     with contextlib.ExitStack() as stack:
         autopilots = [
@@ -157,7 +165,7 @@ def run(arguments: argparse.Namespace, scenario: Any, rules: Any, path: Path) ->
                     arguments.autopilot,
                     link="udp",
                     system=i + 1,
-                    home=map_to_geodetic(frame, HOMES_APART_M * (i + 1), 10.0, 0.0),
+                    home=map_to_geodetic(frame, *homes[i], 0.0),
                     speedup=arguments.speedup,
                     seed=i,
                 )

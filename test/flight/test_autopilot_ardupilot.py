@@ -97,6 +97,38 @@ def test_auto_and_rtl_cannot_be_armed(bench: Bench) -> None:
     assert "not armable" in bench.texts()[-1]
 
 
+@pytest.mark.parametrize(
+    ("away_m", "up_m", "alt_cm", "climb_cm", "slope", "top_m"),
+    [
+        (30.0, 10.0, 1500, 0, 3.0, 15.0),
+        (30.0, 10.0, 0, 0, 3.0, 10.0),
+        (30.0, 10.0, 1500, 300, 3.0, 15.0),
+        (30.0, 10.0, 1500, -500, 3.0, 15.0),
+        (30.0, 10.0, 1500, 1000, 3.0, 20.0),
+        (10.0, 10.0, 6000, 0, 3.0, 30.0),
+        (2.0, 10.0, 1500, 0, 3.0, 10.0),
+        (2.0, 10.0, 1500, 0, 0.0, 15.0),
+        (0.0, 20.0, 1500, 1000, 3.0, 30.0),
+    ],
+)
+def test_it_climbs_to_return_unless_it_is_near_home(
+    bench: Bench,
+    away_m: float,
+    up_m: float,
+    alt_cm: float,
+    climb_cm: float,
+    slope: float,
+    top_m: float,
+) -> None:
+    parameters = bench.vehicle.parameters
+    parameters["RTL_ALT"], parameters["RTL_CLIMB_MIN"] = alt_cm, climb_cm
+    parameters["RTL_CONE_SLOPE"] = slope
+    bench.fly_to_altitude(up_m)
+    bench.vehicle.craft.north_m = away_m
+    bench.command(SET_MODE, 1, RTL)
+    assert bench.top_m_until_landed() == pytest.approx(top_m, abs=0.4)
+
+
 def test_a_flight_takes_as_long_as_a_real_one(bench: Bench) -> None:
     armed_on_the_ground(bench)
     assert bench.command(TAKE_OFF, 0, 0, 0, 0, 0, 0, 120) == ACCEPTED

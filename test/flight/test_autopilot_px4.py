@@ -255,6 +255,27 @@ def test_it_lands_where_it_is_and_disarms_two_seconds_later(bench: Bench) -> Non
     assert bench.until(lambda: not bench.vehicle.armed) == pytest.approx(2, abs=0.2)
 
 
+@pytest.mark.parametrize(
+    ("away_m", "up_m", "cone_deg", "top_m"),
+    [
+        (30.0, 20.0, 45, 30.0),
+        (30.0, 40.0, 45, 40.0),
+        (8.0, 20.0, 45, 20.0),
+        (8.0, 20.0, 18, 24.6),
+        (8.0, 20.0, 0, 30.0),
+        (0.0, 20.0, 1, 20.0),
+    ],
+)
+def test_it_climbs_to_return_unless_it_is_near_home(
+    bench: Bench, away_m: float, up_m: float, cone_deg: int, top_m: float
+) -> None:
+    bench.vehicle.parameters["RTL_CONE_ANG"] = cone_deg
+    bench.fly_to_altitude(up_m)
+    bench.vehicle.craft.north_m = away_m
+    bench.command(SET_MODE, 1, *AUTO_RTL)
+    assert bench.top_m_until_landed() == pytest.approx(top_m, abs=0.4)
+
+
 def test_whole_parameters_travel_as_their_bits(bench: Bench) -> None:
     bits = struct.unpack("<f", struct.pack("<i", 7))[0]
     bench.send(mavlink.MAVLink_param_set_message(1, 1, b"NAV_DLL_ACT", bits, 6))

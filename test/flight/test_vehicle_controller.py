@@ -28,6 +28,7 @@ from dsse_ros.mavlink.messages import (
     CommandLong,
     GlobalPosition,
     Heartbeat,
+    ParamRequestRead,
     PositionTarget,
     SetPositionTarget,
     StatusText,
@@ -226,6 +227,23 @@ def test_messages_are_asked_for_until_they_come() -> None:
     asked = len(flight.commands(INTERVAL))
     flight.wait(30.0)
     assert len(flight.commands(INTERVAL)) == asked
+
+
+@both
+def test_the_altitude_of_the_return_is_asked_for_until_it_comes(autopilot: str) -> None:
+    flight = VirtualFlight(autopilot, loss=0.7, seed=3)
+    climbs = autopilot == "ardupilot"
+    flight.until(
+        lambda: (
+            not math.isnan(flight.state.return_alt_m)
+            and math.isnan(flight.state.return_climb_m) != climbs
+        )
+    )
+    assert flight.state.return_alt_m == {"ardupilot": 15.0, "px4": 30.0}[autopilot]
+    assert not climbs or flight.state.return_climb_m == 0.0
+    asked = sum(isinstance(message, ParamRequestRead) for _, message in flight.sent)
+    flight.wait(30.0)
+    assert sum(isinstance(message, ParamRequestRead) for _, message in flight.sent) == asked
 
 
 def test_places_and_targets_are_asked_for_at_the_rate_that_is_set() -> None:

@@ -25,6 +25,7 @@ from dsse_ros.mavlink.messages import (
     Incoming,
     MissionCurrent,
     MissionItemReached,
+    ParamValue,
     PositionTarget,
     StatusText,
     SysStatus,
@@ -118,6 +119,32 @@ def test_the_battery_is_a_share(remaining: int, battery: float) -> None:
 
 def test_a_battery_that_is_not_measured_is_not_known() -> None:
     assert math.isnan(after(sys_status(0, -1)).battery)
+
+
+@pytest.mark.parametrize(
+    ("autopilot", "name", "value", "alt_m"),
+    [
+        ("ardupilot", "RTL_ALT", 1500.0, 15.0),
+        ("ardupilot", "RTL_ALT_M", 15.0, 15.0),
+        ("px4", "RTL_RETURN_ALT", 30.0, 30.0),
+    ],
+)
+def test_the_altitude_of_its_return_is_one_of_its_parameters(
+    autopilot: str, name: str, value: float, alt_m: float
+) -> None:
+    message, other = (
+        ParamValue(one.encode(), value, mavlink.MAV_PARAM_TYPE_REAL32, 2, 0)
+        for one in (name, "RTL_LOIT_TIME")
+    )
+    assert after(message, other, autopilot=autopilot).return_alt_m == pytest.approx(alt_m)
+    assert math.isnan(after(other, autopilot=autopilot).return_alt_m)
+
+
+@pytest.mark.parametrize(("name", "value"), [("RTL_CLIMB_MIN", 300.0), ("RTL_CLIMB_MIN_M", 3.0)])
+def test_the_least_climb_of_its_return_is_one_of_its_parameters(name: str, value: float) -> None:
+    message = ParamValue(name.encode(), value, mavlink.MAV_PARAM_TYPE_REAL32, 2, 0)
+    assert after(message).return_climb_m == pytest.approx(3.0)
+    assert math.isnan(after(message, autopilot="px4").return_climb_m)
 
 
 @pytest.mark.parametrize(
@@ -222,6 +249,8 @@ def test_no_message_makes_it_raise(data: st.DataObject, autopilot: str) -> None:
             values = {name: data.draw(NUMBERS) for name in kind.fieldnames}
             if kind is EventMessage:
                 values["arguments"] = data.draw(st.binary(max_size=40))
+            if kind is ParamValue:
+                values["param_id"] = data.draw(st.binary(max_size=16))
             message = kind(**values)
         state = observe(state, message, 1.0, AUTOPILOTS[autopilot])
     assert isinstance(state.mode, str)

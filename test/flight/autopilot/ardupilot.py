@@ -46,6 +46,7 @@ _IGNORE_POSITION, _IGNORE_VELOCITY = 0x007, 0x038
 _EKF_UNINITIALIZED, _EKF_WITHOUT_POSITION, _EKF_GOOD = 1024, 167, 831
 _GCS_FAILSAFE_LAND = 5
 _REMINDER_S = 30.0
+_RETURNS_ABOVE_M, _LEAST_SLOPE = 2.0, 0.5
 _DISARMS_S = 2.0
 """From the ground felt to the motors stopped, as 4.5.7 in SITL takes."""
 _STREAMS: dict[int, tuple[int, ...]] = {
@@ -108,6 +109,7 @@ class ArduCopter(Vehicle):
         "MIS_TOTAL": 0,
         "RTL_ALT": 1500.0,
         "RTL_ALT_FINAL": 0.0,
+        "RTL_CLIMB_MIN": 0.0,
         "RTL_CONE_SLOPE": 3.0,
         "RTL_LOIT_TIME": 5000,
         "STAT_RUNTIME": 0,
@@ -209,9 +211,11 @@ class ArduCopter(Vehicle):
 
     def way_home(self) -> Return:
         here = self.craft.point
-        # Near home it does not climb all the way.
-        cone_m = max(2.0, self.parameters["RTL_CONE_SLOPE"] * math.hypot(*here[:2]))
-        up_m = min(self._metres("RTL_ALT"), cone_m)
+        least_m = max(_RETURNS_ABOVE_M, here.up_m + self._metres("RTL_CLIMB_MIN"))
+        up_m, slope = max(self._metres("RTL_ALT"), least_m), self.parameters["RTL_CONE_SLOPE"]
+        if slope >= _LEAST_SLOPE:
+            # Near home it does not climb all the way, but at least what it always climbs.
+            up_m = min(up_m, max(slope * math.hypot(*here[:2]), least_m))
         return Return(here, up_m, None, self.parameters["RTL_LOIT_TIME"] / 1000, self.landing())
 
     def acceptance_radius_m(self, item: Item) -> float:

@@ -60,6 +60,18 @@ class Bench:
             self.wait(TICK_S)
         return self.vehicle.time_s - start_s
 
+    def top_m_until_landed(self) -> float:
+        """Let time pass until the vehicle has landed, and return how high it was."""
+        top_m = 0.0
+
+        def landed() -> bool:
+            nonlocal top_m
+            top_m = max(top_m, self.vehicle.craft.up_m)
+            return self.vehicle.landed
+
+        self.until(landed)
+        return top_m
+
     # Sending
 
     def send(self, message: Message, system: int = 255, component: int = 190) -> None:

@@ -119,9 +119,10 @@ class Px4(Vehicle):
         "NAV_ACC_RAD": 2.0,
         "NAV_DLL_ACT": 0,
         "RTL_CONE_ANG": 45,
-        "RTL_DESCEND_ALT": 30.0,
+        "RTL_DESCEND_ALT": 10.0,
         "RTL_LAND_DELAY": 0.0,
-        "RTL_RETURN_ALT": 60.0,
+        "RTL_MIN_DIST": 10.0,
+        "RTL_RETURN_ALT": 30.0,
     }
     bytewise_parameters = True
     mission_service = Px4Missions
@@ -235,14 +236,20 @@ class Px4(Vehicle):
         return Land(_FIRST_DESCENT_UP_M, final_mps)
 
     def way_home(self) -> Return:
-        here = self.craft.point
-        descend_up_m = self._height_m("RTL_DESCEND_ALT")
-        half_angle_deg = clamp(self.parameters["RTL_CONE_ANG"], 1, 89)
-        # Near home it does not climb all the way.
-        cone_m = math.hypot(*here[:2]) / math.tan(math.radians(half_angle_deg))
-        up_m = min(self._height_m("RTL_RETURN_ALT"), max(descend_up_m, cone_m))
-        wait_s = self.parameters["RTL_LAND_DELAY"]
-        return Return(here, up_m, descend_up_m, wait_s, self.landing())
+        here, wait_s = self.craft.point, self.parameters["RTL_LAND_DELAY"]
+        descend_up_m = self._height_m("RTL_DESCEND_ALT") if wait_s else None
+        return Return(here, self._return_up_m(), descend_up_m, wait_s, self.landing())
+
+    def _return_up_m(self) -> float:
+        """Return the height above home to which it climbs before it flies home."""
+        up_m, near_m = self._height_m("RTL_RETURN_ALT"), self.parameters["NAV_ACC_RAD"]
+        half_angle_deg, away_m = self.parameters["RTL_CONE_ANG"], math.hypot(*self.craft.point[:2])
+        if half_angle_deg == 0 or away_m > max(near_m, self.parameters["RTL_MIN_DIST"]):
+            return up_m
+        if away_m <= near_m:
+            return min(up_m, 2.0 * away_m)
+        cone_m = away_m / math.tan(math.radians(clamp(half_angle_deg, 1, 89)))
+        return min(up_m, max(cone_m, 2.0 * near_m))
 
     def _height_m(self, name: str) -> float:
         return clamp(self.parameters[name], 0.0, 3000.0)

@@ -80,7 +80,7 @@ def free_udp_port() -> int:
         RuntimeError: If none is free.
     """
     for port in random.sample(_PORTS, len(_PORTS)):
-        # A name of this machine that ends with the process; it is no file.
+        # A name of this machine that ends with the process; it is not a file.
         reservation = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
         try:
             reservation.bind(f"\0dsse_ros_test_port_{port}")
