@@ -5,14 +5,16 @@
 from __future__ import annotations
 
 import json
+import shlex
+import sys
 from importlib import metadata
 from pathlib import Path
 from urllib.parse import unquote, urlsplit
 
 
 def pip_install(extra: str) -> str:
-    """Return the command that installs an extra of this package."""
-    return f"pip install '{_clone()}[{extra}]'"
+    """Return the command that installs an extra of this package for the running Python."""
+    return f"{shlex.quote(sys.executable)} -m pip install '{_clone()}[{extra}]'"
 
 
 def _clone() -> str:

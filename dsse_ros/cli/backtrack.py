@@ -5,19 +5,19 @@
 from __future__ import annotations
 
 import argparse
-import math
 import sys
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from dsse_ros.cli.command_line import Parser
+from dsse_ros.cli.command_line import Parser, place
 from dsse_ros.drift.flow import seconds, utc
 from dsse_ros.drift.kernels import degrees_per_metre
 from dsse_ros.drift.tracks import Sighting
 from dsse_ros.mission.scenario_files import find_scenario
 from dsse_ros.runtime.exit_codes import fail
+from dsse_ros.scenario.geodesy import mean_lon
 from dsse_ros.search import FieldError, Scenario
 
 INTERVAL_S = 600.0
@@ -34,9 +34,14 @@ def parse(argv: list[str] | None) -> argparse.Namespace:
     )
     add = parser.add
     add("--scenario", default="kayak", help="YAML file or name, with an incident")
-    add("--found", metavar="LAT,LON", required=True, help="place; --found=-24,-46 if south")
+    add("--found", metavar="LAT,LON", required=True, help="place, such as --found=-24.0,-46.4")
     add("--time", required=True, help="time of the find, ISO 8601, in UTC without an offset")
-    add("--radius", type=float, default=100.0, help="99 %% of the uncertainty of the place, m")
+    add(
+        "--radius",
+        type=float,
+        default=100.0,
+        help="radius that holds the find in 99 %% of cases, m",
+    )
     add("--until", help="earliest time, by default that of the first sighting")
     add("--particles", type=int, default=5000, help="number of particles")
     add("--seed", type=int, default=0, help="random seed of the particles")
@@ -49,16 +54,6 @@ def _time(name: str, text: str) -> float:
         return seconds(text)
     except ValueError:
         raise FieldError(f"{name} must be a time like 2026-01-17T14:00Z, got {text!r}") from None
-
-
-def _place(text: str) -> tuple[float, float]:
-    try:
-        lat_deg, lon_deg = (float(part) for part in text.split(","))
-    except ValueError:
-        lat_deg = lon_deg = math.nan
-    if not (abs(lat_deg) <= 85 and abs(lon_deg) <= 360):
-        raise FieldError(f"found must be LAT,LON up to 85 and 360 degrees, got {text!r}")
-    return lat_deg, lon_deg
 
 
 def _times(first_s: float, last_s: float) -> NDArray[np.float64]:
@@ -85,7 +80,9 @@ def main(argv: list[str] | None = None) -> int:
         incident = Scenario.from_yaml(find_scenario(arguments.scenario)).incident
         if incident is None:
             raise FieldError(f"scenario must have an incident, got {arguments.scenario!r}")
-        found = Sighting(*_place(arguments.found), _time("time", arguments.time), arguments.radius)
+        found = Sighting(
+            *place("found", arguments.found), _time("time", arguments.time), arguments.radius
+        )
         if arguments.until is not None:
             until_s = _time("until", arguments.until)
         else:
@@ -112,12 +109,11 @@ def main(argv: list[str] | None = None) -> int:
 
 def _summary(lats: NDArray[np.float64], lons: NDArray[np.float64]) -> tuple[float, float, float]:
     """Return the mean position, and the distance from it in metres of 95 % of the particles."""
-    lon = float(lons[0] + ((lons - lons[0] + 180) % 360 - 180).mean())
-    lat = float(lats.mean())
+    lat, lon = float(lats.mean()), mean_lon(lons)
     lat_per_m, lon_per_m = degrees_per_metre(lat)
     east_m = ((lons - lon + 180) % 360 - 180) / lon_per_m
     away_m = np.hypot(east_m, (lats - lat) / lat_per_m)
-    return lat, (lon + 180) % 360 - 180, float(np.quantile(away_m, 0.95))
+    return lat, lon, float(np.quantile(away_m, 0.95))
 
 
 if __name__ == "__main__":

@@ -24,8 +24,8 @@ def parse(argv: list[str] | None) -> argparse.Namespace:
     """Return the command line's arguments."""
     parser = Parser(
         prog="campaign",
-        description="Play planners on scenarios and seeds, and compare them. Started again with "
-        "the same folder, it goes on where it was ended.",
+        description="Play planners on scenarios and seeds, and compare them. Run it again with "
+        "the same folder to continue where it stopped.",
     )
     parser.add("config", type=Path, help="YAML file, see docs/campaign.md")
     parser.add("--out", type=Path, help="folder of the results, by default the file's name")

@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import argparse
+import math
 import sys
 from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
@@ -39,6 +40,7 @@ _OF_SEARCH = {
     PROFILE: ("rules", SIM_PARAMETERS[PROFILE]),
     "planner": ("planner", Spec("str", "", choices=PLANNER_NAMES)),
     "model": ("model", Spec("str", "")),
+    "planner_options": ("planner_options", Spec("names", "")),
     "scenario.num_drones": ("drones", SIM_PARAMETERS["scenario.num_drones"]),
     "seed": ("seed", Spec("int", "", low=0, high=MAX_SEED)),
 }
@@ -55,13 +57,15 @@ class Parser(argparse.ArgumentParser):
             options["help"] += " (default: %(default)s)"
         self.add_argument(flag, **options)
 
-    def add_search(self, scenario: str) -> None:
+    def add_search(self, scenario: str | None) -> None:
         """Add the arguments for `search_of`, with this scenario as the default."""
         self.add("--scenario", default=scenario, help="YAML file or name")
         usual = "profile; auto is sea with an incident, else paper"
         self.add("--rules", default=AUTO, choices=(AUTO, *PROFILES), help=usual)
         self.add("--planner", default="greedy", choices=PLANNER_NAMES, help="planner")
         self.add("--model", help="ONNX file of the planner onnx, by default that of this package")
+        options = "options of the planner, such as heading=45 for sweep"
+        self.add("--planner-options", nargs="+", default=(), metavar="NAME=VALUE", help=options)
         self.add("--drones", type=int, help="number of drones, by default the scenario's")
         seeded = "random seed of the map, the persons and the planner"
         self.add("--seed", type=int, default=0, help=seeded)
@@ -136,6 +140,21 @@ def search_of(arguments: argparse.Namespace) -> tuple[Path, ResolvedScenario, Ru
     if "planner" in arguments:
         check_task(arguments.planner, rules)
     return path, scenario.resolve(rules), rules
+
+
+def place(name: str, text: str) -> tuple[float, float]:
+    """Return latitude and longitude of an option LAT,LON.
+
+    Raises:
+        FieldError: If it is no such place.
+    """
+    try:
+        lat_deg, lon_deg = (float(part) for part in text.split(","))
+    except ValueError:
+        lat_deg = lon_deg = math.nan
+    if not (abs(lat_deg) <= 85 and abs(lon_deg) <= 360):
+        raise FieldError(f"{name} must be LAT,LON up to 85 and 360 degrees, got {text!r}")
+    return lat_deg, lon_deg
 
 
 def make_folder(name: str, folder: Path) -> None:

@@ -6,29 +6,26 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 from tqdm import tqdm
 
 from dsse_ros.belief.protocol import TargetForecast
-from dsse_ros.cli.command_line import Parser, make_folder, search_of
+from dsse_ros.cli.command_line import Parser, make_folder
+from dsse_ros.cli.mission_file import FILE_HELP, add_mission_file, choose, pictures, read
 from dsse_ros.cli.start import not_found
 from dsse_ros.progress import progress
-from dsse_ros.report.record import RecordedMission, is_bag, read_csv
+from dsse_ros.report.record import RecordedMission, chosen_steps
 from dsse_ros.report.replay import (
     LARGEST_BELIEF_GRID,
     follow_belief,
     forecast_for,
-    views,
     with_coverage,
 )
-from dsse_ros.report.report import Report, chosen_steps
+from dsse_ros.report.report import Report
 from dsse_ros.runtime.exit_codes import fail
-from dsse_ros.scenario.definition import SearchDefinition
-from dsse_ros.scenario.limits import LARGEST_GRID_CELLS
 from dsse_ros.scenario.rules import AUTO
 from dsse_ros.search import PROFILES, FieldError
 from dsse_ros.search.compiler import announced
@@ -41,37 +38,14 @@ def parse(argv: list[str] | None) -> argparse.Namespace:
         prog="report",
         description="Make a page, figures and tables of a recorded mission.",
     )
-    parser.add("file", type=Path, help="CSV of record_file, or bag of the recorder")
-    parser.add(
-        "--scenario", help="what was searched, if the file does not state it: YAML file or name"
-    )
+    parser.add("file", type=Path, help=FILE_HELP)
+    add_mission_file(parser)
+    parser.add("--scenario", help="scenario, if the file does not have it: YAML file or name")
     usual = "profile, with --scenario; auto is sea with an incident, else paper"
     parser.add("--rules", default=AUTO, choices=(AUTO, *PROFILES), help=usual)
     parser.add("--out", type=Path, default=Path("report"), help="folder of the files")
-    parser.add("--mission", type=int, help="its number, by default the last complete one")
-    parser.add("--steps", type=int, nargs="+", metavar="STEP",
-               help="steps that maps are drawn of, by default six from start to end")  # fmt: skip
-    parser.add("--namespace", help="of the simulation, if a bag has several")
-    parser.add("--max-cells", type=int, default=LARGEST_GRID_CELLS,
-               help="cells of the largest grid")  # fmt: skip
     parser.set_defaults(seed=0)
     return parser.parse_with_ros(argv, {})
-
-
-def choose(missions: Sequence[RecordedMission], number: int | None) -> RecordedMission:
-    """Return the mission of this number, or the last complete one; else the last one.
-
-    Raises:
-        FieldError: If there is none of this number.
-    """
-    if number is None:
-        return next((one for one in reversed(missions) if one.complete), missions[-1])
-    of_number = [one for one in missions if one.number == number]
-    if not of_number:
-        numbers = sorted({one.number for one in missions})
-        shown = ", ".join(map(str, numbers[:10])) + (", ..." if len(numbers) > 10 else "")
-        raise FieldError(f"mission must be one of the file ({shown}), got {number}")
-    return of_number[-1]
 
 
 def notices(record: RecordedMission, shown: Mapping[int, MissionView]) -> Iterator[str]:
@@ -93,54 +67,6 @@ def notices(record: RecordedMission, shown: Mapping[int, MissionView]) -> Iterat
         large = record.grid_size > LARGEST_BELIEF_GRID
         why = f"; it is not computed on grids of more than {LARGEST_BELIEF_GRID} cells a side"
         yield f"The probability of success (POS) was not recorded{why if large else ''}."
-
-
-def pictures(
-    record: RecordedMission, wanted: Sequence[int], forecast: TargetForecast | None, bag: Any
-) -> dict[int, MissionView]:
-    """Return the maps of recorded steps: the belief, or what the drones observed.
-
-    Args:
-        record: The mission.
-        wanted: Numbers of recorded steps.
-        forecast: For its belief, None if that is not to be computed.
-        bag: Its `MissionBag`, None if it is of a CSV.
-
-    Raises:
-        FieldError: If the record is of another search.
-    """
-    if forecast is not None:
-        _, beliefs = follow_belief(record, forecast, wanted)
-    else:
-        beliefs = {} if bag is None else bag.beliefs(record, wanted)
-    return {
-        k: replace(view, probability=beliefs[k], belief=True) if k in beliefs else view
-        for k, view in views(record, wanted).items()
-    }
-
-
-def read(arguments: argparse.Namespace) -> tuple[list[RecordedMission], Any]:
-    """Return the missions of a file, and the `MissionBag` if it is one.
-
-    Raises:
-        FieldError: If it is neither a log nor a bag, is of a grid of more cells, or of another
-            search than that of the command line.
-        ImportError: If it is a bag, and ROS or what reads bags is not installed.
-    """
-
-    def search(drones: int) -> SearchDefinition:
-        arguments.drones = drones
-        _, scenario, rules = search_of(arguments)
-        return SearchDefinition(rules, scenario)
-
-    given = search if arguments.scenario else None
-    if not is_bag(arguments.file):
-        return read_csv(arguments.file, given, arguments.max_cells), None
-    # A log is read without them.
-    from dsse_ros.report.bags import MissionBag
-
-    bag = MissionBag(arguments.file, arguments.namespace, given, arguments.max_cells)
-    return bag.missions, bag
 
 
 def main(argv: list[str] | None = None) -> int:

@@ -21,6 +21,7 @@ import sys
 import time
 import webbrowser
 from collections.abc import Callable, Collection, Iterator, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -33,6 +34,7 @@ from sensor_msgs.msg import Image, PointCloud2
 from std_msgs.msg import Float64MultiArray
 from tqdm import tqdm
 
+from dsse_ros.cli.attended_page import LivePage
 from dsse_ros.cli.command_line import Parser, make_folder, search_of
 from dsse_ros.dashboard.settings import DashboardSettings
 from dsse_ros.nodes.settings import (
@@ -43,6 +45,7 @@ from dsse_ros.nodes.settings import (
     PlannerSettings,
     SimSettings,
 )
+from dsse_ros.nodes.sim_parameters import draw_run_id
 from dsse_ros.report.metrics import path_lengths
 from dsse_ros.report.record import RecordedMission, read_csv
 from dsse_ros.report.replay import mission_views
@@ -67,6 +70,8 @@ SILENCE_S = 60.0
 _SIM_NAMES = (*SIM_PARAMETERS, *SHORT_NAMES, *OF_EVERY_NODE)
 _PLANNER_NAMES = (*specs(PlannerSettings), *OF_EVERY_NODE)
 _DASHBOARD_NAMES = (*specs(DashboardSettings), *OF_EVERY_NODE)
+RATE, VIEW_RATE = 20.0, 3.0
+"""Maximum steps per second, without and with the page: people follow three."""
 STOP_S = 10.0
 """Wall time a process has to end after it was interrupted."""
 
@@ -79,21 +84,28 @@ class Watcher(Node):
     """Follows a mission over its topics.
 
     Args:
+        run_id: Run of the simulation to follow.
         belief: Whether the belief is published too.
+        pos: Whether the probability of success is published too.
 
     Attributes:
+        foreign: Whether another simulation has published a report.
         step: Steps done, -1 before the first report.
         num_active: Drones in flight.
-        done: Whether the mission is over and its last map has arrived.
+        done: Whether the mission is over and all messages of its last step have arrived.
         probability: The last belief (G, G), or the last map if no belief is published.
     """
 
-    def __init__(self, *, belief: bool) -> None:
+    def __init__(self, run_id: int, *, belief: bool, pos: bool) -> None:
         super().__init__("watcher")
+        self._run_id = run_id
+        self._has_pos = pos
+        self.foreign = False
         self.step = -1
         self.num_active = 0
         self.probability: NDArray[np.float32] | None = None
         self._pos: float | None = None
+        self._pos_step = -1
         self._map_stamp = -1
         self._report_stamp = -1
         topic = "belief" if belief else "probability"
@@ -103,8 +115,10 @@ class Watcher(Node):
 
     @property
     def done(self) -> bool:
-        """Whether no drone is in flight, and the map of that step has arrived too."""
-        return self.step >= 0 and self.num_active == 0 and self._map_stamp == self._report_stamp
+        """Whether no drone is in flight, and the map and the POS of that step have arrived too."""
+        if self.step < 0 or self.num_active > 0 or self._map_stamp != self._report_stamp:
+            return False
+        return self._pos_step == self.step or not self._has_pos
 
     def _on_map(self, message: Image) -> None:
         self.probability = image_to_probability(message)
@@ -112,13 +126,18 @@ class Watcher(Node):
 
     def _on_report(self, message: PointCloud2) -> None:
         report = step_report_from_message(message)
+        if report["run_id"][0] != self._run_id:
+            self.foreign = True
+            return
         down = (report["terminated"] | report["truncated"]).astype(bool)
         self.step = int(report["step"][0])
         self.num_active = int((~down).sum())
         self._report_stamp = to_nanoseconds(message.header.stamp)
 
     def _on_pos(self, message: Float64MultiArray) -> None:
-        *_, self._pos = pos_from_message(message)
+        run_id, _, step, pos = pos_from_message(message)
+        if run_id == self._run_id:
+            self._pos_step, self._pos = step, pos
 
     def line(self) -> str:
         """Return the state of the search for the progress line."""
@@ -194,15 +213,15 @@ def compiling(log: Path) -> bool:
 
 
 @contextlib.contextmanager
-def live_page(arguments: argparse.Namespace, stop: Stop) -> Iterator[Callable[[], None]]:
-    """Show the mission in the browser if requested; yield a function that keeps the page open.
+def live_page(arguments: argparse.Namespace, stop: Stop) -> Iterator[LivePage]:
+    """Show the mission in the browser if requested.
 
     Raises:
         MissionFailed: If there is no page within `SILENCE_S`.
         KeyboardInterrupt: If a signal has come.
     """
     if not arguments.view:
-        yield lambda: None
+        yield LivePage(stop)
         return
     log: Path = arguments.out / "dashboard.log"
     ros = ros_for(_DASHBOARD_NAMES, arguments.ros)
@@ -223,13 +242,7 @@ def live_page(arguments: argparse.Namespace, stop: Stop) -> Iterator[Callable[[]
         if os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"):
             webbrowser.open(served[1])
 
-        def keep() -> None:
-            if sys.stdin.isatty():
-                print("The page stays open until Ctrl-C.", flush=True)
-                while not stop.wanted and page.poll() is None:
-                    time.sleep(0.05)
-
-        yield keep
+        yield LivePage(stop, page, log, partial(check_running, page, "dashboard", log))
 
 
 def default_port_free() -> bool:
@@ -248,9 +261,22 @@ def shows_belief(arguments: argparse.Namespace, scenario: ResolvedScenario, rule
 
 
 def fly(
-    arguments: argparse.Namespace, path: Path, scenario: ResolvedScenario, rules: Rules, stop: Stop
+    arguments: argparse.Namespace,
+    path: Path,
+    scenario: ResolvedScenario,
+    rules: Rules,
+    page: LivePage,
+    at_end: Callable[[], None],
 ) -> None:
     """Run the mission to its end, with a progress line.
+
+    Args:
+        arguments: The command line's.
+        path: Scenario file.
+        scenario: The scenario.
+        rules: Its rules.
+        page: The mission starts once it has been opened.
+        at_end: Called at the end, while the nodes still run.
 
     Raises:
         MissionFailed: If a process ends early or nothing happens for `SILENCE_S`.
@@ -258,18 +284,22 @@ def fly(
     """
     out: Path = arguments.out
     belief = shows_belief(arguments, scenario, rules)
+    # Without it, the latched report of another mission would pass for one of this mission.
+    run_id = draw_run_id(SimSettings(run_id=arguments.run_id))
     sim = {
-        SCENARIO_FILE: str(path), PROFILE: rules.profile, "seed": arguments.seed,
+        SCENARIO_FILE: str(path), PROFILE: rules.profile, "seed": arguments.seed, "run_id": run_id,
         "step_rate": float(arguments.rate), "record_file": str(out / "mission.csv"),
         "publish_belief": belief,
     }  # fmt: skip
     if arguments.drones is not None:
         sim["scenario.num_drones"] = arguments.drones
     planner = {"planner": arguments.planner, "seed": arguments.seed, "model": arguments.model or ""}
+    if arguments.planner_options:
+        planner["planner_options"] = list(arguments.planner_options)
     sim_ros = ros_for(_SIM_NAMES, arguments.ros)
     planner_ros = ros_for(_PLANNER_NAMES, arguments.ros)
     sim_log, planner_log = out / "sim_node.log", out / "planner_node.log"
-    watcher = Watcher(belief=belief)
+    watcher = Watcher(run_id, belief=belief, pos=belief or rules.covers)
     executor = new_executor()
     executor.add_node(watcher)
     bar = tqdm(
@@ -277,13 +307,14 @@ def fly(
         mininterval=0.1 if sys.stdout.isatty() else 2.0,
         bar_format="step {n_fmt}/{total_fmt} |{bar:20}| {elapsed} {desc}",
     )  # fmt: skip
+    page.wait_for_browser()
     last_step_s = time.monotonic()
     sim_compiles = planner_compiles = False
 
     def watch(name: str, child: subprocess.Popen[bytes], log: Path) -> None:
         nonlocal last_step_s, sim_compiles
         executor.spin_once(timeout_sec=0.1)
-        if stop.wanted:
+        if page.stop.wanted:
             raise KeyboardInterrupt
         check_running(child, name, log)
         if watcher.step > bar.n:
@@ -298,8 +329,8 @@ def fly(
             last_step_s = time.monotonic()
         if time.monotonic() - last_step_s > SILENCE_S:
             raise MissionFailed(f"no step within {SILENCE_S:g} s; see {sim_log}")
-        if watcher.count_publishers("step_report") > 1:
-            raise MissionFailed("another mission is on this ROS_DOMAIN_ID; choose one of your own")
+        if watcher.foreign or watcher.count_publishers("step_report") > 1:
+            raise MissionFailed("another mission uses this ROS_DOMAIN_ID; choose a different one")
 
     with bar, process("sim_node", sim, sim_log, sim_ros) as sim_process:
         # Start the planner once the watcher receives messages, so that it misses no step.
@@ -314,7 +345,10 @@ def fly(
                     if not planner_compiles:
                         bar.write(f"planner {arguments.planner}: {COMPILING}")
                     planner_compiles = True
-        bar.refresh()
+            # Closing the bar shows it.
+            bar.set_description_str(watcher.line(), refresh=False)
+            bar.close()
+            at_end()
 
 
 def summary(record: RecordedMission) -> str:
@@ -390,17 +424,21 @@ def parse(argv: list[str] | None) -> argparse.Namespace:
         description="Fly one mission: sim_node and planner_node as two processes.",
     )
     parser.add_search("santos")
-    parser.add("--rate", type=float, default=20.0, help="steps/s at most, 0: no limit")
+    rate = f"maximum steps/s, 0 for no limit (default: {RATE:g}, with --view {VIEW_RATE:g})"
+    parser.add("--rate", type=float, help=rate)
     parser.add("--out", type=Path, default=Path("out"), help="folder of the results")
-    parser.add("--movie", type=Path, help="write a movie of the mission too, .gif or .mp4")
+    parser.add("--movie", type=Path, help="also write a movie of the mission, .gif or .mp4")
     parser.add("--view", action="store_true", help="show the mission live in the browser")
-    parser.set_defaults(compute_pos="auto")
-    of_sim = {"step_rate": "rate", "compute_pos": "compute_pos"}
-    return parser.parse_with_ros(
+    parser.set_defaults(compute_pos="auto", run_id=-1)
+    of_sim = {"step_rate": "rate", "compute_pos": "compute_pos", "run_id": "run_id"}
+    arguments = parser.parse_with_ros(
         argv,
         {name: (option, specs(SimSettings)[name]) for name, option in of_sim.items()},
         {*_SIM_NAMES, *_PLANNER_NAMES, *_DASHBOARD_NAMES},
     )
+    if arguments.rate is None:
+        arguments.rate = VIEW_RATE if arguments.view else RATE
+    return arguments
 
 
 def main(argv: list[str] | None = None) -> int:
@@ -420,14 +458,17 @@ def main(argv: list[str] | None = None) -> int:
     on_signals(stop)
     try:
         init_ros(["run_mission", "--ros-args", *arguments.ros])
-        with live_page(arguments, stop) as keep_page:
-            fly(arguments, path, scenario, rules, stop)
-            record = read_csv(arguments.out / "mission.csv")[-1]
-            written = draw(record, arguments)
-            print(summary(record))
-            for name, file in {**written, "steps": arguments.out / "mission.csv"}.items():
-                print(f"  {name:<20} {file}")
-            keep_page()
+        with live_page(arguments, stop) as page:
+
+            def at_end() -> None:
+                record = read_csv(arguments.out / "mission.csv")[-1]
+                written = draw(record, arguments)
+                print(summary(record))
+                for name, file in {**written, "steps": arguments.out / "mission.csv"}.items():
+                    print(f"  {name:<20} {file}")
+                page.stay()
+
+            fly(arguments, path, scenario, rules, page, at_end)
     except FieldError as error:
         return fail("run_mission", error)
     except MissionFailed as error:

@@ -16,16 +16,22 @@ from dsse_ros.runtime.exit_codes import MISSING
 from dsse_ros.runtime.interrupts import leave_on_signals
 
 _DASHBOARD = ("dashboard", "make sim VIEW=1")
+_RECORD = ("record", "make sim")
 _OF_EXTRAS = {
     "PIL": _DASHBOARD,
     "fastapi": _DASHBOARD,
     "foxglove": ("viewer", ""),
-    "mcap": ("record", ""),
+    "gpxpy": ("gis", ""),
+    "lz4": _RECORD,
+    "mcap": _RECORD,
     "nicegui": _DASHBOARD,
     "pyarrow": ("campaign", "make campaign"),
+    "rasterio": ("gis", ""),
     "ray": ("ray", ""),
     "scipy": ("campaign", "make campaign"),
+    "simplekml": ("gis", ""),
     "uvicorn": _DASHBOARD,
+    "zstandard": _RECORD,
 }
 """Of modules that `viz` does not bring: the extra that does, and the target, if one does too."""
 _ROS = ("rclpy", "rpyutils", "ament_index_python")
@@ -84,6 +90,7 @@ foxglove_viewer = partial(start, "nodes.foxglove_viewer")
 dashboard = partial(start, "nodes.dashboard")
 run_mission = partial(start, "cli.run_mission")
 export_mission = partial(start, "cli.export_mission")
+export_gis = partial(start, "cli.export_gis")
 report = partial(start, "cli.report")
 replay = partial(start, "cli.replay")
 campaign = partial(start, "cli.campaign")

@@ -78,12 +78,12 @@ def resolve_vector(
     nearest = mean_drift(rules, of_current, drone_speed)
     if vector is not None:
         if math.dist(mean_drift(rules, vector, drone_speed), nearest) > 1e-9 * cells:
-            raise FieldError("vector and current_speed state the same thing, not alike; give one")
+            raise FieldError("vector and current_speed must agree; give only one")
         return vector
     if rules.drift_remainder == "less_one" and max(map(abs, drift)) > 1.0:
         raise FieldError(
             f"current_speed must be at most drone_speed ({drone_speed:g}) along each axis with "
-            f"rules {rules.profile}, whose datum drifts by a cell in a step at most, got {speed:g}"
+            f"rules {rules.profile}, whose datum drifts by at most a cell per step, got {speed:g}"
         )
     if math.dist(drift, nearest) > MAX_ERROR * cells:
         raise FieldError(

@@ -30,6 +30,7 @@ Kind = Literal[
     "names",
     "area",
     "matrix",
+    "transitions",
     "incident",
 ]
 
@@ -46,7 +47,8 @@ class Spec:
         kind: bool, int, float, str; `vector` is a pair of floats, `cell` a pair of integers
             (col, row), `cells` a list of cells, `floats`, `ints` and `names` are lists, `area` is
             any value that `area.Area` reads, `matrix` any value that
-            `probability_matrix.ProbabilityMatrix` reads, `incident` any value that
+            `probability_matrix.ProbabilityMatrix` reads, `transitions` any value that
+            `transition_probabilities.TransitionProbabilities` reads, `incident` any value that
             `incident.Incident` reads.
         doc: One sentence for users, without the unit.
         unit: Unit of the value or of each element, "" if it has none.
@@ -80,6 +82,8 @@ class Spec:
             "ints": "a list of integers",
             "names": "a list of names",
             "matrix": "a square matrix of numbers >= 0, or a .npy, CSV or GeoTIFF file of one",
+            "transitions": "an array (G, G, 9) or (G G, G G) of probabilities, or a .npy or .npz "
+            "file of one",
             "incident": "a mapping with object, seen and search_start",
             "area": "a GeoJSON file of a Polygon or MultiPolygon, or a list of [lat, lon]",
         }[self.kind]
@@ -144,7 +148,7 @@ class Spec:
                 if not all(isinstance(item, str) for item in items):
                     raise TypeError
                 return items
-            case "area" | "matrix" | "incident":
+            case "area" | "matrix" | "transitions" | "incident":
                 return value
 
     def _cell(self, value: Any) -> tuple[int, int]:
@@ -221,7 +225,7 @@ def check_known(
     Raises:
         FieldError: If a name is unknown.
     """
-    known, former = list(known), former or {}
+    known, former = sorted(set(known)), former or {}
     for name in names:
         if name not in known:
             # A key of YAML need not be a string.

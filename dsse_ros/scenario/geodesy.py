@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 import pymap3d
+from numpy.typing import NDArray
 
 _SURFACE_M = 1e-6
 """Tolerance of the height above the surface."""
@@ -51,3 +52,10 @@ def through_ecef(
         first, second, third = (float(array[0]) for array in converted)
         return first, second, third
     return converted
+
+
+def mean_lon(lons: NDArray[np.float64]) -> float:
+    """Return the mean of longitudes that may be on both sides of the antimeridian."""
+    first = float(lons[0])
+    mean = first + float(((lons - first + 180) % 360 - 180).mean())
+    return (mean + 180) % 360 - 180

@@ -60,7 +60,7 @@ def check_options(
         if options.get(name) is not None:
             raise FieldError(
                 f"{name} must not be an option of a reset with rules {rules.profile}, whose map "
-                f"stands still, got {shown(options[name])}"
+                f"does not change, got {shown(options[name])}"
             )
     for name in ("vector", "person_initial_position") if scenario.incident is not None else ():
         if options.get(name) is not None:
@@ -75,7 +75,8 @@ def check_options(
         if options.get(name) is not None
     }
     if "drones_positions" in start:
-        check_positions(start["drones_positions"], scenario.grid_size, scenario.num_drones, mask)
+        positions, count = start["drones_positions"], scenario.num_drones
+        check_positions(positions, scenario.grid_size, count, mask, rules.collisions)
     check_multipliers(start.get("person_pod_multipliers"), scenario.person_amount)
     if "person_initial_position" in start:
         cell = start["person_initial_position"]

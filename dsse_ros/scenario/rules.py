@@ -30,17 +30,17 @@ class ActionRules:
         "names", "Names of the actions; action number i is actions[i]."
     )
     noop_actions: bool = field(
-        "bool", "Whether an unknown action number does nothing or is refused.", False
+        "bool", "Whether an unknown action number does nothing instead of being refused.", False
     )
     leave_policy: str = field(
         "str",
-        "Whether a drone that would leave the grid stays in its cell and is terminated, stays and "
-        "continues, or flies on outside.",
+        "What a drone that would leave the grid does: stay in its cell and be terminated, stay and "
+        "continue, or fly on outside.",
         choices=("terminate", "stay", "fly_on"),
     )
     collisions: bool = field("bool", "Whether drones in the same cell after all moves collide.")
     one_find_per_search: bool = field(
-        "bool", "Whether a search looks only for the first person in the cell or for all.", False
+        "bool", "Whether a search looks only for the first person in the cell, not for all.", False
     )
 
 
@@ -53,7 +53,7 @@ class RewardRules:
     collision: float = field("float", "Reward of each drone that collides.", 0.0)
     search_min_probability: float = field(
         "float",
-        "Minimum probability of a cell below which a search gets search_below.",
+        "Probability of a cell below which a search earns search_below.",
         0.01,
         low=0,
         high=1,
@@ -68,8 +68,8 @@ class RewardRules:
     time_out: float = field("float", "Reward of an action after the time limit.")
     time_out_total: bool = field(
         "bool",
-        "Whether a time-out makes the drone's total reward equal time_out; rewards that a "
-        "collision replaced count with their original value.",
+        "Whether a time-out sets the drone's total reward to time_out; rewards that a collision "
+        "replaced count with their original value.",
         False,
     )
 
@@ -80,8 +80,8 @@ class CoverageRules:
 
     task: str = field(
         "str",
-        "Drones look for persons (find), or visit each cell with a probability once, on a map that "
-        "does not change (cover).",
+        "What drones do: look for persons (find), or visit each cell with a probability once, on a "
+        "map that does not change (cover).",
         "find",
         choices=("find", "cover"),
     )
@@ -110,9 +110,7 @@ class TerminationRules:
     time_out_grace: int = field(
         "int", "A mission is out of time when t >= L plus this.", 0, low=-1, high=1000, unit="steps"
     )
-    time_out_acts: bool = field(
-        "bool", "Whether drones still do an action after the time limit.", False
-    )
+    time_out_acts: bool = field("bool", "Whether drones still act after the time limit.", False)
     both_flags: bool = field(
         "bool", "Whether a drone gets both flags when it is terminated or truncated.", False
     )
@@ -130,18 +128,18 @@ class SeaRules:
 
     drift_remainder: str = field(
         "str",
-        "Whether the remainder of a drift that moved the datum is kept, dropped, or reduced by one "
-        "cell.",
+        "What happens to the remainder of a drift that moved the datum: kept, dropped, or reduced "
+        "by one cell.",
         "kept",
         choices=("kept", "dropped", "less_one"),
     )
     drift_axes_independent: bool = field(
         "bool",
         "Whether, at the edge of the grid, the datum stops only along the axis that would "
-        "leave it, or along both.",
+        "leave it, not along both.",
     )
     drift_by_speed: bool = field(
-        "bool", "Whether the drift per step is v times norm(v) / drone_speed, or just v.", False
+        "bool", "Whether the drift per step is v times norm(v) / drone_speed, not just v.", False
     )
     reset_sea_steps: int = field(
         "int", "Steps of the map and the persons during reset.", 0, low=0, high=1000, unit="steps"
@@ -158,15 +156,24 @@ class PersonRules:
 
     person_motion: str = field(
         "str",
-        "A person "
-        + ", or ".join(f"{model.doc} ({name})" for name, model in TARGET_MODELS.items())
+        "What a person does: "
+        + "; ".join(f"{model.doc} ({name})" for name, model in TARGET_MODELS.items())
         + ".",
         "window",
         choices=TARGET_MODELS.keys(),
     )
+    person_steps: tuple[float, ...] = field(
+        "floats",
+        "Probabilities of the steps of a random_walk, row by row from the north-west; those that "
+        "leave the area are shared out among the other moves. The same for a markov_chain without "
+        "transition_probabilities; there, a step that leaves the area stays.",
+        (0.0, 0.1, 0.0, 0.1, 0.6, 0.1, 0.0, 0.1, 0.0),
+        low=0,
+        high=1,
+    )
     person_first: bool = field("bool", "Whether persons move before the map.", False)
     person_walks_blind: bool = field(
-        "bool", "Whether a person in an all-zero window moves by (-1, -1) or stays.", False
+        "bool", "Whether a person in an all-zero window moves by (-1, -1) rather than stays.", False
     )
     person_scatter: int = field(
         "int",
@@ -214,6 +221,12 @@ class Rules(PersonRules, SeaRules, TerminationRules, CoverageRules, RewardRules,
             raise FieldError(
                 f"actions must be different names that include search, got "
                 f"{shown(list(self.actions))}"
+            )
+
+        if len(self.person_steps) != 9 or abs(sum(self.person_steps) - 1.0) > 1e-9:
+            raise FieldError(
+                f"person_steps must be 9 probabilities that sum to 1, got "
+                f"{shown(list(self.person_steps))}"
             )
 
     @property

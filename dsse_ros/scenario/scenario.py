@@ -27,10 +27,14 @@ from dsse_ros.scenario.fault_fields import FaultFields, hold_up
 from dsse_ros.scenario.fields import FieldError, Spec, check_all, check_known, field, specs
 from dsse_ros.scenario.incident import Incident
 from dsse_ros.scenario.incident_fields import IncidentFields, on_incident_grid
+from dsse_ros.scenario.markov_chain_fields import MarkovChainFields
 from dsse_ros.scenario.probability_matrix import ProbabilityMatrix
 from dsse_ros.scenario.rules import Rules, profile
 from dsse_ros.scenario.searcher_fields import SearcherFields
+from dsse_ros.scenario.sensor_fields import SensorFields
+from dsse_ros.scenario.transition_probabilities import TransitionProbabilities
 from dsse_ros.scenario.yaml_file import read_yaml
+from dsse_ros.sensors.camera import footprint_m
 from dsse_ros.targets.registry import MOTIONS
 
 PAPER_FIELD_OF_VIEW_DEG = 2 * math.degrees(math.atan2(65, 120))
@@ -44,7 +48,9 @@ SYNONYMS = {"dispersion_start": "sigma"}
 
 
 @dataclass(frozen=True, kw_only=True)
-class Scenario(IncidentFields, EnsembleFields, SearcherFields, FaultFields):
+class Scenario(
+    IncidentFields, MarkovChainFields, EnsembleFields, SensorFields, SearcherFields, FaultFields
+):
     """The setting of a search; None means "derive it" or "the profile's default".
 
     `resolve` fills in every such field.
@@ -78,8 +84,9 @@ class Scenario(IncidentFields, EnsembleFields, SearcherFields, FaultFields):
     )
     probability_matrix: ProbabilityMatrix | None = field(
         "matrix",
-        "Coverage: probability to cover, a .npy, CSV or GeoTIFF file or, in Python, an array; "
-        "empty for the distribution of the persons after pre_search_minutes.",
+        "Probability to cover, or the prior of a drifting_map: a .npy, CSV or GeoTIFF file or, in "
+        "Python, an array; for coverage, empty for the distribution of the persons after "
+        "pre_search_minutes.",
         None,
     )
     grid_size: int | None = field(
@@ -132,8 +139,9 @@ class Scenario(IncidentFields, EnsembleFields, SearcherFields, FaultFields):
         "float", "Growth of the spread per step.", None, low=0, unit="cells"
     )
     probability_of_detection: float = field(
-        "float", "Probability that a search of a person's cell finds them.", 1.0, low=0, high=1
-    )
+        "float", "Sensors own_cell and flown_over: POD of a person in a searched cell.", 1.0,
+        low=0, high=1,
+    )  # fmt: skip
     person_pod_multipliers: tuple[float, ...] | None = field(
         "floats", "Factor on the probability of detection, one per person; by default 1.", None,
         low=0,
@@ -150,6 +158,7 @@ class Scenario(IncidentFields, EnsembleFields, SearcherFields, FaultFields):
         for name, make in (
             ("area", Area.of),
             ("probability_matrix", ProbabilityMatrix.of),
+            ("transition_probabilities", TransitionProbabilities.of),
             ("incident", Incident.of),
         ):
             if (value := getattr(self, name)) is not None:
@@ -233,8 +242,9 @@ class Scenario(IncidentFields, EnsembleFields, SearcherFields, FaultFields):
         origin = (self.origin_lat, self.origin_lon, self.origin_alt)
         if self.probability_matrix is not None:
             self.probability_matrix.check_place(grid, cell, origin)
+        self.check_transitions(rules, grid)
         mask = area_mask(self.area, self.land, grid, cell, origin)
-        positions = self._resolve_positions(grid, mask)
+        positions = self._resolve_positions(grid, mask, rules.collisions)
         searchers = self.resolved_searchers(
             len(positions), rules, has_battery=self.battery_move > 0
         )
@@ -303,7 +313,7 @@ class Scenario(IncidentFields, EnsembleFields, SearcherFields, FaultFields):
         """
         cell = self.cell_size
         if cell is None:
-            cell = 2 * self.altitude * math.tan(math.radians(self.field_of_view) / 2)
+            cell = footprint_m(self.altitude, self.field_of_view)
             derived_from = "cell_size (of altitude and field_of_view)"
             cell = SPECS["cell_size"].check(derived_from, round(cell, 3))
         return cell
@@ -315,22 +325,23 @@ class Scenario(IncidentFields, EnsembleFields, SearcherFields, FaultFields):
             FieldError: If fields contradict each other.
         """
         matrix = self.probability_matrix
-        if matrix is not None and not rules.covers:
+        if matrix is not None and not (rules.covers or rules.person_motion == "drifting_map"):
             raise FieldError(
-                f"probability_matrix must come with the rules of a coverage task, got rules "
-                f"{rules.profile}"
+                f"probability_matrix must come with the rules of a coverage task or with "
+                f"person_motion drifting_map, got rules {rules.profile}"
             )
         if self.zone_size is None:
-            side = rules.grid_size if matrix is None else len(matrix.values)
+            given = matrix or self.transition_probabilities
+            side = rules.grid_size if given is None else len(given.values)
             return SPECS["grid_size"].check("grid_size", self.grid_size or side)
         # The tolerance keeps rounding from adding a cell to a zone of exactly n cells.
         grid = max(math.ceil(self.zone_size / cell - 1e-9), 1)
         if self.grid_size not in (None, grid):
-            raise FieldError("grid_size and zone_size state the same thing, not alike; give one")
+            raise FieldError("grid_size and zone_size must agree; give only one")
         return specs(Scenario)["grid_size"].check("grid_size (of zone_size)", grid)
 
     def _resolve_positions(
-        self, grid: int, mask: NDArray[np.bool_] | None
+        self, grid: int, mask: NDArray[np.bool_] | None, apart: bool
     ) -> tuple[tuple[int, int], ...]:
         count = self.num_drones
         if self.drones_positions is None:
@@ -343,7 +354,7 @@ class Scenario(IncidentFields, EnsembleFields, SearcherFields, FaultFields):
                 )
             cells = range(count) if mask is None else np.flatnonzero(mask)[:count].tolist()
             return tuple((i % grid, i // grid) for i in cells)
-        check_positions(self.drones_positions, grid, count, mask)
+        check_positions(self.drones_positions, grid, count, mask, apart)
         return self.drones_positions
 
 
@@ -436,7 +447,7 @@ class ResolvedScenario(Scenario):
         return round(self.pre_search_minutes * 60 / self.step_duration_s)
 
 
-FILES = ("area", "probability_matrix")
+FILES = ("area", "probability_matrix", "transition_probabilities")
 """Fields whose string values are paths."""
 
 _ALTERNATIVES = (

@@ -9,9 +9,9 @@ import math
 from collections.abc import Collection
 from dataclasses import dataclass
 
+from dsse_ros.compiled.routes import ROUNDING
 from dsse_ros.scenario.actions import STRAIGHT
 from dsse_ros.scenario.fields import FieldError, field, shown
-from dsse_ros.scenario.paths import ROUNDING
 from dsse_ros.scenario.rules import Rules
 from dsse_ros.searchers.registry import DEFAULT, SEARCHERS
 from dsse_ros.searchers.searcher import Searcher
@@ -127,8 +127,8 @@ def _check_kind(name: str, kind: Searcher, actions: Collection[str], *, has_batt
     missing = [move for move in STRAIGHT if move not in kind.moves]
     if has_battery and missing:
         raise FieldError(
-            f"{where}: moves must include {', '.join(missing)} with battery_move, or it would not "
-            f"find home, got {shown(list(kind.moves))}"
+            f"{where}: moves must include {', '.join(missing)} with battery_move, or it could not "
+            f"return home, got {shown(list(kind.moves))}"
         )
 
 

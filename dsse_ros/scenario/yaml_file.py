@@ -72,7 +72,7 @@ class _Loader(yaml.SafeLoader):
                     f"{_line(key_node)}: key must be the name of a field, got {shown(key)}"
                 )
             if key in lines:
-                raise FieldError(f"{shown(key)} stands twice: {lines[key]} and {_line(key_node)}")
+                raise FieldError(f"{shown(key)} is given twice: {lines[key]} and {_line(key_node)}")
             lines[key] = _line(key_node)
         return super().construct_mapping(node, deep)
 

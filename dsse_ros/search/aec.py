@@ -7,25 +7,28 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+import numpy as np
 from gymnasium import spaces
-from pettingzoo import AECEnv
+from pettingzoo import AECEnv, ParallelEnv
 from pettingzoo.utils import BaseParallelWrapper, parallel_to_aec, wrappers
 
-from dsse_ros.search.parallel_env import SearchEnv, parallel_env
+from dsse_ros.search.parallel_env import parallel_env
 
 
 class FlattenedObservationWrapper(BaseParallelWrapper[str, Any, int]):
-    """Flattens the observations and names agents `drone_0`, as PettingZoo's AEC tests expect.
+    """Makes each observation one float32 vector and names agents `drone_0`.
 
-    Observations are flattened by `gymnasium.spaces.flatten`; `unflatten` gives the tuple back.
+    PettingZoo's AEC tests and the networks of learning libraries expect both. Observations are
+    flattened by `gymnasium.spaces.flatten`, cells as one-hot vectors; `unflatten` with the inner
+    space gives them back, rounded to float32.
     """
 
-    def __init__(self, env: SearchEnv) -> None:
+    def __init__(self, env: ParallelEnv[str, Any, int]) -> None:
         super().__init__(env)
         self._inner = {f"drone_{i}": agent for i, agent in enumerate(env.possible_agents)}
         self._outer = {agent: name for name, agent in self._inner.items()}
         self._spaces = {
-            name: spaces.flatten_space(env.observation_space(agent))
+            name: _float32(spaces.flatten_space(env.observation_space(agent)))
             for name, agent in self._inner.items()
         }
 
@@ -64,15 +67,22 @@ class FlattenedObservationWrapper(BaseParallelWrapper[str, Any, int]):
 
     def _flatten(self, observations: Mapping[str, Any]) -> dict[str, Any]:
         return {
-            self._outer[agent]: spaces.flatten(self.env.observation_space(agent), observation)
+            self._outer[agent]: np.asarray(
+                spaces.flatten(self.env.observation_space(agent), observation), np.float32
+            )
             for agent, observation in observations.items()
         }
+
+
+def _float32(space: Any) -> spaces.Box:
+    low, high = (bound.astype(np.float32) for bound in (space.low, space.high))
+    return spaces.Box(low, high, dtype=np.float32)
 
 
 def raw_env(*args: Any, **kwargs: Any) -> AECEnv[str, Any, int | None]:
     """Return the search as an AEC environment without wrappers; arguments of `parallel_env`.
 
-    Observations are flat arrays and agents are named drone_0, see `FlattenedObservationWrapper`.
+    Agents are named drone_0 and observe float32 vectors, see `FlattenedObservationWrapper`.
     """
     return parallel_to_aec(FlattenedObservationWrapper(parallel_env(*args, **kwargs)))
 

@@ -49,7 +49,7 @@ def poc_of(scenario: ResolvedScenario, rules: Rules) -> NDArray[np.float64]:
     poc[poc < rules.cover_min_probability] = 0.0
     if not poc.any():
         raise FieldError(
-            "cover_min_probability must be at most that of the likeliest cell of the area, got "
+            "cover_min_probability must be at most that of the most probable cell of the area, got "
             f"{rules.cover_min_probability:g}"
         )
     return poc

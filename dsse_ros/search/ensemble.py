@@ -70,7 +70,8 @@ class WorldEnsemble:
     def arrays(self) -> SeaEnsemble:
         """The kernels' argument `ensemble`."""
         tracks = self.tracks
-        return SeaEnsemble(tracks.truth, tracks.cumulative, tracks.maps, self.track)
+        truth = tracks.truth.transpose(1, 0, 2)
+        return SeaEnsemble(truth, tracks.cumulative, tracks.maps, self.track)
 
     def place(self, replaced: dict[str, Any]) -> bool:
         """Switch to the tracks of the scenario with these fields; return whether they changed.

@@ -170,11 +170,11 @@ class Faults:
         conditions, starts = snapshot.arrays["conditions"], snapshot.arrays["starts"]
         status, heading = conditions["status"], conditions["heading"]
         if not ((status >= 0) & (status < len(STATUSES))).all():
-            raise SnapshotError("the snapshot is damaged: a status of a drone is none")
+            raise SnapshotError("the snapshot is damaged: the status of a drone is unknown")
         if not ((heading >= HELD) & (heading < len(self._actions))).all():
-            raise SnapshotError("the snapshot is damaged: a heading of a drone is no action")
+            raise SnapshotError("the snapshot is damaged: the heading of a drone is not an action")
         if not ((starts >= 0) & (starts < grid_size)).all():
-            raise SnapshotError("the snapshot is damaged: a start of a drone is off the grid")
+            raise SnapshotError("the snapshot is damaged: the start of a drone is off the grid")
 
     def restore(self, world: World) -> None:
         """Continue from the restored conditions and starts of a snapshot."""

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from dsse_ros.scenario.sea_state import sea_state
 from dsse_ros.search.world import HOLD, World
 from dsse_ros.targets import sea_map
-from dsse_ros.view.mission_view import MissionView
+from dsse_ros.view.mission_view import MissionView, ending
 
 
 class MissionHistory:
@@ -106,4 +106,15 @@ def view_of(
         origin=(s.origin_lat, s.origin_lon, s.origin_alt),
         step_s=s.step_duration_s,
         sea=sea_state(s, int(now["t"])),
+        ending=_ending(world) if now["done"] else "",
+    )
+
+
+def _ending(world: World) -> str:
+    now = world.worlds[0]
+    return ending(
+        int(now["t"]),
+        [f"drone{i}" for i in np.flatnonzero(world.found[0])],
+        covered=world.coverage is not None and now["num_missing"] == 0,
+        out_of_time=bool(world.truncated.any()),
     )

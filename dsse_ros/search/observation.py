@@ -29,6 +29,18 @@ class Observation(NamedTuple):
 AgentObservation = tuple[NDArray[np.integer[Any]], NDArray[np.float32]]
 """Plain tuple that an environment returns per agent; `Observation(*value)` names its parts."""
 
+Started = tuple[dict[str, AgentObservation], dict[str, dict[str, Any]]]
+"""What `reset` returns: observations and infos, by agent."""
+
+Stepped = tuple[
+    dict[str, AgentObservation],
+    dict[str, float],
+    dict[str, bool],
+    dict[str, bool],
+    dict[str, dict[str, Any]],
+]
+"""What `step` returns: observations, rewards, terminations, truncations and infos, by agent."""
+
 
 def agent_infos(
     agents: Iterable[str],

@@ -25,7 +25,13 @@ from dsse_ros.scenario.scenario import (
 )
 from dsse_ros.search.agent_spaces import AgentSpaces
 from dsse_ros.search.mission_history import MissionHistory, view_of
-from dsse_ros.search.observation import AgentObservation, agent_infos, observation_space
+from dsse_ros.search.observation import (
+    AgentObservation,
+    Started,
+    Stepped,
+    agent_infos,
+    observation_space,
+)
 from dsse_ros.search.observed_beliefs import observed_beliefs
 from dsse_ros.search.rebound import Rebound
 from dsse_ros.search.snapshot import Snapshot
@@ -128,9 +134,7 @@ class SearchEnv(Rebound, AgentSpaces, ParallelEnv[str, AgentObservation, int]):
         self._viewer: rendering.Viewer | None = None
         self._renderer: rendering.FigureRenderer | None = None
 
-    def reset(
-        self, seed: int | None = None, options: Mapping[str, Any] | None = None
-    ) -> tuple[dict[str, AgentObservation], dict[str, dict[str, Any]]]:
+    def reset(self, seed: int | None = None, options: Mapping[str, Any] | None = None) -> Started:
         """Start a new mission.
 
         Args:
@@ -156,15 +160,7 @@ class SearchEnv(Rebound, AgentSpaces, ParallelEnv[str, AgentObservation, int]):
         self._show()
         return result
 
-    def step(
-        self, actions: Mapping[str, int]
-    ) -> tuple[
-        dict[str, AgentObservation],
-        dict[str, float],
-        dict[str, bool],
-        dict[str, bool],
-        dict[str, dict[str, Any]],
-    ]:
+    def step(self, actions: Mapping[str, int]) -> Stepped:
         """Advance the mission by one step.
 
         Args:
@@ -361,13 +357,11 @@ class SearchEnv(Rebound, AgentSpaces, ParallelEnv[str, AgentObservation, int]):
     def _note_live(self) -> None:
         """Update the live agents: drones without a flag, none before the first reset."""
         out = self._terminated | self._truncated | self._done[0]
-        self._live = np.flatnonzero(~out).tolist()
+        self._live = [i for i, is_out in enumerate(out.tolist()) if not is_out]
         self.agents = [self.possible_agents[i] for i in self._live]
         self._no_flags = dict.fromkeys(self.agents, False)
 
-    def _observe(
-        self, agents: list[str], live: list[int]
-    ) -> tuple[dict[str, AgentObservation], dict[str, dict[str, Any]]]:
+    def _observe(self, agents: list[str], live: list[int]) -> Started:
         """Return observations and infos of these agents."""
         cells = self._seen.copy() if len(agents) == len(self._seen) else self._seen[live]
         # Plain tuples: named ones would take a sixth of a step with 50 drones.

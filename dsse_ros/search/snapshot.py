@@ -129,11 +129,11 @@ class Snapshot:
             theirs = self.identity.get(part, {})
             names = [name for name in values if theirs.get(name) != values[name]]
             if names:
-                raise SnapshotError(f"the snapshot is of another {part}: {', '.join(names)}")
+                raise SnapshotError(f"the snapshot is of a different {part}: {', '.join(names)}")
         for name, array in arrays.items():
             stored = self.arrays.get(name)
             if stored is None or stored.shape != array.shape or stored.dtype != array.dtype:
-                raise SnapshotError(f"the snapshot is of another shape: {name} differs")
+                raise SnapshotError(f"the snapshot is of a different shape: {name} differs")
 
 
 def _digest_of(head: bytes) -> str:

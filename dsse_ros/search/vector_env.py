@@ -230,8 +230,6 @@ class VectorEnv:
         if actions.dtype != np.int8:
             known = (actions >= 0) & (actions < len(self.rules.actions))
             actions = np.where(known, actions, HOLD).astype(np.int8)
-        # Numba would compile the step again for a read-only array.
-        actions = np.require(actions, requirements=["C", "W"])
         outputs = [recycler.take() for recycler in self._report]
         positions, rewards, terminated, truncated, masks = outputs
         maps = self._maps.take()

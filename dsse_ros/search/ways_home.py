@@ -14,9 +14,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from dsse_ros.compiled.routes import find_routes
 from dsse_ros.scenario.actions import DIAGONAL, ActionSet, Cell
 from dsse_ros.scenario.fields import FieldError
-from dsse_ros.scenario.paths import find_routes
 
 MAX_BYTES = 1 << 30
 """Limit for the routes of all drones together."""

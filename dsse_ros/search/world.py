@@ -10,16 +10,17 @@ import os
 from collections import deque
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from functools import cached_property, partial
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 from numpy.lib.recfunctions import repack_fields
 from numpy.typing import NDArray
 
+from dsse_ros.compiled.overloads import specialized
 from dsse_ros.scenario.area import Area
+from dsse_ros.scenario.given_array import GivenArray
 from dsse_ros.scenario.incident import Incident
-from dsse_ros.scenario.probability_matrix import ProbabilityMatrix
 from dsse_ros.scenario.rules import Rules
 from dsse_ros.scenario.scenario import SPECS, Scenario
 from dsse_ros.search.coverage import Coverage
@@ -29,13 +30,15 @@ from dsse_ros.search.rebound import Rebound
 from dsse_ros.search.snapshot import Snapshot, SnapshotError
 from dsse_ros.searchers.registry import DEFAULT
 from dsse_ros.step import kernels
-from dsse_ros.step.constants import area_of, constants_of
+from dsse_ros.step.constants import area_of, constants_of, transitions_of
 from dsse_ros.step.looks import looks_of
 from dsse_ros.targets import sea_map
 from dsse_ros.targets.motion import PERSONS
 
 HOLD = -1
 """The action of a drone that does nothing; its reward is that of a move."""
+
+_ACTION = np.dtype(np.int8)
 
 SHARES = 4
 """Shares of the worlds per thread: a thread that finishes early takes another one."""
@@ -49,11 +52,11 @@ def word_of_seed(seed: int) -> np.uint64:
     return word
 
 
-def _plain(value: Area | Incident | ProbabilityMatrix) -> Any:
+def _plain(value: Area | Incident | GivenArray) -> Any:
     """Return a value of a scenario for JSON, without the file that it came from."""
     if isinstance(value, Incident):
         return value.to_dict()
-    return value.sha256 if isinstance(value, ProbabilityMatrix) else dataclasses.asdict(value)
+    return value.sha256 if isinstance(value, GivenArray) else dataclasses.asdict(value)
 
 
 class World(Rebound):
@@ -139,6 +142,7 @@ class World(Rebound):
         self.found = self.drones["found"]
         self._sea = kernels.Sea(
             self.constants, self.worlds, self.gauss, self.tails, self.area, self.runs,
+            transitions_of(self.scenario),
             None if self.coverage is None else self.coverage.arrays,
             None if self.ensemble is None else self.ensemble.arrays,
         )  # fmt: skip
@@ -147,13 +151,7 @@ class World(Rebound):
             self.looks.kind, self.looks.first, self.looks.offsets, self.looks.pods,
         )  # fmt: skip
         self._scratch = [self._make_scratch() for _ in range(self._threads)]
-        # One kernel per thread, each with its own scratch memory.
-        self._kernels: list[Callable[..., None]] = [
-            partial(kernels.step_worlds, *self._sea, *self._crew, *scratch)
-            for scratch in self._scratch
-        ]
-        if self.faults is not None:
-            self._kernels = [self.faults.around(self, step) for step in self._kernels]
+        self._kernels: list[Callable[..., None]] = []
         self._pool = ThreadPoolExecutor(self._threads - 1) if self._threads > 1 else None
         self._process = os.getpid()
 
@@ -260,14 +258,24 @@ class World(Rebound):
             actions: (B, N) int8, action numbers of the rules or `HOLD`; those of terminated or
                 truncated drones have no effect. With faults drones may do something else, see
                 `Faults.applied`.
-            maps: Memory for `maps`, by default new memory.
+            maps: Memory for `maps`, C-contiguous, by default new memory.
             report: Called as report(first, last) after the step of worlds first..last - 1, in the
                 thread that stepped them.
+
+        Raises:
+            ValueError: If `maps` has another shape, data type or memory layout.
         """
-        self.maps = np.empty(self._map_shape, np.float32) if maps is None else maps
+        actions = np.ascontiguousarray(actions, _ACTION)
+        if maps is None:
+            maps = np.empty(self._map_shape, np.float32)
+        elif maps.shape != self._map_shape or maps.dtype != np.float32 or not maps.flags.carray:
+            raise ValueError(f"maps must be C-contiguous float32 {self._map_shape}")
+        self.maps = maps
         if self._pool is not None and self._process != os.getpid():
             # Threads do not survive a fork.
             self._bind()
+        if not self._kernels:
+            self._kernels = self._make_kernels()
         if self._pool is None and report is None:
             self._kernels[0](actions, self.maps, 0, self.num_worlds)
             return
@@ -284,6 +292,16 @@ class World(Rebound):
         self._do(shares, self._kernels[0], actions, report)
         for other in others:
             other.result()
+
+    def _make_kernels(self) -> list[Callable[..., None]]:
+        """Return one kernel per thread, each with its own scratch memory."""
+        others = (np.empty(self.drones.shape, _ACTION), self.maps, 0, self.num_worlds)
+        made = [
+            specialized(kernels.step_worlds, (*self._sea, *self._crew, *scratch), others)
+            for scratch in self._scratch
+        ]
+        faults = self.faults
+        return made if faults is None else [faults.around(self, step) for step in made]
 
     def _do(
         self,
@@ -404,7 +422,7 @@ class World(Rebound):
                 raise SnapshotError(f"the snapshot is damaged: {name} is not from 0 to {high}")
         multipliers = arrays["persons"]["pod_multiplier"]
         if not ((multipliers >= 0.0) & (multipliers < np.inf)).all():
-            raise SnapshotError("the snapshot is damaged: a pod_multiplier is no factor")
+            raise SnapshotError("the snapshot is damaged: a pod_multiplier is not a factor")
         if self.ensemble is not None:
             high = self.ensemble.tracks.truth.shape[1] - 1
             if not ((arrays["track"] >= 0) & (arrays["track"] <= high)).all():

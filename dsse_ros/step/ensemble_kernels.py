@@ -4,7 +4,8 @@
 """Persons who follow tracks of an ensemble, and the map of its particles, compiled.
 
 `ensemble` is a `SeaEnsemble`; the worlds of a batch share all of it except `track`. `b` is the
-number of a world. Other arguments are as in `sea_map`.
+number of a world. Other arguments are as in `sea_map`. The functions are inlined, because a call
+would pass every array of the ensemble.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dsse_ros.compiled.draws import draw_unit
-from dsse_ros.compiled.jit import part
+from dsse_ros.compiled.jit import inlined
 from dsse_ros.targets.sea_map import drift, is_inside
 
 FAR = 30000
@@ -27,8 +28,9 @@ class SeaEnsemble(NamedTuple):
     """The ensemble of a scenario.
 
     Attributes:
-        truth: (T, M, 2) int16, cells (x, y) of the tracks that persons follow, by step of the sea;
-            nobody finds persons off the grid.
+        truth: (M, T, 2) int16, cells (x, y) of the tracks that persons follow, by step of the sea;
+            nobody finds persons off the grid. The steps of a track are neighbours in memory,
+            because a world reads one track.
         cumulative: (M,) float64, cumulative probabilities of these tracks.
         maps: (T, G, G) float32 as [y, x], the probability of each cell by another draw from the
             same model; probability outside the grid and the area is in no cell.
@@ -41,13 +43,13 @@ class SeaEnsemble(NamedTuple):
     track: NDArray[np.int64]
 
 
-@part
+@inlined
 def step_of(w, ensemble):
     """Return the step of the sea; after the last one of the tracks nothing moves."""
     return min(w.map_steps, len(ensemble.maps) - 1)
 
 
-@part
+@inlined
 def put_on_tracks(w, persons, ensemble, b):
     """Put each person at the start of a track, drawn by the weights."""
     cumulative = ensemble.cumulative
@@ -61,11 +63,11 @@ def put_on_tracks(w, persons, ensemble, b):
             else:
                 low = middle + 1
         ensemble.track[b, p] = low
-        persons[p].x = np.int64(ensemble.truth[0, low, 0])
-        persons[p].y = np.int64(ensemble.truth[0, low, 1])
+        persons[p].x = np.int64(ensemble.truth[low, 0, 0])
+        persons[p].y = np.int64(ensemble.truth[low, 0, 1])
 
 
-@part
+@inlined
 def ensemble_step(c, w, persons, area, ensemble, b):
     """Advance datum and persons by one step; found persons stay where they are."""
     drift(c, w, area)
@@ -76,11 +78,11 @@ def ensemble_step(c, w, persons, area, ensemble, b):
         if persons[p].found and not c.found_persons_stay:
             continue
         track = ensemble.track[b, p]
-        persons[p].x = np.int64(ensemble.truth[step, track, 0])
-        persons[p].y = np.int64(ensemble.truth[step, track, 1])
+        persons[p].x = np.int64(ensemble.truth[track, step, 0])
+        persons[p].y = np.int64(ensemble.truth[track, step, 1])
 
 
-@part
+@inlined
 def probability_in(c, w, ensemble, x, y):
     """Return the probability of the cell (x, y), 0 outside the grid and the area."""
     if not is_inside(c.grid_size, x, y):
@@ -88,7 +90,7 @@ def probability_in(c, w, ensemble, x, y):
     return np.float64(ensemble.maps[step_of(w, ensemble), y, x])
 
 
-@part
+@inlined
 def write_present(w, ensemble, out):
     """Write the map (G, G) float32, out[y, x]."""
     step = step_of(w, ensemble)

@@ -3,8 +3,8 @@
 # mypy: disable-error-code="no-untyped-def"
 """The compiled faults and kinds of drones, which make drones deviate from their commands.
 
-`before_step` decides the action of each drone and takes its energy from the battery, the world does
-its step with these actions, and `after_step` updates the drones' conditions. Neither runs if there
+`before_step` decides the action of each drone and takes its energy from the battery, the world
+steps with these actions, and `after_step` updates the drones' conditions. Neither runs if there
 are no faults and all drones are equally fast, can do all actions and have no endurance. All draws
 come from the world's generator, drone by drone in index order: loss, dropped command and stuck
 before the step, false alarm and position after it, each only if the scenario has its fault.

@@ -1,6 +1,6 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""The ensemble of a scenario, drawn once for the truth and once for the belief, and cached."""
+"""The ensemble of a scenario, drawn for the truth, the belief and the planners, and cached."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from dsse_ros.targets.registry import TARGET_MODELS
 
 LARGEST_BYTES = 1 << 30
 """Memory limit of a cached ensemble."""
-KEPT = 4
+KEPT = 8
 """Number of cached ensembles, the most recent ones."""
 
 
@@ -29,7 +29,8 @@ class SeaTracks(NamedTuple):
     After the last step nothing moves.
 
     Attributes:
-        truth: (T, M, 2) int16, cells (x, y) of the tracks that persons follow.
+        truth: (T, M, 2) int16, cells (x, y) of the tracks that persons follow; a view of (M, T, 2),
+            see `SeaEnsemble`.
         cumulative: (M,) float64, cumulative sums of the tracks' weights.
         particles: (T, M', 2) int16, cells of a belief's particles, drawn with another seed.
         weights: (M',) float64, weights of the particles.
@@ -44,15 +45,27 @@ class SeaTracks(NamedTuple):
     maps: NDArray[np.float32]
 
 
-_kept: list[tuple[Ensemble, ResolvedScenario, Rules, SeaTracks]] = []
+_TRUTH, _BELIEF, _PLANNING = 0, 1, 3
+"""Children of `np.random.SeedSequence(ensemble_seed)`; `incident_grid` has number 2."""
+
+_kept: list[tuple[Ensemble, ResolvedScenario, Rules, bool, SeaTracks]] = []
 _lock = threading.Lock()
 
 
-def tracks_of(scenario: ResolvedScenario, rules: Rules) -> SeaTracks | None:
+def tracks_of(
+    scenario: ResolvedScenario, rules: Rules, *, planning: bool = False
+) -> SeaTracks | None:
     """Return the tracks of a scenario, or None if its persons do not follow an ensemble.
 
-    Truth and particles are drawn from the same model, with the two seeds that
-    `np.random.SeedSequence(ensemble_seed)` spawns; an incident may state another law for the truth.
+    Truth and particles are drawn from the same model, with seeds that `ensemble_seed` spawns; an
+    incident may state another law for the truth.
+
+    Args:
+        scenario: The scenario.
+        rules: The rules of the search.
+        planning: Whether `particles` are those of planners, drawn with another seed. A planner
+            prefers cells that hold many particles by chance; if POS counted the same particles, it
+            would be too high.
 
     Raises:
         FieldError: If they would take too much memory.
@@ -62,13 +75,22 @@ def tracks_of(scenario: ResolvedScenario, rules: Rules) -> SeaTracks | None:
     if not isinstance(model, Ensemble):
         return None
     with _lock:
-        for of_model, of_scenario, of_rules, kept in _kept:
-            if of_model is model and of_scenario == scenario and of_rules == rules:
-                return kept
+        return _cached(model, scenario, rules, planning)
+
+
+def _cached(model: Ensemble, scenario: ResolvedScenario, rules: Rules, planning: bool) -> SeaTracks:
+    for *of, kept in _kept:
+        if of[0] is model and of[1:] == [scenario, rules, planning]:
+            return kept
+    if planning:
+        particles, weights = _drawn(model, scenario, last_step_of(scenario, rules), _PLANNING)
+        searched = _cached(model, scenario, rules, planning=False)
+        made = searched._replace(particles=particles, weights=weights)
+    else:
         made = _made(model, scenario, rules)
-        _kept.append((model, scenario, rules, made))
-        del _kept[:-KEPT]
-        return made
+    _kept.append((model, scenario, rules, planning, made))
+    del _kept[:-KEPT]
+    return made
 
 
 def last_step_of(scenario: ResolvedScenario, rules: Rules) -> int:
@@ -86,22 +108,22 @@ def _made(model: Ensemble, scenario: ResolvedScenario, rules: Rules) -> SeaTrack
             f"{LARGEST_BYTES >> 20} MiB, got {scenario.particles} particles, {steps} steps and a "
             f"grid of {g}"
         )
-    of_truth, of_belief = _generators(scenario)
-    truth, truth_weights = _drawn(model, scenario.truth, steps, of_truth)
-    particles, weights = _drawn(model, scenario, steps, of_belief)
+    truth, truth_weights = _drawn(model, scenario.truth, steps, _TRUTH)
+    particles, weights = _drawn(model, scenario, steps, _BELIEF)
     maps = np.empty((steps + 1, g, g), np.float32)
     for step in range(steps + 1):
         maps[step] = poc_of_cells(particles[step], weights, g, scenario.area_mask)
+    truth = np.ascontiguousarray(truth.transpose(1, 0, 2)).transpose(1, 0, 2)
     return SeaTracks(truth, np.cumsum(truth_weights), particles, weights, maps)
 
 
-def _generators(scenario: ResolvedScenario) -> tuple[np.random.Generator, np.random.Generator]:
-    """Return the generators of truth and belief."""
-    truth, belief = np.random.SeedSequence(scenario.ensemble_seed).spawn(2)
-    return np.random.default_rng(truth), np.random.default_rng(belief)
+def _generator(scenario: ResolvedScenario, child: int) -> np.random.Generator:
+    return np.random.default_rng(np.random.SeedSequence(scenario.ensemble_seed).spawn(4)[child])
 
 
-def particle_positions(scenario: ResolvedScenario, rules: Rules) -> NDArray[np.float32]:
+def particle_positions(
+    scenario: ResolvedScenario, rules: Rules, *, planning: bool = False
+) -> NDArray[np.float32]:
     """Return the positions of a belief's particles in metres, by step of the sea.
 
     The search keeps only their cells, so they are drawn again, with the same seed.
@@ -109,27 +131,30 @@ def particle_positions(scenario: ResolvedScenario, rules: Rules) -> NDArray[np.f
     Args:
         scenario: The scenario.
         rules: The rules of the search; persons must follow an ensemble.
+        planning: See `tracks_of`.
 
     Returns:
         (T, M, 2) float32, to the east and to the north of the grid's south-west corner.
     """
     model = TARGET_MODELS[rules.person_motion]
     assert isinstance(model, Ensemble)
-    steps, (_, of_belief) = last_step_of(scenario, rules), _generators(scenario)
-    drawn = Tracks(*model.tracks(scenario, steps, of_belief, scenario.particles)).positions
+    rng = _generator(scenario, _PLANNING if planning else _BELIEF)
+    steps = last_step_of(scenario, rules)
+    drawn = Tracks(*model.tracks(scenario, steps, rng, scenario.particles)).positions
     made = drawn.astype(np.float32)
     made[..., 1] = scenario.grid_size * scenario.cell_size - drawn[..., 1]
     return made
 
 
 def _drawn(
-    model: Ensemble, scenario: ResolvedScenario, steps: int, rng: np.random.Generator
+    model: Ensemble, scenario: ResolvedScenario, steps: int, child: int
 ) -> tuple[NDArray[np.int16], NDArray[np.float64]]:
     """Return cells and weights of tracks.
 
     Raises:
         ValueError: If the ensemble breaks its contract.
     """
+    rng = _generator(scenario, child)
     tracks = Tracks(*model.tracks(scenario, steps, rng, scenario.particles))
     check_tracks(tracks, steps)
     cells = np.floor(tracks.positions / scenario.cell_size)

@@ -5,13 +5,16 @@
 from __future__ import annotations
 
 import csv
+import io
 import math
 import os
 import re
 import signal
 import struct
+import subprocess
 import time
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
@@ -19,14 +22,17 @@ from PIL import Image
 from rig import TIMEOUT_S, Process, free_domain
 
 from dsse_ros.cli import run_mission
+from dsse_ros.cli.attended_page import LivePage
+from dsse_ros.dashboard.settings import OPENED
+from dsse_ros.runtime.interrupts import Stop
 
 SANTOS = Path(__file__).resolve().parents[2] / "config" / "santos.yaml"
 
 
-def start(out: Path, *arguments: str) -> Process:
+def start(out: Path, *arguments: str, domain: int | None = None) -> Process:
     out.mkdir(parents=True, exist_ok=True)
     command = ["dsse_ros.cli.run_mission", "--scenario", str(SANTOS), "--out", str(out)]
-    return Process([*command, *arguments], out / "console.log", free_domain())
+    return Process([*command, *arguments], out / "console.log", domain or free_domain())
 
 
 def until(condition: Callable[[], bool]) -> None:
@@ -63,10 +69,10 @@ def rows(out: Path) -> list[dict[str, str]]:
 
 @pytest.fixture(scope="module")
 def flown(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
-    """Two missions of the same seed and one of another with a page, in awkward folders."""
+    """A mission with a movie and one of another seed with a page, in an awkward folder."""
     base = tmp_path_factory.mktemp("missions")
-    outs = [base / name for name in ("first", "it's #2: [again]", "other")]
-    options = (("3", "--movie", str(outs[0] / "movies" / "mission.gif")), ("3",), ("4", "--view"))
+    outs = [base / name for name in ("first", "it's #2: [other]")]
+    options = (("3", "--movie", str(outs[0] / "movies" / "mission.gif")), ("4", "--view"))
     runs = [start(out, "--rate", "0", "--seed", *o) for out, o in zip(outs, options, strict=True)]
     try:
         for run in runs:
@@ -78,9 +84,8 @@ def flown(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
     return outs
 
 
-def test_the_same_seed_gives_the_same_csv_byte_for_byte(flown: list[Path]) -> None:
-    first, again, other = ((out / "mission.csv").read_bytes() for out in flown)
-    assert first == again
+def test_another_seed_gives_another_csv(flown: list[Path]) -> None:
+    first, other = ((out / "mission.csv").read_bytes() for out in flown)
     assert first != other
 
 
@@ -121,12 +126,66 @@ def test_the_progress_line_ends_where_the_mission_does(flown: list[Path]) -> Non
         assert progress[-1] == (last["step"], "over", f"{float(last['pos']):.1%}")
 
 
+def test_a_mission_beside_one_that_is_over_fails_instead_of_reporting_that_one(
+    tmp_path: Path,
+) -> None:
+    domain = free_domain()
+    alone = {"scenario": SANTOS, "scenario.timestep_limit": 1, "command_timeout": 0.01}
+    options = [part for name, value in alone.items() for part in ("-p", f"{name}:={value}")]
+    command = ["dsse_ros.nodes.sim_node", "--ros-args", *options]
+    other = Process(command, tmp_path / "other.log", domain)
+    try:
+        until(lambda: "mission 1 over" in other.output)
+        run = start(tmp_path / "out", domain=domain)
+        assert run.wait() == 1
+    finally:
+        other.kill()
+    assert "run_mission: another mission uses this ROS_DOMAIN_ID" in run.output
+    assert "FOUND" not in run.output
+
+
 def test_a_mission_with_a_page_says_where_it_is_and_takes_it_along(flown: list[Path]) -> None:
-    text = (flown[2] / "console.log").read_text()
+    text = (flown[1] / "console.log").read_text()
     assert re.match(r"page at http://127\.0\.0\.1:\d+/\n", text)
-    served = (flown[2] / "dashboard.log").read_text()
+    served = (flown[1] / "dashboard.log").read_text()
     assert "Traceback" not in served and "page at" in served
-    assert not any((out / "dashboard.log").exists() for out in flown[:2])
+    assert not (flown[0] / "dashboard.log").exists()
+
+
+def test_a_mission_with_a_page_at_a_terminal_waits_for_the_browser(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    log, stop = tmp_path / "dashboard.log", Stop()
+    log.write_text("page at http://127.0.0.1:8080/\n")
+    with subprocess.Popen(["sleep", "60"]) as child:
+        page = LivePage(stop, child, log)
+        monkeypatch.setattr("sys.stdin", io.StringIO())
+        # Nobody is there to open it, or to end it.
+        page.wait_for_browser()
+        page.stay()
+        monkeypatch.setattr("sys.stdin.isatty", lambda: True)
+        with ThreadPoolExecutor() as pool:
+            waiting = pool.submit(page.wait_for_browser)
+            with pytest.raises(TimeoutError):
+                waiting.result(0.3)
+            log.write_text(f"{log.read_text()}{OPENED}\n")
+            waiting.result(TIMEOUT_S)
+            staying = pool.submit(page.stay)
+            with pytest.raises(TimeoutError):
+                staying.result(0.3)
+            stop.wanted = True
+            staying.result(TIMEOUT_S)
+        log.write_text("")
+        with pytest.raises(KeyboardInterrupt):
+            page.wait_for_browser()
+        child.kill()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "rate"), [([], 20.0), (["--view"], 3.0), (["--view", "--rate", "0"], 0.0)]
+)
+def test_people_can_follow_a_mission_with_a_page(arguments: list[str], rate: float) -> None:
+    assert run_mission.parse(arguments).rate == rate
 
 
 def test_a_movie_has_the_start_and_each_step(flown: list[Path]) -> None:
@@ -186,7 +245,7 @@ def test_a_simulation_that_refuses_to_start_is_quoted(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("arguments", "says"),
     [
-        (["--scenario", "atlantis"], "scenario: 'atlantis' is no file"),
+        (["--scenario", "atlantis"], "scenario: 'atlantis' is not a file"),
         (["--scenario", "{file}"], "did you mean sigma?"),
         (["--drones", "0"], "num_drones must be an integer >= 1"),
         (["--drones", "401"], "at most 400"),
@@ -227,7 +286,7 @@ def test_bad_input_is_refused_on_one_line_with_code_2(
     assert line.startswith("run_mission: ") and says in line
 
 
-def test_ros_arguments_are_the_nodes_and_the_summary_s_too(tmp_path: Path) -> None:
+def test_ros_arguments_count_for_all_and_the_same_seed_gives_the_same_csv(tmp_path: Path) -> None:
     file = tmp_path / "parameters.yaml"
     file.write_text(
         "/**: {ros__parameters: {seed: 7, of_others: 1, rules.profile: v1}}\n"

@@ -22,7 +22,7 @@ from dsse_ros.search.compiler import COMPILING
 
 ROOT = Path(__file__).resolve().parents[2]
 PROGRAMS = sorted(path.name for path in (ROOT / "scripts").iterdir())
-WITHOUT_ROS = ("backtrack", "campaign", "export_mission", "report")
+WITHOUT_ROS = ("backtrack", "campaign", "export_gis", "export_mission", "report")
 OF_ROS = [name for name in PROGRAMS if name not in WITHOUT_ROS]
 
 
@@ -57,6 +57,9 @@ def compiling(pid: int, folder: Path) -> bool:
     """Whether some of the functions are compiled and most are not."""
     return any((folder / "cache").rglob("*.nbc"))
 
+
+WITHOUT_BELIEF = ("--ros-args", "-p", "compute_pos:=never")
+"""A belief is more of the same to compile."""
 
 MOMENTS: dict[str, tuple[str, Callable[[int, Path], bool]]] = {
     "sim_node importing": ("sim_node", loaded("numpy")),
@@ -97,7 +100,7 @@ def test_a_node_says_that_it_compiles_where_it_does_and_nowhere_else(tmp_path: P
         log = tmp_path / f"{cold}.log"
         seen = False
         with log.open("wb") as output:
-            child = launch("sim_node", tmp_path, output=output)
+            child = launch("sim_node", tmp_path, "", *WITHOUT_BELIEF, output=output)
             try:
                 while "mission 1" not in log.read_text():
                     assert child.poll() is None, log.read_text()
@@ -171,10 +174,10 @@ def test_without_ros_2_a_program_says_so_on_one_line(program: str, tmp_path: Pat
     ("module", "says"),
     [
         ("std_msgs.msg", "ROS 2 not found"),
-        ("numba", "numba not found: pip install"),
-        ("yaml", "yaml not found: pip install"),
-        ("tqdm", "tqdm not found: pip install"),
-        ("matplotlib", "matplotlib not found: pip install"),
+        ("numba", "numba not found: "),
+        ("yaml", "yaml not found: "),
+        ("tqdm", "tqdm not found: "),
+        ("matplotlib", "matplotlib not found: "),
     ],
 )
 def test_whatever_else_is_missing_is_named_on_one_line(
@@ -193,9 +196,16 @@ def test_the_page_names_the_extra_that_it_needs(tmp_path: Path) -> None:
     child = launch("dashboard", tmp_path, "import sys\nsys.modules['nicegui'] = None")
     output, _ = child.communicate(timeout=TIMEOUT_S)
     (line,) = output.splitlines()
-    assert line.startswith("dashboard: nicegui not found: pip install")
+    assert line.startswith("dashboard: nicegui not found: ")
     assert pip_install("dashboard") in line and "make sim VIEW=1" in line
     assert child.returncode == start.MISSING
+
+
+@pytest.mark.parametrize("module", ["lz4", "mcap", "zstandard"])
+def test_the_recorder_names_the_extra_that_it_needs(module: str) -> None:
+    text = start.missing(ModuleNotFoundError(f"No module named {module!r}", name=module))
+    assert text is not None and text.startswith(f"{module} not found: ")
+    assert pip_install("record") in text and "make sim" in text
 
 
 def test_a_ros_2_of_another_python_is_reported_on_one_line(tmp_path: Path) -> None:
@@ -217,7 +227,7 @@ def test_a_defect_of_the_package_itself_is_not_taken_for_something_missing() -> 
 
 
 def test_what_to_install_is_named_by_the_folder_it_was_installed_from() -> None:
-    assert pip_install("viz") == f"pip install '{ROOT}[viz]'"
+    assert pip_install("viz") == f"{sys.executable} -m pip install '{ROOT}[viz]'"
 
 
 @pytest.mark.parametrize("program", PROGRAMS)

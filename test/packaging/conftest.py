@@ -29,6 +29,7 @@ SOURCES = (
     "resource",
     "rviz",
     "scripts",
+    "setup.cfg",
     "setup.py",
     "viewers",
 )
@@ -63,8 +64,9 @@ def copy_sources(target: Path) -> Path:
 
 @dataclass(frozen=True)
 class Installation:
-    """Where the package went, and how a program is started so that it finds it."""
+    """Where the package went, how, and how a program is started so that it finds it."""
 
+    tool: str
     folder: Path
     prefix: Path
     execute: Callable[..., str]
@@ -80,7 +82,7 @@ def pip_installation(folder: Path) -> Installation:
     paths = sysconfig.get_paths(vars={"base": str(prefix), "platbase": str(prefix)})
     path = [paths["purelib"], *filter(None, [os.environ.get("PYTHONPATH")])]
     env = {"AMENT_PREFIX_PATH": str(prefix), "PYTHONPATH": os.pathsep.join(path)}
-    return Installation(folder, prefix, lambda *command: run(*command, cwd=folder, env=env))
+    return Installation("pip", folder, prefix, lambda *command: run(*command, cwd=folder, env=env))
 
 
 def colcon_installation(folder: Path, *options: str) -> Installation:
@@ -93,7 +95,7 @@ def colcon_installation(folder: Path, *options: str) -> Installation:
         sourced = '. install/local_setup.bash && exec "$@"'
         return run("bash", "-c", sourced, "bash", *command, cwd=folder)
 
-    return Installation(folder, folder / "install" / "dsse_ros", execute)
+    return Installation("colcon", folder, folder / "install" / "dsse_ros", execute)
 
 
 @pytest.fixture(scope="session", params=["pip", "colcon", "colcon --symlink-install"])

@@ -15,7 +15,7 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
-from dsse_ros.nodes.dashboard import OF_VEHICLE, TOPICS, DashboardNode
+from dsse_ros.nodes.dashboard import EXACT_TOPICS, OF_VEHICLE, TOPICS, DashboardNode
 from dsse_ros.nodes.foxglove_viewer import ViewerNode
 from dsse_ros.nodes.mavlink_bridge import BridgeNode
 from dsse_ros.nodes.planner_node import PlannerNode
@@ -100,7 +100,7 @@ if __name__ == "__main__":
     ]  # fmt: skip
     nodes = {
         "sim_node": started(SimNode, *options),
-        "planner_node": started(PlannerNode),
+        "planner_node": started(PlannerNode, "-p", "planner_options:=['heading=45']"),
         "mavlink_bridge": started(BridgeNode, *of_bridge),
         # What has no value has no type.
         "recorder": started(RecorderNode, "-p", "exclude:=['*/odom']"),
@@ -110,6 +110,7 @@ if __name__ == "__main__":
     # Which it subscribes to once there is a simulation.
     vehicles = {f"drone<i>/{topic}": one for topic, one in OF_VEHICLE.items()}
     nodes["dashboard"]["subscribed"] |= {
-        topic: (type_of(kind), quality(qos)) for topic, (kind, qos) in (TOPICS | vehicles).items()
+        topic: (type_of(kind), quality(qos))
+        for topic, (kind, qos) in (TOPICS | EXACT_TOPICS | vehicles).items()
     }
     print(json.dumps(nodes))

@@ -5,7 +5,6 @@
 from __future__ import annotations
 
 import ast
-import dataclasses
 import functools
 import json
 import os
@@ -39,7 +38,8 @@ from dsse_ros.mission.mission_log import COLUMNS
 from dsse_ros.nodes.settings import SHORT_NAMES
 from dsse_ros.report.record import RecordedMission, read_csv
 from dsse_ros.search import PROFILES
-from msg_adapters.agents import AgentsInfo
+from msg_adapters.agents import AgentsInfo, agents_message
+from msg_adapters.frames import GridFrame
 from msg_adapters.step_report import step_report_dtype
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -372,8 +372,9 @@ def test_the_layouts_are_those_of_the_messages_and_files() -> None:
     fields = {name: dtype[name].base.name for name in dtype.names or ()}
     documented = table(ROS, "Step report", "Field")
     assert {name: row["Type"] for name, row in documented.items()} == fields
-    keys = {field.name for field in dataclasses.fields(AgentsInfo)}
-    assert set(table(ROS, "Agents", "Key")) == keys
+    frame = GridFrame(8, 130.0, 0.0, 0.0, 0.0, 120.0)
+    info = AgentsInfo(("drone0",), ("search",), "paper", 0, frame, 100, 13.0, mission=1, run_id=1)
+    assert set(table(ROS, "Agents", "Key")) == json.loads(agents_message(info).data).keys()
     assert set(COLUMNS) <= set(re.findall(r"`(\w+)`", section(ROS, "Files")))
     assert tuple(table(ROS, "Lockstep", "`missing_action`")) == MISSING_ACTIONS
 
@@ -522,6 +523,7 @@ def test_every_dependency_is_explained() -> None:
                 "dashboard",
                 "drift",
                 "geotiff",
+                "gis",
                 "land",
                 "movie",
                 "onnx",

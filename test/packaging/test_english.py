@@ -44,6 +44,10 @@ PHRASES = {
     r"in the place of": "instead of",
     r"\bfor ever\b": "forever",
     r"\banew\b": "again",
+    r"is no (?:argument|file|record|factory|message|mcap|action)\b": "is not a ...",
+    r"(?<!y )who (?:has the vehicle|comes late|reaches)": "who controls it, late joiners, anybody",
+    r"is left to it\b|state the same thing, not alike": "is left alone, must agree",
+    r"at so many times|nobody obeys|mode of rest": "at this many times, no subscriber, idle mode",
 }
 # Parts of the repository that are not our prose.
 NOT_PROSE = (
@@ -55,6 +59,8 @@ NOT_PROSE = (
 PATTERNS = [
     (re.compile(rf"\b(?:{one})", re.IGNORECASE), instead) for one, instead in PHRASES.items()
 ]
+# Most files have none: all at once, in lower case, takes a tenth of the time of one by one.
+ANY = re.compile(rf"\b(?:{'|'.join(PHRASES)})")
 
 
 def plain(content: str) -> str:
@@ -65,6 +71,8 @@ def plain(content: str) -> str:
 def odd(name: str, content: str) -> list[str]:
     """Return the odd phrases of a text, each with what to write instead."""
     prose = plain(content)
+    if not ANY.search(prose.lower()):
+        return []
     return [
         f"{name}: {prose[max(found.start() - 20, 0) : found.end() + 20]!r}; write: {instead}"
         for pattern, instead in PATTERNS

@@ -48,6 +48,7 @@ LAYERS: dict[str, tuple[set[str], set[str]]] = {
     "dsse_ros.scenario": (
         {
             "dsse_ros.scenario",
+            "dsse_ros.compiled",
             "dsse_ros.drift",
             "dsse_ros.searchers",
             "dsse_ros.sensors",

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import csv
 import json
+import re
 import runpy
 import subprocess
 import sys
@@ -46,6 +47,15 @@ def test_every_page_of_docs_is_in_the_side_bar() -> None:
         if name.startswith("docs/") and name.endswith((".md", ".rst"))
     }  # fmt: skip
     assert written - {conf["root_doc"]} <= set(pages)
+
+
+def test_the_first_page_links_to_every_tutorial_guide_and_reference() -> None:
+    pytest.importorskip("sphinx")
+    conf = runpy.run_path(str(ROOT / "docs" / "conf.py"))
+    text = (ROOT / "docs" / "index.md").read_text(encoding="utf-8")
+    linked = {f"docs/{target}" for target in re.findall(r"\]\((\S+?)\.(?:md|rst)\)", text)}
+    for part in ("Tutorials", "Guides", "Reference"):
+        assert set(conf["NAVIGATION"][part]) <= linked
 
 
 def test_every_block_of_commands_is_run_or_says_why_not() -> None:

@@ -113,7 +113,7 @@ def test_a_mission_over_ros_is_flown_by_a_planner_of_another_package(
     [
         ("defective", "RuntimeError: two lines"),
         ("nowhere", "No module named 'no_such_module'"),
-        ("no_factory", "is no factory"),
+        ("no_factory", "is not a factory"),
     ],
 )
 def test_a_defective_package_gets_one_clear_line_from_the_node(

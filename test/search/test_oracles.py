@@ -218,7 +218,7 @@ def test_a_person_moves_as_often_where_as_in_the_package(
             person["remainder_x"], person["remainder_y"] = situation["accumulator"]
             person["drift_x"], person["drift_y"] = situation["increment"]
         person_kernels.persons_step(
-            world.constants[0], world.worlds[0], world.gauss[0], world.area, world.persons[0]
+            world.constants[0], world.worlds[0], world.gauss[0], world.area, None, world.persons[0]
         )
         counts[person["y"] - y + 1, person["x"] - x + 1] += 1
     if version == "v2":

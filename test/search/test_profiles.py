@@ -95,6 +95,7 @@ OTHERS: dict[str, tuple[Any, ...]] = {
     "reset_sea_steps": (1,),
     "person_motion": tuple(name for name in TARGET_MODELS if name != "window"),
     "person_scatter": (2,),
+    "person_steps": ((0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0),),
     "grid_size": (7,),
     "vector": ((0.5, 0.25),),
     "person_initial_position": ((1, 1),),
@@ -112,6 +113,7 @@ WHERE: dict[str, dict[str, Any]] = {
         ("cover", "cover_scale", "cover_min_probability"),
         {"task": "cover", "reset_sea_steps": 10},
     ),
+    "person_steps": {"person_motion": "random_walk"},
     # The map runs away from the persons.
     "person_walks_blind": {"vector": (2.0, 0.0), "grid_size": 30, "sigma": 0.5},
 }

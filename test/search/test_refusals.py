@@ -377,7 +377,7 @@ def test_a_key_that_stands_twice_is_refused_with_both_lines(tmp_path: Path) -> N
     path = tmp_path / "place.yaml"
     path.write_text("name: Here\nsigma: 1.0\n\nsigma: 2.0\n")
     text = refusal(lambda: Scenario.from_yaml(path))
-    assert text is not None and "'sigma' stands twice: line 2 and line 4" in text
+    assert text is not None and "'sigma' is given twice: line 2 and line 4" in text
 
 
 def test_an_endless_file_is_refused() -> None:

@@ -35,9 +35,42 @@ def test_the_constants_have_the_values_of_scenario_and_rules(rules: str) -> None
     for source in (scenario, chosen):
         for name, value in vars(source).items():
             if name in (constants.dtype.names or ()):
-                assert constants[name] == value, name
+                assert np.array_equal(constants[name], value), name
                 checked += 1
     assert checked > 30
     moves = list(zip(constants["dx"].tolist(), constants["dy"].tolist(), strict=True))
     assert tuple(moves[: constants["num_actions"]]) == chosen.action_set.moves
     assert chosen.actions[constants["search_action"]] == "search"
+
+
+@pytest.mark.parametrize(
+    "maps",
+    [
+        np.zeros((3, 9, 8), np.float32),
+        np.zeros((3, 9, 9)),
+        np.zeros((9, 9, 3), np.float32).T,
+        np.broadcast_to(np.float32(0), (3, 9, 9)),
+    ],
+)
+def test_memory_that_maps_do_not_fit_in_is_refused(maps: np.ndarray) -> None:
+    world = World(Scenario(grid_size=9, num_drones=2), profile("v2"), 3)
+    world.reset()
+    before = world.state_bytes()
+    with pytest.raises(ValueError, match=r"maps must be C-contiguous float32 \(3, 9, 9\)"):
+        world.step(np.full((3, 2), HOLD, np.int8), maps)
+    assert world.state_bytes() == before
+
+
+def test_actions_of_any_layout_and_integer_type_are_the_same_actions() -> None:
+    states = set()
+    actions = np.array([[0, 4], [1, 3], [2, 0]], np.int8)
+    read_only = actions.copy()
+    read_only.flags.writeable = False
+    for given in (read_only, actions, np.asfortranarray(actions), actions.astype(">i4")):
+        world = World(Scenario(grid_size=9, num_drones=2), profile("v2"), 3)
+        world.seed(5)
+        world.reset()
+        world.step(given)
+        world.step(actions)
+        states.add(world.state_bytes())
+    assert len(states) == 1
