@@ -29,7 +29,7 @@ CAPTURE_TIMEOUT_S = 120
 
 BELIEF_DRONES = 20
 # Nobody is found, but beliefs learn from each search.
-UNLIKELY = {"probability_of_detection": 1e-12}
+UNLIKELY = {"scenario.probability_of_detection": 1e-12}
 BELIEFS: dict[str, dict[str, Any]] = {
     "none": {"compute_pos": "never", **UNLIKELY},
     "published": {"publish_belief": "true", **UNLIKELY},

@@ -18,7 +18,8 @@ from typing import Any
 
 from benchmarks.bench import machine, own_versions, rounded
 from dsse_ros.progress import progress, say
-from soak.rigs import ROOT, use_defaults_of_dds
+from soak import ROOT
+from soak.rigs import use_defaults_of_dds
 from soak.row import Row, Run
 from soak.rows import ROWS
 

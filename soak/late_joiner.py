@@ -8,7 +8,8 @@ import os
 import subprocess
 import sys
 
-from soak.rigs import ENVIRONMENT, ROOT, Rig, domain
+from soak import ROOT
+from soak.rigs import ENVIRONMENT, Rig, domain
 from soak.row import Figures, Goal, Row, Run
 from soak.traffic import SEARCHED
 

@@ -16,7 +16,8 @@ import threading
 from typing import Any
 
 from dsse_ros.scenario.fields import Spec, specs
-from soak.rigs import ENVIRONMENT, ROOT, Sim, domain
+from soak import ROOT
+from soak.rigs import ENVIRONMENT, Sim, domain
 from soak.row import Figures, Row, Run, zero
 
 NODES = ("sim_node", "planner_node", "mavlink_bridge", "recorder", "foxglove_viewer", "dashboard")

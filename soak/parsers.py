@@ -10,7 +10,6 @@ import hashlib
 import io
 import json
 import shutil
-import sys
 import tempfile
 import zipfile
 from collections.abc import Callable
@@ -19,8 +18,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-ROOT = Path(__file__).resolve().parents[1]
-sys.path += [str(ROOT / "test" / folder) for folder in ("flight", "recording")]
+from soak import ROOT
 
 Take = Callable[[bytes], object]
 """Reads bytes; raises only documented exceptions."""
@@ -253,7 +251,7 @@ def _bags() -> tuple[Take, list[bytes]]:
     from mcap.writer import Writer
 
     from dsse_ros.recording.bag import read_bag
-    from dsse_ros.recording.replay import replay
+    from dsse_ros.recording.replay import Replay
     from dsse_ros.search import FieldError
 
     path = _file("fuzzed.mcap")
@@ -261,7 +259,7 @@ def _bags() -> tuple[Take, list[bytes]]:
     def take(data: bytes) -> None:
         path.write_bytes(data)
         try:
-            list(replay(read_bag(path)))
+            list(Replay(read_bag(path)).missions())
         except FieldError as error:
             _on_one_line(error)
 

@@ -6,20 +6,15 @@ from __future__ import annotations
 
 import contextlib
 import os
-import sys
 import time
 from collections.abc import Iterator
 from pathlib import Path
 
-ROOT = Path(__file__).resolve().parents[1]
-sys.path += [str(ROOT / "test" / folder) for folder in ("nodes", "flight", "bridge", "search")]
-
-from bridge_rig import Bridge, autopilots, fly, health_when  # noqa: E402
-from rig import ENVIRONMENT, Process, Rig, Sim, search_of  # noqa: E402
+from bridge_rig import Bridge, autopilots, fly, health_when
+from rig import ENVIRONMENT, Process, Rig, Sim, search_of
 
 __all__ = [
     "ENVIRONMENT",
-    "ROOT",
     "Bridge",
     "Process",
     "Rig",

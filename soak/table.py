@@ -9,10 +9,10 @@ from __future__ import annotations
 
 import json
 import sys
-from pathlib import Path
 from typing import Any
 
-ROOT = Path(__file__).resolve().parents[1]
+from soak import ROOT
+
 RESULTS = ROOT / "benchmarks" / "results" / "soak.json"
 PAGE = ROOT / "QUALITY_DECLARATION.md"
 BEGIN, END = "<!-- promises: begin -->\n", "<!-- promises: end -->\n"
