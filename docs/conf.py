@@ -37,15 +37,19 @@ NAVIGATION = {
         "docs/dashboard",
         "docs/recording",
         "docs/report",
+        "docs/gis",
         "docs/viewers",
         "docs/coming_from_dsse",
         "docs/campaign",
+        "docs/troubleshooting",
     ],
     "Reference": [
         "docs/frames",
         "docs/topics",
         "docs/parameters",
         "docs/rules",
+        "docs/profiles",
+        "docs/sensors",
         "docs/drift",
         "docs/faults",
         "docs/api",
@@ -84,11 +88,13 @@ exclude_patterns = [
     "missions",
     "out",
 ]
-extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon"]
+extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "sphinx_copybutton"]
 templates_path = ["_templates"]
 
 # As many levels as the pages have, so that links lead to headings as they do in a repository.
 myst_heading_anchors = 4
+# Output is not for copying.
+copybutton_selector = "div:not(.highlight-text) > div.highlight pre"
 autodoc_member_order = "bysource"
 autodoc_typehints = "description"
 autodoc_typehints_format = "short"
@@ -101,7 +107,9 @@ html_copy_source = False
 html_show_sourcelink = False
 # The first page lies in `docs`.
 html_additional_pages = {"index": "to_first_page.html"}
-html_static_path: list[str] = []
+html_static_path = ["_static"]
+html_css_files = ["copy_buttons.css"]
+html_js_files = ["accessible.js"]
 
 
 def add_navigation(app: Sphinx, page: str, source: list[str]) -> None:

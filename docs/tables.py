@@ -1,9 +1,9 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""Writes the tables of parameters, metrics and states, from the code, into the pages of docs.
+"""Writes the tables of parameters, metrics, states and profiles, from the code, into the pages.
 
 Run `python docs/tables.py` after a change of a scenario's, a rule's or a node's fields, or of the
-arguments of a launch file, or of the states of a vehicle.
+arguments of a launch file, or of the states of a vehicle, or of the spaces of an environment.
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ import math
 import re
 import textwrap
 from collections.abc import Collection
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -26,6 +27,8 @@ from dsse_ros.bridge.settings import BridgeSettings
 from dsse_ros.campaign.config import CampaignSettings, PlannerEntry
 from dsse_ros.campaign.statistics import MEASURES
 from dsse_ros.dashboard.settings import DashboardSettings
+from dsse_ros.mission.simulation_state import NEXT as NEXT_STATE
+from dsse_ros.mission.simulation_state import SimulationState
 from dsse_ros.nodes.settings import (
     RUN_TIME_SETTINGS,
     PlannerSettings,
@@ -38,7 +41,7 @@ from dsse_ros.runtime.parameters import descriptor
 from dsse_ros.scenario.fault_fields import FAULTS, FaultFields
 from dsse_ros.scenario.fields import Spec, specs
 from dsse_ros.scenario.rules import GROUPS
-from dsse_ros.search import PROFILES, Rules, Scenario
+from dsse_ros.search import PROFILES, Rules, Scenario, parallel_env
 
 ROOT = Path(__file__).resolve().parents[1]
 TYPES = {
@@ -176,6 +179,33 @@ def rules_table() -> str:
     return "".join(texts) + "\n"
 
 
+def card(profile: str) -> str:
+    """Return the card of a profile: how to make its environment, spaces, agents, limits."""
+    env = parallel_env(rules=profile)
+    agent = env.possible_agents[0]
+    fields, limit = specs(Scenario), env.scenario.timestep_limit
+    _, infos = env.reset(seed=0)
+    actions = ", ".join(f"{number} `{name}`" for number, name in enumerate(env.rules.actions))
+    rows = [
+        ["Import", "`from dsse_ros.search import parallel_env`"],
+        ["Make", f'`parallel_env(rules="{profile}")`'],
+        ["Agents", f"`{agent}`, ...: {env.max_num_agents} by default; `num_drones` "
+         f"{allowed(fields['num_drones'])}"],
+        ["Action space", f"`{env.action_space(agent)}`"],
+        ["Action values", actions],
+        ["Observation space", f"`{env.observation_space(agent)}`"],
+        ["Grid", f"{env.scenario.grid_size} x {env.scenario.grid_size} cells by default; "
+         f"`grid_size` {allowed(fields['grid_size'])}"],
+        ["Keys of `infos`", ", ".join(f"`{key}`" for key in infos[agent])],
+        ["State space", f"`{env.state_space}`"],
+        ["Limit", f"{limit} steps by default; `timestep_limit` "
+         f"{allowed(fields['timestep_limit'])}; a failed episode has "
+         f"{limit + 1 + env.rules.time_out_grace}"],
+        ["Rendering", ", ".join(f"`{mode}`" for mode in env.metadata["render_modes"])],
+    ]  # fmt: skip
+    return table(["Profile", f"`{profile}`"], rows)
+
+
 def metrics_table() -> str:
     """Return the table of the metrics of a report."""
     rows = [
@@ -223,6 +253,21 @@ def events_table() -> str:
     return table(["When", *(state.value for state in Custody)], rows)
 
 
+def requests_table() -> str:
+    """Return the state of a simulation after each request, by the state before."""
+    rows = [
+        [
+            request.value,
+            *(
+                after[state].name.lower() if state in after else "refused"
+                for state in SimulationState
+            ),
+        ]
+        for request, after in NEXT_STATE.items()
+    ]
+    return table(["Request", *(state.name.lower() for state in SimulationState)], rows)
+
+
 def meanings(enum: type) -> dict[str, str]:
     """Return the sentences below the members of an enumeration."""
     body = ast.parse(textwrap.dedent(inspect.getsource(enum))).body[0].body
@@ -236,6 +281,7 @@ def meanings(enum: type) -> dict[str, str]:
 TABLES = {
     "states": states_table,
     "events": events_table,
+    "requests": requests_table,
     "campaign": lambda: fields_table(CampaignSettings),
     "campaign_planner": lambda: fields_table(PlannerEntry),
     "measures": measures_table,
@@ -249,6 +295,7 @@ TABLES = {
     "scenario": scenario_table,
     "faults": faults_table,
     "rules": rules_table,
+    **{f"card_{profile}": partial(card, profile) for profile in PROFILES},
 }
 PAGES = tuple(
     f"docs/{name}.md"
@@ -258,6 +305,7 @@ PAGES = tuple(
         "faults",
         "flight",
         "parameters",
+        "profiles",
         "recording",
         "report",
         "ros",
