@@ -8,7 +8,6 @@ import contextlib
 import fcntl
 import json
 import os
-import tempfile
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict
 from pathlib import Path
@@ -17,6 +16,7 @@ from typing import Any
 from dsse_ros.bridge.custody import Custody
 from dsse_ros.bridge.vehicle_custody import FlightRecord
 from dsse_ros.scenario.fields import FieldError
+from dsse_ros.whole_files import write_whole
 
 UNREADABLE = FlightRecord(custody=Custody.TAKEN)
 """Record of a vehicle whose file cannot be parsed: a person has to look at it."""
@@ -110,18 +110,7 @@ class FlightRecords:
     def _write(self, system_id: int) -> None:
         record = self._records[system_id]
         text = json.dumps({**asdict(record), "custody": record.custody.value}, sort_keys=True)
-        path = self._path(system_id)
-        with tempfile.NamedTemporaryFile(
-            "w", dir=self._directory, delete=False, suffix=".part"
-        ) as file:
-            try:
-                file.write(text)
-                file.flush()
-                os.fsync(file.fileno())
-                os.replace(file.name, path)
-            except BaseException:
-                os.unlink(file.name)
-                raise
+        write_whole(self._path(system_id), text.encode())
 
 
 def _parse(values: Mapping[str, Any]) -> FlightRecord:

@@ -15,7 +15,7 @@ from collections.abc import Collection, Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from dsse_ros.planners.masking import apply_masks
+from dsse_ros.planners.masking import masked_moves
 from dsse_ros.planners.planner import (
     Cell,
     DrawsNothing,
@@ -64,15 +64,14 @@ class AStar(DrawsNothing):
             return {}
         left, present = probability_of(observations), cells_of(observations)
         self._choose_goals(dict(zip(observations, present, strict=True)), left)
-        taken, actions = set(present), {}
+        taken, ends = set(present), []
         for agent, cell in zip(observations, present, strict=True):
             taken.discard(cell)
             goal = self._goals.get(agent, cell)
             end = next_cell(self._actions, left, cell, goal, taken)
             taken.add(end)
-            actions[agent] = self._actions.action(cell, end)
-        cells = dict(zip(observations, present, strict=True))
-        return apply_masks(actions, cells, infos, self._actions, apart=self._apart)
+            ends.append(end)
+        return masked_moves(observations, ends, infos, self._actions, apart=self._apart)
 
     def _choose_goals(self, present: Mapping[str, Cell], left: NDArray[np.float32]) -> None:
         """Give each drone a goal, as far as there are cells."""

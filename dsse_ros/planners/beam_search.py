@@ -9,7 +9,6 @@ The drones plan one after the other. Each plans for the scenarios that the other
 from __future__ import annotations
 
 import copy
-import math
 import time
 from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -22,7 +21,7 @@ from dsse_ros.belief.belief_kernels import MARGIN
 from dsse_ros.belief.future_kernels import index
 from dsse_ros.belief.protocol import LooksToCome, TargetBelief, TargetForecast
 from dsse_ros.planners import beam
-from dsse_ros.planners.planner import number_of
+from dsse_ros.planners.planner import DecisionPoint, number_of
 from dsse_ros.planners.reach import Reach
 from dsse_ros.scenario.actions import ACTION_VECTORS, DIAGONAL, STRAIGHT, Cell
 from dsse_ros.scenario.rules import Rules
@@ -183,25 +182,12 @@ class BeamSearch:
         twin._rng = np.random.default_rng(seed)
         return twin
 
-    def __call__(
-        self,
-        belief: TargetBelief,
-        agents: Sequence[Hashable],
-        present: Sequence[Cell],
-        deadline_s: float = math.inf,
-        batteries: Sequence[float] = (),
-    ) -> list[Cell]:
+    def __call__(self, at: DecisionPoint) -> list[Cell]:
         """Return the next cell of each drone; its present cell means a search there.
 
-        Args:
-            belief: The belief before the step's searches.
-            agents: The live drones; the planner keeps their last plans by agent.
-            present: Cells of the drones.
-            deadline_s: When to stop planning, on the clock of `time.monotonic`; see
-                `BeamOptions.budget_ms`.
-            batteries: Charge of the drones, percent: plans leave enough to come home. Empty if
-                batteries do not run down.
+        The tactic keeps the last plans by agent. Plans leave enough charge to return.
         """
+        belief, agents, present, deadline_s, batteries = at
         options, forecast = self._options, self._forecast
         if options.budget_ms is not None:
             deadline_s = min(deadline_s, time.monotonic() + options.budget_ms / 1000)

@@ -13,7 +13,7 @@ from __future__ import annotations
 import copy
 import math
 import time
-from collections.abc import Hashable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, Protocol
 
 import numpy as np
@@ -28,6 +28,7 @@ from dsse_ros.planners.beam_search import BeamOptions, BeamSearch
 from dsse_ros.planners.masking import apply_masks, is_returning
 from dsse_ros.planners.planner import (
     Cell,
+    DecisionPoint,
     DrawsNothing,
     Infos,
     Observations,
@@ -45,23 +46,8 @@ from dsse_ros.step.looks import Looked, looks_of
 class Tactic(Protocol):
     """Chooses from a belief where the drones of one mission go."""
 
-    def __call__(
-        self,
-        belief: TargetBelief,
-        agents: Sequence[Hashable],
-        present: Sequence[Cell],
-        deadline_s: float = math.inf,
-        batteries: Sequence[float] = (),
-    ) -> list[Cell]:
-        """Return the next cell of each drone; its present cell means a search there.
-
-        Args:
-            belief: The belief before the step's searches.
-            agents: The live drones.
-            present: Cells of the drones.
-            deadline_s: When to answer with the best so far, on the clock of `time.monotonic`.
-            batteries: Charge of the drones, percent; empty if batteries do not run down.
-        """
+    def __call__(self, at: DecisionPoint) -> list[Cell]:
+        """Return the next cell of each drone; its present cell means a search there."""
         ...
 
     @property
@@ -118,16 +104,9 @@ class GreedyOnBelief(DrawsNothing):
         self._actions = forecast.rules.action_set.within(area).with_moves()
         return self
 
-    def __call__(
-        self,
-        belief: TargetBelief,
-        agents: Sequence[Hashable],
-        present: Sequence[Cell],
-        deadline_s: float = math.inf,
-        batteries: Sequence[float] = (),
-    ) -> list[Cell]:
+    def __call__(self, at: DecisionPoint) -> list[Cell]:
         """Return the cell that each drone goes to; see `Tactic`."""
-        return approach(self._actions, present, self._goals(belief.poc(), present))
+        return approach(self._actions, at.present, self._goals(at.belief.poc(), at.present))
 
     def _goals(self, likely: NDArray[np.float64], present: Sequence[Cell]) -> list[Cell]:
         """Return a goal for each drone."""
@@ -256,8 +235,9 @@ class BeliefPlanner:
         ends = dict(cells)
         if steered := [agent for agent in agents if not is_returning(infos[agent])]:
             batteries = [infos[a]["battery"] for a in steered if "battery" in infos[a]]
+            here = [cells[a] for a in steered]
             chosen = self._tactic(
-                self.belief, steered, [cells[a] for a in steered], began_s + limit_s, batteries
+                DecisionPoint(self.belief, steered, here, began_s + limit_s, batteries)
             )
             self.drawn = self.drawn or self._tactic.drawn
             ends |= zip(steered, chosen, strict=True)

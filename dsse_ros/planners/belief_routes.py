@@ -5,14 +5,13 @@
 from __future__ import annotations
 
 import copy
-import math
 from collections.abc import Callable, Hashable, Sequence
 from typing import TypeAlias
 
 import numpy as np
 
 from dsse_ros.belief.protocol import TargetBelief, TargetForecast
-from dsse_ros.planners.planner import Cell
+from dsse_ros.planners.planner import Cell, DecisionPoint
 from dsse_ros.planners.routes import RouteFollower
 from dsse_ros.scenario.actions import ActionSet
 from dsse_ros.scenario.rules import Rules
@@ -67,15 +66,9 @@ class RoutesOnBelief:
             twin._follower = self._follower.with_seed(seed + self._planned_at)
         return twin
 
-    def __call__(
-        self,
-        belief: TargetBelief,
-        agents: Sequence[Hashable],
-        present: Sequence[Cell],
-        deadline_s: float = math.inf,
-        batteries: Sequence[float] = (),
-    ) -> list[Cell]:
+    def __call__(self, at: DecisionPoint) -> list[Cell]:
         """Return the cell that each drone goes to; see `Tactic`."""
+        belief, agents, present, *_ = at
         due = belief.step >= self._planned_at + self._period or list(agents) != self._agents
         if self._follower is None or due:
             steps = max(1, min(self._period, self._limit - belief.step))

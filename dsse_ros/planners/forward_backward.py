@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from dsse_ros.belief.protocol import TargetBelief, TargetForecast
+from dsse_ros.belief.protocol import TargetForecast
 from dsse_ros.planners.beam import column_at, move_between
 from dsse_ros.planners.beam_search import BeamOptions, BeamSearch, PlannedPath
 from dsse_ros.planners.belief import BeamOnBelief, BeliefPlanner
@@ -26,7 +26,7 @@ from dsse_ros.planners.path_search import (
     improve,
     search_graph,
 )
-from dsse_ros.planners.planner import Search, number_of
+from dsse_ros.planners.planner import DecisionPoint, Search, number_of
 from dsse_ros.scenario.actions import Cell
 
 UNLIMITED = 10**9
@@ -97,15 +97,9 @@ class ForwardBackward(BeamSearch):
         ).reshape(-1, cells)
         return search_graph(ahead, looks.first, there, looks.pods)
 
-    def __call__(
-        self,
-        belief: TargetBelief,
-        agents: Sequence[Hashable],
-        present: Sequence[Cell],
-        deadline_s: float = math.inf,
-        batteries: Sequence[float] = (),
-    ) -> list[Cell]:
+    def __call__(self, at: DecisionPoint) -> list[Cell]:
         """Return the next cell of each drone; see `BeamSearch`."""
+        belief, agents, present, deadline_s, batteries = at
         options, improvement, iterations = self._options, self._improvement, UNLIMITED
         if improvement.budget_ms is None:
             iterations = improvement.iterations
@@ -114,7 +108,7 @@ class ForwardBackward(BeamSearch):
         left = self._forecast.scenario.timestep_limit - belief.step
         horizon = max(1, min(self._forecast.horizon, left))
         last = self._last_plans(agents, present, horizon)
-        cells = super().__call__(belief, agents, present, deadline_s, batteries)
+        cells = super().__call__(at._replace(deadline_s=deadline_s))
         kinds = self._kinds.kind[[number_of(agent) for agent in agents]]
         beyond = self._beyond(agents, batteries, horizon)
         self.problem = problem = PathProblem(

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dsse_ros.planners.avoidance import approach
-from dsse_ros.planners.masking import apply_masks
+from dsse_ros.planners.masking import masked_moves
 from dsse_ros.planners.planner import (
     Cell,
     DrawsNothing,
@@ -61,12 +61,7 @@ class Greedy(DrawsNothing):
         present = cells_of(observations)
         goals = self._goals(present, probability_of(observations))
         ends = approach(self._actions, present, goals)
-        actions = {
-            agent: self._actions.action(cell, end)
-            for agent, cell, end in zip(observations, present, ends, strict=True)
-        }
-        cells = dict(zip(observations, present, strict=True))
-        return apply_masks(actions, cells, infos, self._actions, apart=self._apart)
+        return masked_moves(observations, ends, infos, self._actions, apart=self._apart)
 
     def _goals(self, present: Sequence[Cell], probability: NDArray[np.float32]) -> list[Cell]:
         """Return the goal of each drone, among the cells that it can reach."""

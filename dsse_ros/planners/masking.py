@@ -4,13 +4,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
 from dsse_ros.planners.avoidance import resolve_actions
-from dsse_ros.planners.planner import Cell, Infos
+from dsse_ros.planners.planner import Cell, Infos, Observations, cells_of
 from dsse_ros.scenario.actions import ActionSet
 
 
@@ -58,6 +58,23 @@ def apply_masks(
     agents = [agent for agent in masked if not is_returning(infos[agent])]
     cells, numbers = [present[agent] for agent in agents], [masked[agent] for agent in agents]
     return masked | dict(zip(agents, resolve_actions(action_set, cells, numbers), strict=True))
+
+
+def masked_moves(
+    observations: Observations,
+    ends: Sequence[Cell],
+    infos: Infos,
+    action_set: ActionSet,
+    *,
+    apart: bool = False,
+) -> dict[str, int]:
+    """Return the masked actions that take the observed drones to these cells; see `apply_masks`."""
+    present = dict(zip(observations, cells_of(observations), strict=True))
+    actions = {
+        agent: action_set.action(cell, end)
+        for (agent, cell), end in zip(present.items(), ends, strict=True)
+    }
+    return apply_masks(actions, present, infos, action_set, apart=apart)
 
 
 def keep_apart(

@@ -25,7 +25,6 @@ from __future__ import annotations
 
 import copy
 import json
-import math
 from collections.abc import Callable, Hashable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
@@ -34,13 +33,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dsse_ros.belief.protocol import TargetBelief, TargetForecast
+from dsse_ros.belief.protocol import TargetForecast
 from dsse_ros.extras import pip_install
 from dsse_ros.planners.avoidance import resolve_actions
 from dsse_ros.planners.belief import BeliefPlanner
 from dsse_ros.planners.masking import apply_masks
 from dsse_ros.planners.planner import (
     Cell,
+    DecisionPoint,
     DrawsNothing,
     Infos,
     Observations,
@@ -54,6 +54,7 @@ from dsse_ros.scenario.fields import FieldError, shown
 from dsse_ros.scenario.options import OBSERVED
 from dsse_ros.scenario.rules import Rules
 from dsse_ros.search.world_beliefs import DRIFT_SAMPLES
+from dsse_ros.search.wrappers import own_first
 
 try:
     import onnxruntime
@@ -176,15 +177,9 @@ class OnnxOnBelief(DrawsNothing):
         twin._policy = self._policy.copy()
         return twin
 
-    def __call__(
-        self,
-        belief: TargetBelief,
-        agents: Sequence[Hashable],
-        present: Sequence[Cell],
-        deadline_s: float = math.inf,
-        batteries: Sequence[float] = (),
-    ) -> list[Cell]:
+    def __call__(self, at: DecisionPoint) -> list[Cell]:
         """Return the cell that each drone goes to; see `Tactic`."""
+        belief, agents, present, *_ = at
         masks = np.stack([self._masks[row][col] for col, row in present])
         probability = belief.poc().astype(np.float32)
         cells = dict(zip(agents, present, strict=True))
@@ -231,12 +226,9 @@ def encode(
     places = np.asarray(cells, np.float32) / max(len(probability) - 1, 1)
     likely = probability / max(float(probability.max()), float(np.finfo(np.float32).tiny))
     own = np.asarray(numbers)
-    order = np.tile(np.arange(len(places)), (len(own), 1))
-    order[:, 0] = own
-    order[np.arange(len(own)), own] = 0
     inputs = {
         "position": places[own],
-        "positions": places[order].reshape(len(own), -1),
+        "positions": own_first(places)[own].reshape(len(own), -1),
         "number": own[:, np.newaxis],
         "probability": np.repeat(likely[np.newaxis], len(own), axis=0),
         "action_mask": masks,

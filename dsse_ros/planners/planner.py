@@ -5,12 +5,14 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Callable, Hashable, Mapping
-from typing import TYPE_CHECKING, Any, Protocol, TypeAlias, runtime_checkable
+import math
+from collections.abc import Callable, Hashable, Mapping, Sequence
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, TypeAlias, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
 
+from dsse_ros.belief.protocol import TargetBelief
 from dsse_ros.scenario.actions import Cell as Cell
 from dsse_ros.scenario.rules import Rules
 from dsse_ros.scenario.scenario import Scenario
@@ -116,6 +118,24 @@ class Search(Protocol):
     def steps_done(self) -> int | None:
         """Steps done in the mission; None if only the infos may contain them."""
         ...
+
+
+class DecisionPoint(NamedTuple):
+    """What a tactic decides on.
+
+    Attributes:
+        belief: The belief before the step's searches.
+        agents: The live drones.
+        present: Cells of the drones.
+        deadline_s: When to answer with the best so far, on the clock of `time.monotonic`.
+        batteries: Charge of the drones, percent; empty if batteries do not run down.
+    """
+
+    belief: TargetBelief
+    agents: Sequence[Hashable]
+    present: Sequence[Cell]
+    deadline_s: float = math.inf
+    batteries: Sequence[float] = ()
 
 
 def number_of(agent: Hashable) -> int:

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dsse_ros.planners.avoidance import resolve_conflicts_with_yielding
-from dsse_ros.planners.masking import apply_masks, is_under_way
+from dsse_ros.planners.masking import is_under_way, masked_moves
 from dsse_ros.planners.planner import Cell, Infos, Observations, cells_of, probability_of
 from dsse_ros.scenario.actions import ActionSet
 
@@ -175,12 +175,7 @@ class RouteFollower:
         for track, request, end in zip(tracks, requested, granted, strict=True):
             blocked = request is not None and request != end
             track.waited = track.waited + 1 if blocked else 0
-        actions = {
-            agent: self._actions.action(cell, end)
-            for agent, cell, end in zip(observations, present, granted, strict=True)
-        }
-        cells = dict(zip(observations, present, strict=True))
-        return apply_masks(actions, cells, infos, self._actions, apart=self._apart)
+        return masked_moves(observations, granted, infos, self._actions, apart=self._apart)
 
     def _start(
         self, agents: Sequence[str], cells: Sequence[Cell], probability: NDArray[np.float32]

@@ -12,6 +12,7 @@ import pytest
 from dsse_ros.belief.beliefs import forecast_for
 from dsse_ros.belief.ensemble_belief import EnsembleForecast
 from dsse_ros.planners.belief import GreedyOnBelief
+from dsse_ros.planners.planner import DecisionPoint
 from dsse_ros.scenario.scenario import Scenario
 from dsse_ros.search import World, profile
 from dsse_ros.step.looks import searches_of
@@ -54,7 +55,7 @@ def search(
     tactic = GreedyOnBelief().start(planned.forecast, 0)
     cells = list(scenario.drones_positions)
     for _ in range(STEPS):
-        ends = tactic(planned, range(DRONES), cells)
+        ends = tactic(DecisionPoint(planned, range(DRONES), cells))
         going = zip(cells, ends, strict=True)
         actions = np.array([SEA.action_set.action(*leg) for leg in going], np.int8)
         world.step(np.tile(actions, (MISSIONS, 1)))
@@ -113,7 +114,7 @@ def test_pos_does_not_count_what_a_planner_has_chosen_by_chance() -> None:
         tactic = GreedyOnBelief().start(forecasts[True], 0)
         cells = list(scenario.drones_positions)
         for _ in range(STEPS):
-            ends = tactic(beliefs[True], range(DRONES), cells)
+            ends = tactic(DecisionPoint(beliefs[True], range(DRONES), cells))
             searched = [a for a, b in zip(cells, ends, strict=True) if a == b]
             for belief in (*beliefs.values(), exact):
                 belief.update(searches_of(scenario, SEA, searched))

@@ -26,6 +26,7 @@ WORLD = {
     "dsse_ros.step",
     "dsse_ros.targets",
     "dsse_ros.view",
+    "dsse_ros.whole_files",
 }
 """What simulates a search, and shows it."""
 LAYERS: dict[str, tuple[set[str], set[str]]] = {
@@ -33,6 +34,7 @@ LAYERS: dict[str, tuple[set[str], set[str]]] = {
     "dsse_ros.checks": (set(), {"ros", "messages", "mavlink"}),
     "dsse_ros.extras": (set(), {"ros", "messages", "mavlink"}),
     "dsse_ros.private_files": (set(), {"ros", "messages", "mavlink"}),
+    "dsse_ros.whole_files": (set(), {"ros", "messages", "mavlink"}),
     "dsse_ros.progress": ({"dsse_ros.extras"}, {"ros", "messages", "mavlink"}),
     "dsse_ros.compiled": ({"dsse_ros.compiled"}, {"ros", "messages", "mavlink"}),
     "dsse_ros.drift": (
