@@ -14,7 +14,7 @@ import numpy as np
 from areas import CELL_M, ORIGIN, geojson_of
 
 from dsse_ros.planners import planner_for
-from dsse_ros.search import Scenario, parallel_env, profile, vector_env
+from dsse_ros.search import parallel_env, vector_env
 from dsse_ros.search.compiler import prepared_env
 
 FIELDS: dict[str, Any] = {"grid_size": 8, "num_drones": 2, "person_initial_position": (5, 5)}
@@ -30,6 +30,15 @@ AREA: dict[str, Any] = {
 COVERAGE: dict[str, Any] = {"rules": "coverage"}
 """Where the task is coverage, too."""
 
+SEA: dict[str, Any] = {"rules": "sea", "particles": 100}
+"""Where persons follow an ensemble, too."""
+
+CHAIN: dict[str, Any] = {
+    "person_motion": "markov_chain",
+    "transition_probabilities": np.full((8, 8, 9), 1 / 9),
+}
+"""Where the motion of persons differs from cell to cell, too."""
+
 
 def use(fields: dict[str, Any]) -> None:
     """Use what is compiled: one environment with a belief, a planner and a batch."""
@@ -39,7 +48,7 @@ def use(fields: dict[str, Any]) -> None:
         batch.step(np.zeros((2, 2), np.int8))
     if batch.rules.covers:
         return
-    prepared_env(Scenario(**fields), profile("paper"), lambda _: None, has_belief=bool)
+    prepared_env(batch.scenario, batch.rules, lambda _: None, has_belief=bool)
     env = parallel_env(**fields)
     for name in ("belief_greedy", "belief"):
         planner = planner_for(env, name, seed=1)
@@ -50,5 +59,5 @@ def use(fields: dict[str, Any]) -> None:
 
 if __name__ == "__main__":
     with Pool(2) as pool:
-        tasks = [FIELDS, FIELDS | AREA, FIELDS | COVERAGE, FIELDS | AREA | COVERAGE]
-        pool.map(use, tasks, chunksize=1)
+        others = [AREA, SEA, COVERAGE, AREA | COVERAGE, CHAIN]
+        pool.map(use, [FIELDS, *(FIELDS | other for other in others)], chunksize=1)
