@@ -8,24 +8,20 @@ import hashlib
 from collections.abc import Iterable, Iterator, Mapping
 from importlib.metadata import PackageNotFoundError, entry_points, version
 from pathlib import Path
-from types import MappingProxyType
 from typing import Any
 
-from dsse_ros.planners.registry import GROUP
+from dsse_ros.planners.registry import EXTRA_PLANNERS, GROUP
 
 LIBRARIES = ("dsse_ros", "numpy", "numba")
 """Libraries that every campaign uses."""
-LIBRARIES_OF: Mapping[str, tuple[str, ...]] = MappingProxyType(
-    {"onnx": ("onnxruntime",), "route": ("ortools",)}
-)
-"""Libraries that single planners use."""
 
 
 def versions(planners: Iterable[str]) -> dict[str, str | None]:
     """Return the versions of the libraries that these planners use; None if not installed."""
     names = {*LIBRARIES}
     for planner in planners:
-        names |= {*LIBRARIES_OF.get(planner, ())}
+        if planner in EXTRA_PLANNERS:
+            names |= {*EXTRA_PLANNERS[planner].libraries}
         found = (entry.dist for entry in entry_points(group=GROUP, name=planner))
         names |= {dist.metadata["Name"] for dist in found if dist is not None}
     return {name: _version(name) for name in sorted(names)}

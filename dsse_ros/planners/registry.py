@@ -14,7 +14,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import partial
 from importlib.metadata import EntryPoint, entry_points
 from types import MappingProxyType
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import yaml
@@ -116,15 +116,32 @@ _FACTORIES: Mapping[str, PlannerFactory] = MappingProxyType(
 )
 """Planners of this package that need no extra."""
 
-_WITH_EXTRAS = (
-    EntryPoint("onnx", "dsse_ros.planners.onnx:make_onnx", GROUP),
-    EntryPoint("route", "dsse_ros.planners.route:make_route", GROUP),
+
+class ExtraPlanner(NamedTuple):
+    """A planner of this package that needs an extra.
+
+    Attributes:
+        factory: Its `PlannerFactory`, as `module:name`.
+        libraries: Installed by the extra; their versions also affect the results.
+        for_persons: Whether it cannot do a coverage task.
+    """
+
+    factory: str
+    libraries: tuple[str, ...]
+    for_persons: bool = False
+
+
+EXTRA_PLANNERS: Mapping[str, ExtraPlanner] = MappingProxyType(
+    {
+        "onnx": ExtraPlanner("dsse_ros.planners.onnx:make_onnx", ("onnxruntime",)),
+        "route": ExtraPlanner("dsse_ros.planners.route:make_route", ("ortools",), for_persons=True),
+    }
 )
 
 
 def _registered() -> dict[str, list[EntryPoint]]:
     """Return the planners that are loaded on request, by name; several may share a name."""
-    found: dict[str, list[EntryPoint]] = {entry.name: [entry] for entry in _WITH_EXTRAS}
+    found = {name: [EntryPoint(name, p.factory, GROUP)] for name, p in EXTRA_PLANNERS.items()}
     own = {*_FACTORIES, *found}
     for entry in entry_points(group=GROUP):
         if entry.name not in own:
@@ -225,7 +242,8 @@ def check_task(name: str, rules: Rules) -> None:
     Raises:
         FieldError: If it is for another task.
     """
-    for_persons, for_cells = {*BELIEF_PLANNERS, "route"}, {*COVERAGE_PLANNERS}
+    with_extras = (name for name, extra in EXTRA_PLANNERS.items() if extra.for_persons)
+    for_persons, for_cells = {*BELIEF_PLANNERS, *with_extras}, {*COVERAGE_PLANNERS}
     if name in (for_persons if rules.covers else for_cells):
         ours = {*PLANNERS, *(for_cells if rules.covers else for_persons)}
         task = "covers cells and has no persons" if rules.covers else "looks for persons"
