@@ -24,7 +24,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks import search_problems
+from benchmarks import mpso, search_problems
 from benchmarks.bench import RESULTS, machine, own_versions, rounded
 from benchmarks.compare import PLANNERS_PAGE
 from benchmarks.greedy_batch import TIES, GreedyBatch
@@ -255,13 +255,17 @@ def main(arguments: list[str] | None = None) -> int:
     given = parser.parse_args(arguments)
 
     began, path = time.time(), given.out / "reproduce.json"
+    try:
+        of_mpso = None if given.mpso is None else mpso.run(given.mpso)
+    except (OSError, ValueError) as error:
+        parser.error(f"mpso: {error}")
     if given.only is None:
         result = play_tables(given.episodes, given.greedy_episodes)
         result |= {"machine": machine(), "versions": own_versions(), "seed": SEED, "level": 0.99}
         result["date"] = time.strftime("%Y-%m-%d", time.gmtime(began))
     else:
         result = json.loads(path.read_text(encoding="utf-8"))
-    result["problems"] = problems = search_problems.run(given.mpso)
+    result["problems"] = problems = search_problems.run(of_mpso)
     print(f"\nC. Search problems\n\n{search_problems.table(problems)}", flush=True)
     late = [of["title"] for of in problems if not of["in_time"]]
     print("".join(f"\n{title} took longer than its goal" for title in late))

@@ -11,7 +11,6 @@ import re
 import time
 from collections.abc import Hashable, Iterator
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -262,18 +261,18 @@ def with_table(text: str, rows: list[dict[str, Any]]) -> str:
     return place.sub(lambda found: f"{found[1]}\n{table(rows)}\n\n{found[2]}", text)
 
 
-def run(mpso_clone: Path | None = None) -> list[dict[str, Any]]:
+def run(of_mpso: mpso.Flown | None = None) -> list[dict[str, Any]]:
     """Solve all problems, after one of each kind has compiled the planner.
 
     Args:
-        mpso_clone: See `mpso.run`; None to leave it out.
+        of_mpso: The result of MPSO for the last problem; None to leave it out.
     """
     chosen = problems()
     for problem in (chosen[0], chosen[9], chosen[-1]):
         solve(problem)
     rows = [row(problem, solve(problem)) for problem in chosen]
-    if mpso_clone is not None:
-        rows.append(row_of_mpso(mpso.run(mpso_clone), rows[-1]))
+    if of_mpso is not None:
+        rows.append(row_of_mpso(of_mpso, rows[-1]))
     return rows
 
 
