@@ -113,7 +113,7 @@ def royset_sato() -> Iterator[Problem]:
         published = None if value is None else 1.0 - value
         yield _royset_sato(
             3, looks, published, 1.0 - least, 1e-4 if few else 1e-9, 1.0 if few else 10.0,
-            100 if few else 500,
+            200 if few else 1000,
         )  # fmt: skip
     for looks in (8, 10, 12, 14):
         yield _royset_sato(15, looks, None, None, 0.0, 10.0, 40)
