@@ -24,7 +24,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks import search_problems
+from benchmarks import mpso, search_problems
 from benchmarks.bench import RESULTS, machine, own_versions, rounded
 from benchmarks.compare import PLANNERS_PAGE
 from benchmarks.greedy_batch import TIES, GreedyBatch
@@ -35,6 +35,10 @@ from dsse_ros.scenario.scenario import scenario_and_rules
 from dsse_ros.search.world import World
 
 SEED = 2023
+JUDGED_TIES = "quicksort"
+"""The sort of the published code; the other order shows its effect."""
+REQUIRED = ("found", "steps")
+"""Figures that must be reproduced."""
 
 
 @dataclass(frozen=True)
@@ -164,10 +168,7 @@ def _figure(value: float, interval: tuple[float, float]) -> dict[str, Any]:
 
 
 def compare(figures: dict[str, Any], sources: tuple[Source, ...]) -> bool:
-    """Add the other figures and the verdicts; return whether the required ones are reproduced.
-
-    Required are the share of finds and the mean number of steps.
-    """
+    """Add the other figures and the verdicts; return whether `REQUIRED` are reproduced."""
     for name in ("found", "steps", "steps_when_found", "reward", "median_steps"):
         if name not in figures:
             continue
@@ -188,7 +189,7 @@ def compare(figures: dict[str, Any], sources: tuple[Source, ...]) -> bool:
         intervals = [v for k, v in figure.items() if k.endswith("_interval")]
         if intervals:
             figure["reproduced"] = any(contains(tuple(i), figure["ours"]) for i in intervals)
-    return bool(figures["found"]["reproduced"] and figures["steps"]["reproduced"])
+    return all(figures[name]["reproduced"] for name in REQUIRED)
 
 
 def table(title: str, figures: dict[str, Any]) -> str:
@@ -215,59 +216,71 @@ def table(title: str, figures: dict[str, Any]) -> str:
     return "\n".join(lines)
 
 
-def main(arguments: list[str] | None = None) -> int:
-    """Replay tables and problems; return the exit code, 1 if one is not reproduced."""
-    parser = argparse.ArgumentParser(prog="make reproduce", description=__doc__)
-    parser.add_argument("--episodes", type=int, default=100_000, help="of the sweep")
-    parser.add_argument("--greedy-episodes", type=int, default=20_000)
-    parser.add_argument("--out", type=Path, default=RESULTS)
-    given = parser.parse_args(arguments)
-
-    began = time.time()
-    sweep = summary(in_batches(sweep_episodes, given.episodes, 20_000), when_found=True)
-    reproduced = compare(sweep, SWEEP)
+def play_tables(episodes: int, num_greedy: int) -> dict[str, Any]:
+    """Replay both tables and print them; return their figures."""
+    sweep = summary(in_batches(sweep_episodes, episodes, 20_000), when_found=True)
+    compare(sweep, SWEEP)
     print(table("A. v1, parallel sweep", sweep), flush=True)
     greedy: dict[str, Any] = {}
     for dispersion_inc, sources in GREEDY.items():
         greedy[f"{dispersion_inc:g}"] = of_ties = {}
         for ties in TIES:
             play_batch = partial(greedy_episodes, dispersion_inc=dispersion_inc, ties=ties)
-            episodes = in_batches(play_batch, given.greedy_episodes, 2_000)
-            of_ties[ties] = summary(episodes, when_found=False)
-            same = compare(of_ties[ties], sources)
-            # The published code uses this sort; the other order shows its effect.
-            if ties == "quicksort":
-                reproduced = reproduced and same
+            of_ties[ties] = summary(in_batches(play_batch, num_greedy, 2_000), when_found=False)
+            compare(of_ties[ties], sources)
             title = f"B. v2, greedy, dispersion_inc {dispersion_inc:g}, ties as by a {ties} sort"
-            title += "" if ties == "quicksort" else " (to compare, not judged)"
+            title += "" if ties == JUDGED_TIES else " (to compare, not judged)"
             print(table(title, of_ties[ties]), flush=True)
+    return {"sweep": sweep, "greedy": greedy}
 
-    problems = search_problems.run()
+
+def is_reproduced(result: dict[str, Any]) -> bool:
+    """Return whether the judged figures of the tables, and all problems, are reproduced."""
+    judged = [result["sweep"], *(of_ties[JUDGED_TIES] for of_ties in result["greedy"].values())]
+    tables = all(of[name]["reproduced"] for of in judged for name in REQUIRED)
+    return tables and all(of["reached"] for of in result["problems"])
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Replay tables and problems; return the exit code, 1 if one is not reproduced."""
+    parser = argparse.ArgumentParser(prog="make reproduce", description=__doc__)
+    parser.add_argument("--episodes", type=int, default=100_000, help="of the sweep")
+    parser.add_argument("--greedy-episodes", type=int, default=20_000)
+    parser.add_argument("--only", choices=["problems"], help="keep the other results")
+    parser.add_argument(
+        "--mpso", type=Path, metavar="CLONE",
+        help="also run MPSO, of which this is a clone (github.com/duongpm/MPSO), by octave-cli",
+    )  # fmt: skip
+    parser.add_argument("--out", type=Path, default=RESULTS)
+    given = parser.parse_args(arguments)
+
+    began, path = time.time(), given.out / "reproduce.json"
+    try:
+        of_mpso = None if given.mpso is None else mpso.run(given.mpso)
+    except (OSError, ValueError) as error:
+        parser.error(f"mpso: {error}")
+    if given.only is None:
+        result = play_tables(given.episodes, given.greedy_episodes)
+        result |= {"machine": machine(), "versions": own_versions(), "seed": SEED, "level": 0.99}
+        result["date"] = time.strftime("%Y-%m-%d", time.gmtime(began))
+    else:
+        result = json.loads(path.read_text(encoding="utf-8"))
+    result["problems"] = problems = search_problems.run(of_mpso)
     print(f"\nC. Search problems\n\n{search_problems.table(problems)}", flush=True)
-    reproduced = reproduced and all(of["reached"] for of in problems)
     late = [of["title"] for of in problems if not of["in_time"]]
     print("".join(f"\n{title} took longer than its goal" for title in late))
 
-    result = {
-        "machine": machine(),
-        "versions": own_versions(),
-        "date": time.strftime("%Y-%m-%d", time.gmtime(began)),
-        "seconds": round(time.time() - began),
-        "seed": SEED,
-        "level": 0.99,
-        "reproduced": reproduced,
-        "sweep": sweep,
-        "greedy": greedy,
-        "problems": problems,
-    }
+    seconds = round(time.time() - began)
+    if given.only is None:
+        result["seconds"] = seconds
+    result["reproduced"] = is_reproduced(result)
     given.out.mkdir(parents=True, exist_ok=True)
-    path = given.out / "reproduce.json"
     path.write_text(json.dumps(rounded(result), indent=1) + "\n", encoding="utf-8")
     if given.out == RESULTS:
         page = search_problems.with_table(PLANNERS_PAGE.read_text(encoding="utf-8"), problems)
         PLANNERS_PAGE.write_text(page, encoding="utf-8")
-    print(f"\n{result['seconds']} s; written to {path}")
-    return 0 if reproduced else 1
+    print(f"\n{seconds} s; written to {path}")
+    return 0 if result["reproduced"] else 1
 
 
 if __name__ == "__main__":

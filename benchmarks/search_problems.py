@@ -16,10 +16,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmarks import mpso
 from dsse_ros.belief.beliefs import forecast_for
 from dsse_ros.planners.beam_search import BeamOptions
 from dsse_ros.planners.forward_backward import ForwardBackwardOnBelief, ImproveOptions
-from dsse_ros.planners.path_search import upper_bound
+from dsse_ros.planners.path_bound import upper_bound
 from dsse_ros.scenario.rules import Rules
 from dsse_ros.scenario.scenario import Scenario, scenario_and_rules
 from dsse_ros.search.world import World
@@ -230,10 +231,17 @@ def row(problem: Problem, solution: Solution) -> dict[str, Any]:
     }
 
 
+def row_of_mpso(flown: mpso.Flown, ours: dict[str, Any]) -> dict[str, Any]:
+    """Return the figures of MPSO beside our own for the same problem; they are not judged."""
+    judged = {"stated": None, "found": None, "reached": True, "in_time": True}
+    of_mpso = {"title": f"{ours['title']}, by MPSO", "value": flown.value, "seconds": flown.seconds}
+    return {**ours, **judged, **of_mpso}
+
+
 def table(rows: list[dict[str, Any]]) -> str:
     """Return the figures as a table in Markdown."""
     lines = [
-        "| Problem | Published | Best known | Ours | Gap to the bound | CPU time, s |",
+        "| Problem | Published | Best known | Value | Gap to the bound | CPU time, s |",
         "| --- | --- | --- | --- | --- | --- |",
     ]
     for of in rows:
@@ -253,12 +261,19 @@ def with_table(text: str, rows: list[dict[str, Any]]) -> str:
     return place.sub(lambda found: f"{found[1]}\n{table(rows)}\n\n{found[2]}", text)
 
 
-def run() -> list[dict[str, Any]]:
-    """Solve all problems, after one of each kind has compiled the planner."""
+def run(of_mpso: mpso.Flown | None = None) -> list[dict[str, Any]]:
+    """Solve all problems, after one of each kind has compiled the planner.
+
+    Args:
+        of_mpso: The result of MPSO for the last problem; None to leave it out.
+    """
     chosen = problems()
     for problem in (chosen[0], chosen[9], chosen[-1]):
         solve(problem)
-    return [row(problem, solve(problem)) for problem in chosen]
+    rows = [row(problem, solve(problem)) for problem in chosen]
+    if of_mpso is not None:
+        rows.append(row_of_mpso(of_mpso, rows[-1]))
+    return rows
 
 
 if __name__ == "__main__":

@@ -19,13 +19,8 @@ from dsse_ros.belief.protocol import TargetForecast
 from dsse_ros.planners.beam import column_at, move_between
 from dsse_ros.planners.beam_search import BeamOptions, BeamSearch, PlannedPath
 from dsse_ros.planners.belief import BeamOnBelief, BeliefPlanner
-from dsse_ros.planners.path_search import (
-    PathProblem,
-    Plan,
-    SearchGraph,
-    improve,
-    search_graph,
-)
+from dsse_ros.planners.path_problem import PathProblem, Plan, SearchGraph, search_graph
+from dsse_ros.planners.path_search import improve
 from dsse_ros.planners.planner import DecisionPoint, Search, number_of
 from dsse_ros.scenario.actions import Cell
 

@@ -6,7 +6,8 @@
 Arguments with the same names mean the same everywhere:
 
     chain: The persons' motion, `TargetChain`, for H looks: one in each layer but the last.
-    graph: The moves and looks of a kind of searcher, `SearchGraph`.
+    graph: The moves and looks of a kind of searcher on the columns of the chain, see
+        `path_problem.SearchGraph`.
     gains: (H,) float64, value of a first detection in each step; never increasing.
     worth: float64, value of each state of the last layer if the person is undetected.
     miss: (N,) float64, probability that the planned looks of a step miss a person in each state.
@@ -265,7 +266,7 @@ def worth_of_ends(left, worth, nearness, columns, ends):
     Args:
         left: (C,) float64, the probability that the person is in a column and undetected.
         worth: (C,) float64, the worth of a person in each column without the searcher.
-        nearness: (S, S) float64, see `path_search.PathProblem`.
+        nearness: (S, S) float64, see `path_problem.PathProblem`.
         columns: (E,) int64.
         ends: (C,) float64 in and out.
     """

@@ -19,7 +19,14 @@ from hypothesis.extra import numpy as hnp
 
 from benchmarks.greedy_batch import GreedyBatch, quicksort_tail, stable_tail
 from benchmarks.reference_values import Source
-from benchmarks.reproduce import Episodes, compare, greedy_episodes, summary, sweep_actions
+from benchmarks.reproduce import (
+    Episodes,
+    compare,
+    greedy_episodes,
+    main,
+    summary,
+    sweep_actions,
+)
 from dsse_ros.planners import make_planner
 from dsse_ros.scenario.probable_cells import most_probable
 from dsse_ros.scenario.rules import ACTION_VECTORS, profile
@@ -151,3 +158,12 @@ def test_finds_and_steps_must_both_lie_in_an_interval(
     )
     source = Source("published", 5_000, 0.5018, 65.07)
     assert compare(summary(episodes, when_found=False), (source,)) is reproduced
+
+
+def test_a_clone_of_mpso_that_is_missing_is_refused_before_anything_is_played(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit, match="2"):
+        main(["--mpso", str(tmp_path), "--out", str(tmp_path)])
+    assert "mpso: [Errno 2] No such file or directory" in capsys.readouterr().err
+    assert not list(tmp_path.iterdir())

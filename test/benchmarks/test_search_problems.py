@@ -5,9 +5,12 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Sequence
 
+import numpy as np
 import pytest
 from chains import chain_of_walk, matrix_of
+from numpy.typing import NDArray
 
 from benchmarks.search_problems import WORLDS, Problem, eagle, phung_ha, row, royset_sato, solve
 from dsse_ros.planners.forward_backward import ImproveOptions
@@ -20,6 +23,52 @@ SOME = [
         DRIFTING, best_known=0.18, improvement=ImproveOptions(iterations=0, revisits=False)
     ),
 ]
+
+Path = Sequence[tuple[int, int]]
+
+
+def walk(grid_size: int, stay: float) -> NDArray[np.float64]:
+    """Return the transition matrix (C, C) of a walk that stays or enters one of its neighbours."""
+    rows, cols = np.divmod(np.arange(grid_size**2), grid_size)
+    distance = abs(rows[:, None] - rows) + abs(cols[:, None] - cols)
+    leave = (1.0 - stay) * (distance == 1) / (distance == 1).sum(axis=1, keepdims=True)
+    return leave + stay * np.eye(grid_size**2)
+
+
+def missed_walking(
+    paths: Sequence[Path], grid_size: int, stay: float, start: int, miss: float
+) -> float:
+    """Return the probability that all looks of J searchers at a walk miss."""
+    undetected = np.eye(grid_size**2)[start]
+    for cells in zip(*paths, strict=True):
+        for x, y in cells:
+            undetected[y * grid_size + x] *= miss
+        undetected = undetected @ walk(grid_size, stay)
+    return float(undetected.sum())
+
+
+def missed_drifting(path: Path) -> float:
+    """Return the probability that all looks at the map of Phung and Ha miss."""
+    line = np.arange(1, 41)
+    near = [np.exp(-((line - mean) ** 2) / 8.0) for mean in (5, 10)]
+    map_now = sum(0.5 * np.outer(of, of) / of.sum() ** 2 for of in near)
+    missed = 1.0
+    for look, (x, y) in enumerate(path, 1):
+        if look % 2 == 0:
+            map_now = np.pad(map_now, ((0, 0), (1, 0)))[:, :-1]
+            map_now /= map_now.sum()
+        missed *= 1.0 - map_now[y, x]
+        map_now[y, x] = 0.0
+        map_now /= map_now.sum()
+    return missed
+
+
+def test_plans_have_their_values_by_the_published_definitions() -> None:
+    eagle_1, royset_sato_8, drifting = (solve(problem) for problem in SOME)
+    assert 1.0 - missed_walking(eagle_1.paths, 3, 0.4, 8, 0.0) == pytest.approx(eagle_1.played)
+    missed = missed_walking(royset_sato_8.paths, 9, 0.6, 40, 0.4)
+    assert 1.0 - missed == pytest.approx(royset_sato_8.played)
+    assert 1.0 - missed_drifting(drifting.paths[0]) == pytest.approx(drifting.played)
 
 
 @pytest.mark.parametrize("problem", SOME, ids=lambda problem: problem.title)

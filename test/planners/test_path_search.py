@@ -13,7 +13,9 @@ import pytest
 
 from dsse_ros.belief.protocol import TargetChain
 from dsse_ros.planners import path_kernels
-from dsse_ros.planners.path_search import PathProblem, improve, search_graph, upper_bound
+from dsse_ros.planners.path_bound import upper_bound
+from dsse_ros.planners.path_problem import PathProblem, search_graph
+from dsse_ros.planners.path_search import improve
 
 COLUMNS, STEPS = 5, 4
 

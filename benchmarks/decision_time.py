@@ -1,0 +1,142 @@
+# Copyright 2026 dsse_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""What `forward_backward` gains over `belief` if a decision may take 50 ms of CPU time.
+
+With one person, a plan is open-loop: the mean time to a find is the sum over the steps of the
+probability that the belief leaves for later. So a mission of each seed is computed, not drawn.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+import re
+import sys
+import time
+from collections.abc import Hashable
+from pathlib import Path
+from typing import Any
+from unittest import mock
+
+import numpy as np
+
+from benchmarks.bench import RESULTS, machine, own_versions, rounded
+from benchmarks.compare import CASES, PLANNERS_PAGE
+from benchmarks.intervals import quantile
+from dsse_ros.belief.beliefs import forecast_for
+from dsse_ros.planners.beam_search import BeamOptions
+from dsse_ros.planners.belief import BeamOnBelief
+from dsse_ros.planners.forward_backward import ForwardBackwardOnBelief, ImproveOptions
+from dsse_ros.step.looks import looks_of
+
+BUDGET_MS = 50.0
+CHOSEN = ("v2", "santos_8", "santos_4")
+"""Cases: on the others no gain was measured."""
+NEGLIGIBLE = 1e-6
+"""A mission ends when it is this probable that the person has not been found."""
+
+
+def mean_steps(key: str, factory: BeamOnBelief, seed: int, most: int | None = None) -> float:
+    """Return the mean time to a find in steps, of which a mission without a find has the limit.
+
+    Args:
+        key: Of `CASES`.
+        factory: Makes the planner.
+        seed: Seed of the planner.
+        most: Steps played; None for the limit of the scenario.
+    """
+    case = CASES[key]
+    scenario, rules = case.scenario.resolve(case.rules), case.rules
+    forecast = forecast_for(
+        scenario, rules, horizon=factory.horizon(rules), drift_samples=factory.drift_samples
+    )
+    tactic = factory.start(forecast, seed)
+    # The exact filter judges the plans; that of the planner has fewer angles of the persons' drift.
+    belief, exact = forecast.belief(), forecast_for(scenario, rules).belief()
+    looks, actions = looks_of(scenario, rules), rules.action_set
+    present = list(scenario.drones_positions)
+    agents: list[Hashable] = list(range(len(present)))
+    mean = 0.0
+    for _ in range(most or scenario.timestep_limit):
+        mean += 1.0 - exact.pos
+        if exact.pos > 1.0 - NEGLIGIBLE:
+            break
+        cells = tactic(belief, agents, present)
+        joint = [actions.action(a, b) for a, b in zip(present, cells, strict=True)]
+        done = [look for n in agents for look in looks.done(n, joint[n], cells[n])]
+        for one in (belief, exact):
+            one.update(done)
+            one.advance()
+        present = cells
+    return mean
+
+
+def run(key: str, seeds: int) -> dict[str, Any]:
+    """Return the mean times of a case with both planners, and the gain with its 99 % interval."""
+    plain = BeamOnBelief(BeamOptions())
+    improved = ForwardBackwardOnBelief(BeamOptions(), ImproveOptions(budget_ms=BUDGET_MS))
+    # The deadlines of planners are of wall time, which others on the machine would take from them.
+    with mock.patch("time.monotonic", time.process_time):
+        for factory in (plain, improved):
+            # The first decisions load the compiled functions.
+            mean_steps(key, factory, 0, most=2)
+        times = {
+            name: np.array([mean_steps(key, factory, seed) for seed in range(seeds)])
+            for name, factory in (("belief", plain), ("forward_backward", improved))
+        }
+    before, after = times.values()
+    error = math.sqrt((before.var(ddof=1) + after.var(ddof=1)) / seeds)
+    gain, reach = float(before.mean() - after.mean()), quantile() * error
+    return {
+        "title": CASES[key].title,
+        "seeds": seeds,
+        **{name: float(of.mean()) for name, of in times.items()},
+        "gain": gain,
+        "interval": [gain - reach, gain + reach],
+    }
+
+
+def table(rows: list[dict[str, Any]]) -> str:
+    """Return the gains as a table in Markdown."""
+    lines = [
+        f"| Case | `belief` | `forward_backward`, {BUDGET_MS:g} ms | Steps gained | Seeds |",
+        "| --- | --- | --- | --- | --- |",
+    ]
+    for of in rows:
+        reach = of["interval"][1] - of["gain"]
+        lines.append(
+            f"| {of['title']} | {of['belief']:.2f} | {of['forward_backward']:.2f} | "
+            f"{of['gain']:.3f} ± {reach:.3f} | {of['seeds']} |"
+        )
+    return "\n".join(lines)
+
+
+def with_table(text: str, rows: list[dict[str, Any]]) -> str:
+    """Return a page with the table between its two comments."""
+    place = re.compile(r"(<!-- decision time -->\n).*?(<!-- end -->\n)", re.DOTALL)
+    return place.sub(lambda found: f"{found[1]}\n{table(rows)}\n\n{found[2]}", text)
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Measure, print the table, and keep it."""
+    parser = argparse.ArgumentParser(prog="decision_time", description=__doc__)
+    parser.add_argument("--seeds", type=int, default=40, help="of each planner and case")
+    parser.add_argument("--out", type=Path, default=RESULTS, help="folder of the results")
+    given = parser.parse_args(arguments)
+    if given.seeds < 2:
+        parser.error(f"seeds must be at least 2, got {given.seeds}")
+    rows = [run(key, given.seeds) for key in CHOSEN]
+    given.out.mkdir(parents=True, exist_ok=True)
+    result = {"machine": machine(), "versions": own_versions(), "rows": rows}
+    path = given.out / "decision_time.json"
+    path.write_text(json.dumps(rounded(result), indent=1) + "\n", encoding="utf-8")
+    print(f"{table(rows)}\n\n{path}")
+    if given.out == RESULTS:
+        page = PLANNERS_PAGE.read_text(encoding="utf-8")
+        PLANNERS_PAGE.write_text(with_table(page, rows), encoding="utf-8")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

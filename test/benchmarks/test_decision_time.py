@@ -1,0 +1,31 @@
+# Copyright 2026 dsse_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""Mean times are those of the exact filter, and a page keeps what surrounds the table."""
+
+from __future__ import annotations
+
+import pytest
+
+from benchmarks.decision_time import mean_steps, table, with_table
+from dsse_ros.planners.beam_search import BeamOptions
+from dsse_ros.planners.belief import BeamOnBelief
+
+ROW = {
+    "title": "santos", "seeds": 4, "belief": 15.1, "forward_backward": 15.0, "gain": 0.1,
+    "interval": [0.05, 0.15],
+}  # fmt: skip
+
+
+def test_each_step_counts_with_the_probability_that_nobody_was_found_before() -> None:
+    factory = BeamOnBelief(BeamOptions(samples=64, width=4))
+    times = [mean_steps("santos_8", factory, 0, most=most) for most in (1, 8, 16)]
+    assert times[0] == pytest.approx(1.0)
+    assert times[0] < times[1] <= 8.0 and times[1] < times[2] < 16.0
+
+
+def test_the_table_replaces_the_one_between_its_comments() -> None:
+    page = "before\n<!-- decision time -->\nold\n<!-- end -->\nafter\n"
+    replaced = with_table(page, [ROW])
+    assert "| santos | 15.10 | 15.00 | 0.100 ± 0.050 | 4 |" in table([ROW]) in replaced
+    assert replaced.startswith("before\n") and replaced.endswith("after\n")
+    assert "old" not in replaced
