@@ -47,7 +47,7 @@ PLANNERS = (
     "optimal_effort", "route", "belief_greedy", "belief", "forward_backward",
 )  # fmt: skip
 AT_SEA = tuple(name for name in PLANNERS if name != "forward_backward")
-"""Planners of the incidents; their particles are too many states for the others."""
+"""Planners of the incidents; with their particles, `forward_backward` takes seconds per step."""
 PLANNER_SEEDS = {"belief": 32, "forward_backward": 16, "route": 16}
 """Number of shared seeds of slow planners; missions of other planners have their own seeds."""
 LEVEL = 0.99

@@ -139,7 +139,8 @@ def table_flow(times_s: NDArray[np.float64], velocities: object, source: str = "
 def read_table(kind: Kind, path: str | os.PathLike[str]) -> Flow:
     """Return a flow from a CSV file with the columns `time`, `speed_mps` and `from` or `toward`.
 
-    Times are ISO 8601, in UTC unless they state an offset, and increase.
+    Times are ISO 8601, in UTC unless they state an offset, and increase. A table has two or more,
+    because it covers the time between them.
 
     Raises:
         ValueError: If the file cannot be read, or has anything else.
@@ -149,7 +150,8 @@ def read_table(kind: Kind, path: str | os.PathLike[str]) -> Flow:
     try:
         if os.path.getsize(path) > MAX_BYTES:
             raise ValueError(f"{kind} {name!r} must have at most {MAX_BYTES} bytes")
-        with open(path, encoding="utf-8", newline="") as file:
+        # Spreadsheets put a byte order mark first.
+        with open(path, encoding="utf-8-sig", newline="") as file:
             reader = csv.DictReader(file)
             header = list(reader.fieldnames or [])
             rows = list(reader)
@@ -175,8 +177,8 @@ def read_table(kind: Kind, path: str | os.PathLike[str]) -> Flow:
                 f"{MAX_SPEED_MPS:g} m/s and a direction in degrees, got {list(row.values())}"
             ) from None
         velocities.append(components(kind, speed, direction))
-    if not times or (np.diff(times) <= 0).any():
-        raise ValueError(f"{kind} {name!r} must have one or more rows with increasing times")
+    if len(times) < 2 or (np.diff(times) <= 0).any():
+        raise ValueError(f"{kind} {name!r} must have two or more rows with increasing times")
     return table_flow(np.array(times), velocities, name)
 
 

@@ -53,7 +53,7 @@ _MPS = ("m s-1", "m s^-1", "m/s", "m s**-1", "meter second-1", "meter/sec", "m.s
 
 
 class Span(NamedTuple):
-    """Where and when a flow is needed.
+    """Where and when a flow may be needed.
 
     Attributes:
         box: The area.
@@ -67,7 +67,7 @@ class Span(NamedTuple):
 
 
 def read_netcdf(kind: Kind, path: str | os.PathLike[str], span: Span) -> Flow:
-    """Return the flow of a file where and when it is needed.
+    """Return the flow of a file where and when it may be needed.
 
     Of several depths or heights the one nearest to the surface counts. Without a time dimension the
     flow is constant.
@@ -75,10 +75,10 @@ def read_netcdf(kind: Kind, path: str | os.PathLike[str], span: Span) -> Flow:
     Args:
         kind: What to read.
         path: A NetCDF file.
-        span: What the flow must cover; values beyond it are not read.
+        span: Where the flow may be needed; values beyond it are not read.
 
     Raises:
-        ValueError: If the file cannot be read or does not cover the span; one line.
+        ValueError: If the file cannot be read or has nothing in the span; one line.
     """
     name = os.fspath(path)
     check_installed(f"{kind} {name!r}")
@@ -206,15 +206,18 @@ class _File:
     def _within(
         self, what: str, axis: _Axis, low: float, high: float
     ) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-        """Return indices and values, increasing, of the part of an axis around [low, high]."""
+        """Return indices and values, increasing, of the part of an axis around [low, high].
+
+        It may end within: who needs more than a file has is refused with its place and time.
+        """
         order = np.argsort(axis.values, kind="stable")
         values = axis.values[order]
         if (np.diff(values) <= 0).any():
             raise _Refusal(f"{self._what}: {axis.name} must have each value once")
-        if len(values) < 2 or not values[0] <= low <= high <= values[-1]:
+        if len(values) < 2 or high < values[0] or low > values[-1]:
             shown = utc if what == "time" else "{:.4f}".format
             raise _Refusal(
-                f"{self._what} must cover {what} {shown(low)} to {shown(high)}, got "
+                f"{self._what} must cover {what} within {shown(low)} to {shown(high)}, got "
                 f"{shown(values[0])} to {shown(values[-1])}"
             )
         first = max(int(np.searchsorted(values, low, "right")) - 1, 0)

@@ -16,6 +16,9 @@ from dsse_ros.drift.leeway import Leeway
 
 WGS84_A_M = 6378137.0
 WGS84_E2 = 6.69437999014131699e-3
+_OF_EQUATOR = math.degrees(1.0 / WGS84_A_M)
+_OF_MERIDIAN = _OF_EQUATOR / (1.0 - WGS84_E2)
+"""Degrees in a metre at the equator, of longitude and of latitude."""
 
 MOVED, NO_WIND, NO_CURRENT = 0, 1, 2
 """Results of `move`."""
@@ -49,12 +52,10 @@ def degrees_per_metre(lat_deg):
     Args:
         lat_deg: A number or an array.
     """
-    sine = np.sin(np.radians(lat_deg))
-    w2 = 1.0 - WGS84_E2 * sine * sine
-    normal_m = WGS84_A_M / np.sqrt(w2)
-    meridian_m = normal_m * (1.0 - WGS84_E2) / w2
-    parallel_m = normal_m * np.sqrt(1.0 - sine * sine)
-    return np.degrees(1.0 / meridian_m), np.degrees(1.0 / parallel_m)
+    square = np.sin(np.radians(lat_deg)) ** 2
+    w2 = 1.0 - WGS84_E2 * square
+    w = np.sqrt(w2)
+    return _OF_MERIDIAN * w2 * w, _OF_EQUATOR * w / np.sqrt(1.0 - square)
 
 
 _degrees_per_metre = inlined(degrees_per_metre)
@@ -84,6 +85,10 @@ def _at_time(flow, t, j, i, v, u):
 
     The shore cells of a current have values at the sea's side only.
     """
+    if v == 0.0 and u == 0.0:
+        e, n = flow.east_mps[t, j, i], flow.north_mps[t, j, i]
+        # A component alone is none.
+        return e + 0.0 * n, n + 0.0 * e
     east, north, total = 0.0, 0.0, 0.0
     for dj in range(2):
         weight_j = v if dj else 1.0 - v
@@ -142,7 +147,7 @@ def _velocity(p, m, lat_deg, lon_deg, time_s, wind, current):
         return math.nan, math.nan, NO_CURRENT
     wind_east += p.wind_error[0, m]
     wind_north += p.wind_error[1, m]
-    speed = math.hypot(wind_east, wind_north)
+    speed = math.sqrt(wind_east * wind_east + wind_north * wind_north)
     # A calm has no direction; the offsets then point as in a wind to the north.
     x, y = (wind_east / speed, wind_north / speed) if speed > 0.0 else (0.0, 1.0)
     leeway = p.leeway

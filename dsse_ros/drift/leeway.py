@@ -25,10 +25,18 @@ import csv
 import difflib
 from functools import lru_cache
 from pathlib import Path
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+
+Side = Literal["left", "right"]
+"""Side of the wind's direction, seen downwind, to which a positive crosswind component points.
+
+The reports measure the leeway angle clockwise from downwind, so positive is to the right. In
+OpenDrift 1.14 it is to the left, in its later source to the right. This makes no difference where
+the sides of a class are mirror images of each other.
+"""
 
 _FILE = Path(__file__).with_name("leeway_classes.csv")
 
@@ -53,8 +61,7 @@ class LeewayClass(NamedTuple):
     Attributes:
         description: Objects of the class.
         downwind: Component along the wind.
-        right: Crosswind component of half of the particles. As in OpenDrift, a positive value is to
-            the left of the direction that the wind blows to.
+        right: Crosswind component of half of the particles; see `Side` for its sign.
         left: Crosswind component of the other half.
     """
 
@@ -70,7 +77,7 @@ class Leeway(NamedTuple):
     Attributes:
         downwind_slope: (M,) float64.
         downwind_mps: (M,) float64, offset in m/s.
-        crosswind_slope: (M,) float64; jibing changes its sign.
+        crosswind_slope: (M,) float64, positive to the left; jibing changes its sign.
         crosswind_error: (M,) float64, error of this slope, whose sign stays.
         crosswind_mps: (M,) float64, offset in m/s.
     """
@@ -116,7 +123,9 @@ def leeway_class(key: str) -> LeewayClass:
     return classes[key]
 
 
-def draw_leeway(of: LeewayClass, count: int, rng: np.random.Generator) -> Leeway:
+def draw_leeway(
+    of: LeewayClass, count: int, rng: np.random.Generator, positive_crosswind: Side = "left"
+) -> Leeway:
     """Draw the leeway of `count` particles of a class."""
     slope, offset, std = of.downwind
     error = std * rng.standard_normal(count)
@@ -124,7 +133,7 @@ def draw_leeway(of: LeewayClass, count: int, rng: np.random.Generator) -> Leeway
         error[negative] = std * rng.standard_normal(int(negative.sum()))
     # Drawing the halves by number makes them exact, and a prefix of the particles is fair too.
     side = np.where(np.arange(count)[:, None] % 2 == 0, of.right, of.left)
-    cross_slope, cross_offset, cross_std = side.T
+    cross_slope, cross_offset, cross_std = side.T if positive_crosswind == "left" else -side.T
     cross_error = cross_std * rng.standard_normal(count)
     return Leeway(
         (slope + error / 20) / 100,

@@ -21,7 +21,7 @@ from dsse_ros.drift.kernels import (
     mark_land,
     move,
 )
-from dsse_ros.drift.leeway import LeewayClass, draw_leeway
+from dsse_ros.drift.leeway import LeewayClass, Side, draw_leeway
 from dsse_ros.drift.shore import Shore
 
 LONGEST_STEP_S = 60.0
@@ -64,6 +64,7 @@ class Drift:
             As in OpenDrift an object jibes at most once per step, after it has moved, and offset
             and error keep their sign.
         shore: Land to strand on; None for none.
+        positive_crosswind: See `leeway.Side`.
     """
 
     leeway: LeewayClass
@@ -73,6 +74,7 @@ class Drift:
     current_error: Uncertainty = Uncertainty()
     jibing_per_hour: float = 0.04
     shore: Shore | None = None
+    positive_crosswind: Side = "left"
 
 
 class DriftTracks(NamedTuple):
@@ -227,7 +229,8 @@ def _release(
                 f"{first.radius_m:g} m, on land"
             )
     return Particles(
-        lats, lons, released, np.ones(count, np.bool_), draw_leeway(drift.leeway, count, rng),
+        lats, lons, released, np.ones(count, np.bool_),
+        draw_leeway(drift.leeway, count, rng, drift.positive_crosswind),
         np.zeros((2, count)), np.zeros((2, count)),
     )  # fmt: skip
 

@@ -7,14 +7,13 @@ A grid follows from it: see `incident_grid`.
 
 from __future__ import annotations
 
-import base64
 import contextlib
 import json
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,12 +27,13 @@ from dsse_ros.drift.flow import (
     utc,
 )
 from dsse_ros.drift.flow_files import Span
-from dsse_ros.drift.leeway import leeway_class
+from dsse_ros.drift.leeway import Side, leeway_class
 from dsse_ros.drift.shore import Box, Shore, box_around, shore_of
-from dsse_ros.drift.track_files import at_times, read_tracks
+from dsse_ros.drift.track_files import at_times
 from dsse_ros.drift.tracks import Drift, DriftTracks, Sighting, drift_tracks
 from dsse_ros.scenario.area import Area
 from dsse_ros.scenario.fields import FieldError, Spec, check_known, shown
+from dsse_ros.scenario.given_tracks import GivenTracks
 from dsse_ros.scenario.incident_flow import flow_dict, mapping, read_flow
 
 LONGEST_SEARCH_S = 6 * 3600.0
@@ -46,10 +46,10 @@ MAX_SPREAD_M = 500_000.0
 _LAT = Spec("float", "", low=-85, high=85, unit="deg")
 _LON = Spec("float", "", low=-360, high=360, unit="deg")
 _OF_INCIDENT = (
-    "object", "seen", "search_start", "base", "wind", "current", "jibing", "shore", "tracks",
-    "truth", "laid",
+    "object", "seen", "search_start", "base", "wind", "current", "jibing", "positive_crosswind",
+    "shore", "tracks", "truth", "laid",
 )  # fmt: skip
-_OF_LAW = ("object", "wind", "current", "jibing")
+_OF_LAW = ("object", "wind", "current", "jibing", "positive_crosswind")
 _OF_TRACKS = ("tracks", "search_start", "base", "laid")
 _OF_SIGHTING = {
     "lat": (_LAT, None),
@@ -59,68 +59,6 @@ _OF_SIGHTING = {
     "weight": (Spec("float", "", above=0, high=1e6), 1.0),
     "time_error": (Spec("float", "", low=0, high=1e4, unit="min"), 0.0),
 }
-
-
-@dataclass(frozen=True, eq=False)
-class GivenTracks:
-    """Tracks of particles that another model has made.
-
-    Attributes:
-        times_s: (T,) float64, increasing, in seconds since 1970-01-01 UTC.
-        lats_deg: (T, M) float32, WGS84.
-        lons_deg: (T, M) float32.
-    """
-
-    times_s: NDArray[np.float64]
-    lats_deg: NDArray[np.float32]
-    lons_deg: NDArray[np.float32]
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, GivenTracks) and self._bytes() == other._bytes()
-
-    def __hash__(self) -> int:
-        return hash(self._bytes())
-
-    def _bytes(self) -> tuple[bytes, ...]:
-        return self.times_s.tobytes(), self.lats_deg.tobytes(), self.lons_deg.tobytes()
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return times as numbers, and positions row by row, little-endian, in base64."""
-        positions = {"lats_deg": self.lats_deg, "lons_deg": self.lons_deg}
-        return {"times_s": self.times_s.tolist()} | {
-            name: base64.b64encode(values.astype("<f4").tobytes()).decode()
-            for name, values in positions.items()
-        }
-
-    @classmethod
-    def of(cls, value: Any, folder: str) -> GivenTracks:
-        """Return the tracks of a file, or those of `to_dict`.
-
-        Raises:
-            ValueError: If the value is neither.
-        """
-        if isinstance(value, str):
-            read = read_tracks(os.path.join(folder, value))
-            return cls(
-                read.times_s, read.lats_deg.astype(np.float32), read.lons_deg.astype(np.float32)
-            )
-        try:
-            times_s = np.array(value["times_s"], np.float64)
-            lats, lons = (
-                np.frombuffer(base64.b64decode(value[name], validate=True), "<f4")
-                .astype(np.float32)
-                .reshape(len(times_s), -1)
-                for name in ("lats_deg", "lons_deg")
-            )
-            fits = lats.shape == lons.shape and lats.size and (np.diff(times_s) > 0).all()
-            fits = fits and np.isfinite(times_s).all() and np.isfinite(lats + lons).all()
-        except (KeyError, TypeError, ValueError):
-            fits = False
-        if not fits:
-            raise FieldError(
-                f"incident.tracks must be a NetCDF file of OpenDrift, got {shown(value)}"
-            )
-        return cls(times_s, lats, lons)
 
 
 class Laid(NamedTuple):
@@ -151,11 +89,12 @@ class Incident:
         current: The current.
         current_error: Its uncertainty.
         jibing: See `drift.tracks.Drift`.
+        positive_crosswind: See `drift.tracks.Drift`.
         land: Polygons of land to strand on; None for none.
         laid: What follows from the grid, once it is laid; None before.
         given: Tracks of another model, which then replace sightings, wind, current and land.
-        truth: The incident by whose law the persons drift, where that is another; only object,
-            wind, current and jibing differ.
+        truth: The incident by whose law the persons drift, where that is another; only the
+            fields of `truth` differ.
     """
 
     key: str
@@ -167,6 +106,7 @@ class Incident:
     current: Flow
     current_error: Uncertainty
     jibing: float = 0.04
+    positive_crosswind: Side = "left"
     land: Area | None = None
     laid: Laid | None = None
     given: GivenTracks | None = None
@@ -232,6 +172,7 @@ class Incident:
             "wind": flow_dict(self.wind, self.wind_error),
             "current": flow_dict(self.current, self.current_error),
             "jibing": self.jibing,
+            "positive_crosswind": self.positive_crosswind,
         }
 
     def tracks(
@@ -273,6 +214,7 @@ class Incident:
         drift = Drift(
             leeway_class(self.key), self.wind, self.current, self.wind_error, self.current_error,
             self.jibing, None if self.land is None else _shore(self.land, self._box()),
+            self.positive_crosswind,
         )  # fmt: skip
         try:
             return drift_tracks(drift, seen, times_s, count, rng)
@@ -334,11 +276,9 @@ def _incident(values: Mapping[str, Any], folder: str) -> Incident:
     span = _span(sightings, start_s)
     law = _law("incident", {**dict.fromkeys(SENSE), **values}, folder, span)
     land = values.get("shore")
-    if isinstance(land, str) and not land.lstrip().startswith("{"):
-        land = os.path.join(folder, land)
     incident = Incident(
         sightings=sightings, search_start_s=start_s, base=base,
-        land=None if land is None else Area.of(land), laid=laid, **law,
+        land=None if land is None else _land(land, folder), laid=laid, **law,
     )  # fmt: skip
     if values.get("truth") is None:
         return incident
@@ -364,7 +304,10 @@ def _law(name: str, values: Mapping[str, Any], folder: str, span: Span) -> dict[
     law: dict[str, Any] = {}
     if "object" in values:
         law["key"] = Spec("str", "").check(f"{name}.object", values["object"])
-        leeway_class(law["key"])
+        try:
+            leeway_class(law["key"])
+        except ValueError as error:
+            raise FieldError(f"{name}.{error}") from None
     for kind in SENSE:
         if kind in values:
             flow = read_flow(f"{name}.{kind}", kind, values[kind], folder, span)
@@ -372,6 +315,11 @@ def _law(name: str, values: Mapping[str, Any], folder: str, span: Span) -> dict[
     if "jibing" in values:
         jibing = Spec("float", "", low=0, high=0.999)
         law["jibing"] = jibing.check(f"{name}.jibing", values["jibing"])
+    if "positive_crosswind" in values:
+        side = Spec("str", "", choices=get_args(Side))
+        law["positive_crosswind"] = side.check(
+            f"{name}.positive_crosswind", values["positive_crosswind"]
+        )
     return law
 
 
@@ -391,6 +339,21 @@ def _laid(value: Any) -> Laid | None:
             for name in Laid._fields
         }
     )
+
+
+def _land(value: Any, folder: str) -> Area:
+    """Return the land of an incident.
+
+    Raises:
+        FieldError: If it is none.
+    """
+    if isinstance(value, str) and not value.lstrip().startswith("{"):
+        value = os.path.join(folder, value)
+    try:
+        return Area.of(value)
+    except FieldError as error:
+        # An area is refused as the field `area`.
+        raise FieldError(f"incident.shore{str(error).removeprefix('area')}") from None
 
 
 def _base(value: Any) -> tuple[float, float] | None:

@@ -12,8 +12,10 @@ import numpy as np
 import pymap3d
 from numpy.typing import NDArray
 
+from dsse_ros.scenario.fields import FieldError
 from dsse_ros.scenario.geodesy import mean_lon, surface_to_geodetic, through_ecef
 from dsse_ros.scenario.incident import Incident, Laid
+from dsse_ros.scenario.limits import MAX_SIDE
 
 if TYPE_CHECKING:
     from dsse_ros.scenario.geodesy import Origin
@@ -66,7 +68,7 @@ def lay_grid(
         seed: Seed of the ensemble; truth and belief of the search have other draws.
 
     Raises:
-        FieldError: If wind or current are missing.
+        FieldError: If wind or current are missing, or the particles are too far from each other.
     """
     begins_s, lasts_s = incident.search_start_s, steps * step_s
     count = math.ceil(lasts_s / TIME_STEP_S)
@@ -78,6 +80,11 @@ def lay_grid(
         centre = float(tracks.lats_deg[0].mean()), mean_lon(tracks.lons_deg[0]), alt_m
         x, y = metres_from(centre, tracks.lats_deg, tracks.lons_deg)
         corner, size, inside = _square(x, y, cell_m, grid_size)
+        if size > MAX_SIDE:
+            raise FieldError(
+                f"incident must have particles within {MAX_SIDE} cells of {cell_m:g} m, got "
+                f"{size}; state a grid_size, or search from a greater altitude or earlier"
+            )
         lat, lon = surface_to_geodetic(centre, *corner)
         origin = float(lat), float(lon), alt_m
         if incident.base is None or approach == APPROACHES - 1:

@@ -41,18 +41,29 @@ def test_a_table_has_its_velocities_over_time(tmp_path: Path) -> None:
     assert flow.covered() == "2026-01-17T12:00:00Z to 2026-01-17T13:00:00Z"
 
 
+def test_a_table_of_a_spreadsheet_is_read(tmp_path: Path) -> None:
+    lines = "time,speed_mps,from", "2026-01-17T12:00Z,5,0", "2026-01-17T13:00Z,10,90"
+    for name, start, end in (("unix", "", "\n"), ("spreadsheet", "\ufeff", "\r\n")):
+        (tmp_path / name).write_bytes((start + end.join(lines)).encode())
+    assert read_table("wind", tmp_path / "spreadsheet") == read_table("wind", tmp_path / "unix")
+
+
 @pytest.mark.parametrize(
     ("text", "message"),
     [
         ("time,speed,from\n", "must have the columns time, speed_mps, from, got time, speed, from"),
         ("", "must have the columns time, speed_mps, from, got none"),
-        ("time,speed_mps,from\n", "must have one or more rows with increasing times"),
+        ("time,speed_mps,from\n", "must have two or more rows with increasing times"),
+        (
+            "time,speed_mps,from\n2026-01-17,5,0\n",
+            "must have two or more rows with increasing times",
+        ),
         ("time,speed_mps,from\nnoon,5,0\n", "line 2 must be a time, a speed from 0 to 100 m/s"),
         ("time,speed_mps,from\n2026-01-17,nan,0\n", "line 2 must be a time"),
         ("time,speed_mps,from\n2026-01-17,5\n", "line 2 must be a time"),
         (
             "time,speed_mps,from\n2026-01-17,5,0\n2026-01-17,5,0\n",
-            "must have one or more rows with increasing times",
+            "must have two or more rows with increasing times",
         ),
     ],
 )

@@ -10,11 +10,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-from drifting import little_memory
+from drifting import drift_of, little_memory
 
 from dsse_ros.drift.flow import Flow, seconds
 from dsse_ros.drift.flow_files import Span, read_netcdf
 from dsse_ros.drift.shore import Box
+from dsse_ros.drift.tracks import Sighting, drift_tracks
 
 pytest.importorskip("xarray")
 netcdf = pytest.importorskip("netCDF4")
@@ -144,6 +145,23 @@ def test_only_what_is_needed_is_read(tmp_path: Path) -> None:
     assert flow.east_mps.shape == (3, 3, 3)
 
 
+def test_a_file_of_less_than_the_span_serves_where_it_reaches(tmp_path: Path) -> None:
+    file = write(tmp_path / "harbour.nc", lats=LATS[4:], times=TIMES[:2], hours=TIMES[:2])
+    flow = read_netcdf("current", file, SPAN)
+    assert flow.lats_deg[0] == -24.0 and flow.times_s[-1] == START_S + 3600
+    times = np.array([START_S + 1800, START_S + 3600.0])
+    seen = Sighting(-23.9, -46.0, times[0])
+    moved = drift_tracks(drift_of(current=flow), [seen], times, 1, np.random.default_rng(1))
+    assert moved.lats_deg[-1] != moved.lats_deg[0]
+    message = (
+        "current .*harbour.nc: uo and vo' has no value at -2.* it covers 2026-01-17T12:00:00Z to"
+    )
+    for late, lat in ((3600.0, -23.9), (0.0, -24.1)):
+        away = seen._replace(lat_deg=lat)
+        with pytest.raises(ValueError, match=message):
+            drift_tracks(drift_of(current=flow), [away], times + late, 1, np.random.default_rng(1))
+
+
 def sparse(path: Path, *, lats: int = 4500, chunk: int = 100) -> Path:
     """Write a file of 3 GB, of which only the values around the span are on the disk."""
     with netcdf.Dataset(path, "w") as file:
@@ -201,10 +219,10 @@ REFUSED: dict[str, tuple[dict[str, Any], str]] = {
     "units": ({"speed": "knots"}, "uo must be in m/s, got units 'knots'"),
     "too late": (
         {"times": TIMES + 24},
-        "must cover time 2026-01-17T12:30:00Z to 2026-01-17T13:30:00Z, got 2026-01-18T12:00:00Z",
+        "must cover time within 2026-01-17T12:30:00Z to 2026-01-17T13:30:00Z, got 2026-01-18",
     ),
     "one time": ({"times": TIMES[:1], "hours": TIMES[:1]}, "must cover time"),
-    "elsewhere": ({"lats": LATS + 10}, "must cover latitude -24.2500 to -23.7500, got -15.0000"),
+    "elsewhere": ({"lats": LATS + 10}, "must cover latitude within -24.2500 to -23.7500, got -15."),
     "another sea": ({"lons": LONS + 90}, "must cover longitude"),
     "strange times": ({"units": "fortnights"}, "units like 'hours since"),
     "nothing but gaps": ({"fill": 1e20, "hole": np.s_[:]}, "has no value in the area"),

@@ -10,7 +10,7 @@ from drifting import HOUR_S, displacements, drift_of
 from exact_leeway import exact
 
 from dsse_ros.drift.flow import constant_flow
-from dsse_ros.drift.leeway import draw_leeway, leeway_class, leeway_classes
+from dsse_ros.drift.leeway import Side, draw_leeway, leeway_class, leeway_classes
 from dsse_ros.drift.tracks import Sighting, drift_tracks
 
 COUNT = 4_000
@@ -66,6 +66,15 @@ def test_the_drift_is_that_of_opendrift(
         error = 4 * std * np.sqrt(2 / count)
         assert values.mean() == pytest.approx(mean, abs=error)
         assert values.std() == pytest.approx(std, abs=error)
+
+
+@pytest.mark.parametrize(("side", "sign"), [("left", 1), ("right", -1)])
+def test_a_positive_crosswind_component_points_to_its_side(side: Side, sign: int) -> None:
+    # The even particles have the coefficients `right`, as those of OpenDrift.
+    down, cross = after("PIW-4", 0.0, 600.0, positive_crosswind=side)
+    assert sign * cross[::2].mean() == pytest.approx(2227, abs=40)
+    assert sign * cross[1::2].mean() == pytest.approx(-854, abs=40)
+    assert down.mean() == pytest.approx(3935, abs=80)
 
 
 def test_the_error_spreads_particles_in_a_calm_and_the_downwind_slope_is_never_negative() -> None:

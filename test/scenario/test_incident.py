@@ -150,7 +150,7 @@ def test_a_snapshot_of_an_incident_is_restored() -> None:
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"object": "PIW"}, "object must be a class of leeway, got 'PIW'; did you mean PIW-"),
+        ({"object": "PIW"}, "incident.object must be a class of leeway, got 'PIW'; did you mean"),
         ({"object": None}, "incident.object must be given"),
         ({"seen": []}, "incident.seen must be a list of sightings"),
         ({"seen": [{**SEEN, "lat": 91}]}, "incident.seen[0].lat"),
@@ -163,7 +163,10 @@ def test_a_snapshot_of_an_incident_is_restored() -> None:
         ({"current": {"file": "none.csv"}}, "current 'none.csv': No such file"),
         ({"wind": {"times_s": [1, 0]}}, "incident.wind must have increasing axes"),
         ({"winds": {}}, "'winds' is not a field of the incident; did you mean wind?"),
-        ({"shore": {"type": "Point"}}, "area"),
+        ({"shore": {"type": "Point"}}, "incident.shore must be a GeoJSON file of a Polygon"),
+        ({"positive_crosswind": "up"}, "incident.positive_crosswind must be one of left, right"),
+        ({"truth": {"object": "X"}}, "incident.truth.object must be a class of leeway, got 'X'"),
+        ({"seen": [SEEN, {**SEEN, "lat": 30}]}, "incident must have particles within 10000 cells"),
         ({"truth": {"seen": []}}, "'seen' is not a field of incident.truth"),
         ({"truth": {"wind": {"speed": 1}}}, "incident.truth.wind must have speed and from"),
     ],
