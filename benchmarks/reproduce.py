@@ -275,7 +275,9 @@ def main(arguments: list[str] | None = None) -> int:
         result["seconds"] = seconds
     result["reproduced"] = is_reproduced(result)
     given.out.mkdir(parents=True, exist_ok=True)
-    path.write_text(json.dumps(rounded(result), indent=1) + "\n", encoding="utf-8")
+    # Plans differ from the best known ones in the last digits of their values.
+    kept = {**rounded(result), "problems": problems}
+    path.write_text(json.dumps(kept, indent=1) + "\n", encoding="utf-8")
     if given.out == RESULTS:
         page = search_problems.with_table(PLANNERS_PAGE.read_text(encoding="utf-8"), problems)
         PLANNERS_PAGE.write_text(page, encoding="utf-8")
