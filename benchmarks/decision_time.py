@@ -28,6 +28,7 @@ from dsse_ros.belief.beliefs import forecast_for
 from dsse_ros.planners.beam_search import BeamOptions
 from dsse_ros.planners.belief import BeamOnBelief
 from dsse_ros.planners.forward_backward import ForwardBackwardOnBelief, ImproveOptions
+from dsse_ros.planners.planner import DecisionPoint
 from dsse_ros.step.looks import looks_of
 
 BUDGET_MS = 50.0
@@ -62,7 +63,7 @@ def mean_steps(key: str, factory: BeamOnBelief, seed: int, most: int | None = No
         mean += 1.0 - exact.pos
         if exact.pos > 1.0 - NEGLIGIBLE:
             break
-        cells = tactic(belief, agents, present)
+        cells = tactic(DecisionPoint(belief, agents, present))
         joint = [actions.action(a, b) for a, b in zip(present, cells, strict=True)]
         done = [look for n in agents for look in looks.done(n, joint[n], cells[n])]
         for one in (belief, exact):

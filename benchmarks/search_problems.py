@@ -21,6 +21,7 @@ from dsse_ros.belief.beliefs import forecast_for
 from dsse_ros.planners.beam_search import BeamOptions
 from dsse_ros.planners.forward_backward import ForwardBackwardOnBelief, ImproveOptions
 from dsse_ros.planners.path_bound import upper_bound
+from dsse_ros.planners.planner import DecisionPoint
 from dsse_ros.scenario.rules import Rules
 from dsse_ros.scenario.scenario import Scenario, scenario_and_rules
 from dsse_ros.search.world import World
@@ -189,7 +190,7 @@ def solve(problem: Problem) -> Solution:
     before = belief.pos
     tactic = factory.start(forecast, SEED)
     began = time.process_time()
-    tactic(belief, agents, present)
+    tactic(DecisionPoint(belief, agents, present))
     seconds = time.process_time() - began
     assert tactic.problem is not None
     bound = tactic.bound
