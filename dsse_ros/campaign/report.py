@@ -181,7 +181,7 @@ def verdict(compared: Sequence[Pair], shares: Mapping[str, float], alpha: float)
     text += f", {second} in {shares[second]:.1%}: no difference beyond chance"
     if pair.time_p < alpha:
         return f"{text}, but {faster} is faster by {duration(abs(pair.time_s.value))}."
-    return f"{text}, in time to detection neither."
+    return f"{text}, nor in the time to detection."
 
 
 def _about(case: Case) -> str:

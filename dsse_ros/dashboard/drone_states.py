@@ -14,7 +14,7 @@ from msg_adapters.agents import AgentsInfo
 
 STATES = {
     DroneState.FLYING: "in flight",
-    DroneState.FINDER: "found the person",
+    DroneState.FINDER: "found a person",
     DroneState.OVER: "search over",
     DroneState.LOST: "lost",
     DroneState.OUT_OF_TIME: "out of time",

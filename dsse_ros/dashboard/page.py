@@ -461,6 +461,8 @@ class MissionPage:
         ):
             if select.options != options or select.value != value:
                 select.set_options(options, value=value)
+        # One mission, which is shown, leaves nothing to choose.
+        self._mission.set_visibility(len(missions) > 1 or mission is None)
 
     def _show_line(self, points: list[tuple[int, float]], step: int | None) -> None:
         options = self._chart.options

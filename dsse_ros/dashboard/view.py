@@ -289,15 +289,19 @@ class PageView:
         definition = None if mission is None or mission.info is None else mission.info.definition
         return definition is not None and definition.rules.covers
 
+    @property
+    def _persons(self) -> int:
+        """Number of persons of the shown mission, 1 if unknown."""
+        mission = self.mission
+        definition = None if mission is None or mission.info is None else mission.info.definition
+        return 1 if definition is None else definition.scenario.person_amount
+
     def _found(self, i: int) -> list[str]:
         """Return how many persons have been found up to known step `i`, where there are several."""
-        mission, history = self.mission, self.history
-        definition = None if mission is None or mission.info is None else mission.info.definition
-        if history is None or definition is None or definition.rules.covers:
+        history, persons = self.history, self._persons
+        if history is None or persons == 1 or self.covers:
             return []
-        persons, reports = definition.scenario.person_amount, history.reports[: i + 1]
-        if persons == 1:
-            return []
+        reports = history.reports[: i + 1]
         if has_field(reports[-1], "all_found") and reports[-1]["all_found"].any():
             return [f"{persons} of {persons} persons found"]
         # A report does not state how many persons a search has found.
@@ -315,6 +319,7 @@ class PageView:
         return ending(
             step,
             [mission.info.agents[i] for i in np.flatnonzero(states == DroneState.FINDER)],
+            persons=self._persons,
             covered=bool((states == DroneState.OVER).any()) and not out_of_time,
             out_of_time=out_of_time,
         )

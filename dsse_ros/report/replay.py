@@ -127,6 +127,7 @@ def _ending(record: RecordedMission, k: int) -> str:
     return ending(
         int(record.steps[k]),
         [record.agents[i] for i in np.flatnonzero(record.found[k])],
+        persons=record.scenario.person_amount,
         covered=record.coverage_rate is not None and bool(record.coverage_rate[k] == 1.0),
         out_of_time=bool(record.truncated[k].any()),
     )

@@ -94,19 +94,22 @@ class MissionView:
 
 
 def ending(
-    step: int, finders: Sequence[str], *, covered: bool = False, out_of_time: bool = False
-) -> str:
+    step: int, finders: Sequence[str], *, persons: int = 1, covered: bool = False,
+    out_of_time: bool = False,
+) -> str:  # fmt: skip
     """Return in words how a search has ended.
 
     Args:
         step: Steps done.
-        finders: Names of the drones that found a person.
+        finders: Names of the drones that found a person in the last step.
+        persons: Number of persons.
         covered: Whether the task was to cover the cells, and all are covered.
         out_of_time: Whether the search reached its time limit.
     """
     steps = f"{step} step" + "s" * (step != 1)
     if finders:
-        return f"person found after {steps} by {' and '.join(finders)}"
+        whom = "person" if persons == 1 else "last person"
+        return f"{whom} found after {steps} by {' and '.join(finders)}"
     if covered:
         return f"all covered after {steps}"
     return f"search over: {'out of time' if out_of_time else 'all drones lost'}"

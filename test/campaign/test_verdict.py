@@ -29,7 +29,7 @@ def pair(**fields: Any) -> Pair:
     [
         ({}, "greedy finds everyone in 92.0% of its missions, 12.0 percentage points more than"),
         ({"found_p": 0.06}, "no difference beyond chance, but greedy is faster by"),
-        ({"found_p": 0.06, "time_p": 0.06}, "in time to detection neither."),
+        ({"found_p": 0.06, "time_p": 0.06}, "beyond chance, nor in the time to detection."),
     ],
 )
 def test_the_best_planner_is_named_only_if_it_is_better_beyond_chance(

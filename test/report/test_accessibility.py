@@ -35,9 +35,12 @@ def pages(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     assert main([*arguments, str(folder / "report")]) == 0
     figure = Illustration("pos", "POS over time.", "Curves of the POS.", PIXEL, SVG, SVG)
     tables = [
-        Table(caption, ("Measure", "greedy"), [("POS", "50.0% [40.0%, 60.0%]")])
+        # Wider than a phone.
+        Table(f"{caption} with intervals; summary.csv has all digits",
+              ("Measure", "greedy", "belief_greedy", "sweep"),
+              [("POS", *3 * ("50.0% [40.0%, 60.0%]",))])
         for caption in ("Estimates", "Differences")
-    ]
+    ]  # fmt: skip
     # Each case of a campaign has the same tables.
     sections = [
         Section(case, "Profile paper.", [figure, figure], tables) for case in ("santos", "kayak")
@@ -77,5 +80,11 @@ def test_all_fits_and_axe_finds_nothing(
         return below && below.getBoundingClientRect().top - edge < 8;
     }).length"""
     assert page.evaluate(near) == 0
+    # However far a wide table is scrolled.
+    page.evaluate("document.querySelectorAll('.scroll').forEach((one) => one.scrollLeft = 200)")
+    for kept in ("caption span", "tbody th"):
+        for one in page.locator(kept).all():
+            box = one.bounding_box()
+            assert box["x"] >= 0 and box["x"] + box["width"] <= width
     assert violations(page) == []
     context.close()
