@@ -167,10 +167,17 @@ def read_bag(
         FieldError: If it cannot be read, is not an MCAP file, is damaged, or has no mission in it.
     """
     of_mission = False
+    cut_off = ""
+
+    def note(where: str) -> None:
+        nonlocal cut_off
+        cut_off = f"; it {where}"
+        on_cut_off(f"bag: {str(file)!r} {where}")
+
     for file in _files(Path(path)):
         schemas: dict[int, Schema] = {}
         channels: dict[int, Channel] = {}
-        for record in _records(file, on_cut_off):
+        for record in _records(file, note):
             match record:
                 case Schema():
                     schemas[record.id] = record
@@ -194,7 +201,7 @@ def read_bag(
                     )
     if not of_mission:
         raise FieldError(
-            f"bag: {os.fspath(path)!r} has none of the topics {', '.join(_OF_A_MISSION)}"
+            f"bag: {os.fspath(path)!r} has none of the topics {', '.join(_OF_A_MISSION)}{cut_off}"
         )
 
 
@@ -208,7 +215,7 @@ def _files(path: Path) -> list[Path]:
 
 
 def _records(path: Path, on_cut_off: Callable[[str], None]) -> Iterator[McapRecord]:
-    """Yield the records of a file up to its end, or to where it is cut off.
+    """Yield the records of a file up to its end, or to where it is cut off, which is passed on.
 
     Raises:
         FieldError: If it cannot be read, is not an MCAP file or is damaged.
@@ -234,11 +241,13 @@ def _records(path: Path, on_cut_off: Callable[[str], None]) -> Iterator[McapReco
                     # file that is cut off, or still written, it is the last one and not all there.
                     last = file.tell() >= size or isinstance(error, RecordLengthLimitExceeded)
                     if last and not ended:
-                        on_cut_off(f"bag: {str(path)!r} is cut off at byte {size}")
+                        on_cut_off(f"is cut off at byte {size}")
                         return
                     at = file.tell()
                     raise FieldError(f"bag: {str(path)!r} is damaged before byte {at}") from None
                 if isinstance(record, DataEnd):
+                    if not ended:
+                        on_cut_off(f"is cut off at byte {size}, after its last message")
                     return
                 yield record
     except OSError as error:

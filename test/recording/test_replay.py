@@ -317,6 +317,21 @@ def test_a_bag_that_is_cut_off_is_replayed_to_there_and_named(
     assert cut == f"bag: {str(path)!r} is cut off at byte {size}"
 
 
+@pytest.mark.parametrize(("missing", "code"), [(1, 0), (9, 0), (-60, 2)])
+def test_a_bag_without_its_index_or_its_messages_is_named_as_cut_off(
+    whole: Flown, tmp_path: Path, capsys: pytest.CaptureFixture[str], missing: int, code: int
+) -> None:
+    path = write(tmp_path / "cut.mcap", whole.messages)
+    size = path.stat().st_size - missing if missing > 0 else -missing
+    with path.open("r+b") as file:
+        file.truncate(size)
+    assert main([str(path)]) == code
+    output = capsys.readouterr()
+    last = (output.out + output.err).splitlines()[-1]
+    where = f"is cut off at byte {size}"
+    assert last.endswith(f"{where}, after its last message" if code == 0 else f"; it {where}")
+
+
 @pytest.mark.parametrize("topic", ["/drones", "/probability", "/probability_of_success"])
 def test_messages_of_a_step_whose_report_was_cut_off_are_not_compared(
     whole: Flown, topic: str
