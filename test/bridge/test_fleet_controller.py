@@ -266,9 +266,10 @@ def test_an_order_from_before_a_lost_link_is_not_taken_up_after_it(autopilot: st
     fleet.until(fleet.down)
 
 
-def test_a_battery_failsafe_of_px4_is_left_alone_and_named() -> None:
+@both
+def test_a_battery_failsafe_is_left_alone_and_named(autopilot: str) -> None:
     faults = (fault("battery", 30.0),)
-    fleet = VirtualFleet(1, "px4", vehicle={"faults": faults})
+    fleet = VirtualFleet(1, autopilot, vehicle={"faults": faults})
     search = fleet.simulate(7)
     fleet.until(lambda: fleet.flights[0].vehicle.failsafes)
     since_s = fleet.now

@@ -73,6 +73,31 @@ def test_a_low_battery_brings_it_down(autopilot: str, coming: int) -> None:
     vehicle.until(lambda: not vehicle.vehicle.armed)
 
 
+def test_a_copter_shows_a_failsafe_at_once_and_says_later_which() -> None:
+    vehicle = bench("battery@airborne:30")
+    vehicle.fly_to_altitude()
+    vehicle.received.clear()
+    vehicle.until(lambda: vehicle.vehicle.custom_mode == RTL)
+    vehicle.wait(0.1)
+    seen = [
+        message.get_type()
+        for message in vehicle.received
+        if getattr(message, "custom_mode", RTL) == RTL
+        and message.get_type() in ("HEARTBEAT", "STATUSTEXT")
+    ]
+    assert seen == ["HEARTBEAT", "STATUSTEXT", "STATUSTEXT"]
+    assert vehicle.last("HEARTBEAT").system_status == 5
+
+
+def test_a_copter_that_came_down_with_a_low_battery_cannot_be_armed() -> None:
+    vehicle = bench("battery@airborne:30")
+    vehicle.fly_to_altitude()
+    vehicle.until(lambda: not vehicle.vehicle.armed)
+    assert vehicle.command(176, 1, GUIDED) == 0
+    assert vehicle.command(400, 1) == 4
+    assert vehicle.texts()[-1] == "Arm: Battery failsafe"
+
+
 @pytest.mark.parametrize(
     ("autopilot", "fault", "mode"),
     [

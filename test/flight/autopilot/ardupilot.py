@@ -19,7 +19,7 @@ from .mission_run import MissionRun
 from .parameters import Number
 from .point_mass import Limits
 from .settings import Settings
-from .telemetry import ARDUPILOT
+from .telemetry import ARDUPILOT, heartbeat
 from .vehicle import MIN_INTERVAL_S, Vehicle, clamp
 from .wire import Message, mavlink
 
@@ -157,6 +157,15 @@ class ArduCopter(Vehicle):
         return _EKF_WITHOUT_POSITION if started else _EKF_UNINITIALIZED
 
     @property
+    def ready(self) -> bool:
+        return super().ready and "battery" not in self.failsafes
+
+    @property
+    def _unready(self) -> str:
+        """Why it is not ready."""
+        return "AHRS: waiting for home" if not super().ready else "Battery failsafe"
+
+    @property
     def base_mode(self) -> int:
         guided = self.mode not in (Mode.STABILIZE, Mode.ALT_HOLD, Mode.LAND)
         return (
@@ -247,6 +256,8 @@ class ArduCopter(Vehicle):
         self.mission.active = False
         self.mode = mode
         self._enter_mode()
+        # It does not wait for the next second.
+        self.broadcast(heartbeat(self))
         return True
 
     def _mode_problem(self, mode: Mode) -> str:
@@ -289,7 +300,7 @@ class ArduCopter(Vehicle):
         elif not self.has_position and self.mode not in _WITHOUT_POSITION:
             problem = "Need Position Estimate"
         elif not self.ready:
-            problem = "AHRS: waiting for home"
+            problem = self._unready
         if problem and not force:
             self.send_text(f"Arm: {problem}", mavlink.MAV_SEVERITY_CRITICAL)
             return FAILED
@@ -411,7 +422,7 @@ class ArduCopter(Vehicle):
             self._reminded_s = self.time_s
             self.broadcast(self.parameters.message("STAT_RUNTIME"))
             if not self.ready and not self.armed:
-                self.send_text("PreArm: AHRS: waiting for home", mavlink.MAV_SEVERITY_CRITICAL)
+                self.send_text(f"PreArm: {self._unready}", mavlink.MAV_SEVERITY_CRITICAL)
         self._watch_gcs()
         self._watch_fence()
 
@@ -426,9 +437,8 @@ class ArduCopter(Vehicle):
         lost = self.time_s - self._gcs_heartbeat_s > self.parameters["FS_GCS_TIMEOUT"]
         if lost and "gcs" not in self.failsafes:
             self.failsafes.add("gcs")
-            self.send_text("GCS Failsafe", mavlink.MAV_SEVERITY_WARNING)
             land = self.parameters["FS_GCS_ENABLE"] == _GCS_FAILSAFE_LAND
-            self._set_failsafe_mode(Mode.LAND if land else Mode.RTL)
+            self._set_failsafe_mode(Mode.LAND if land else Mode.RTL, "GCS Failsafe")
         elif not lost and "gcs" in self.failsafes:
             # The mode stays what it is.
             self.failsafes.discard("gcs")
@@ -443,14 +453,18 @@ class ArduCopter(Vehicle):
         self._breached = breached
 
     def battery_failsafe(self) -> None:
-        self.send_text("Battery 1 is low 9.96V used 2900 mAh", mavlink.MAV_SEVERITY_WARNING)
-        self._set_failsafe_mode(Mode.RTL)
+        self._set_failsafe_mode(
+            Mode.RTL, "Battery 1 is low 9.96V used 2900 mAh", "Battery Failsafe"
+        )
 
-    def _set_failsafe_mode(self, mode: Mode) -> None:
+    def _set_failsafe_mode(self, mode: Mode, *texts: str) -> None:
+        """Come down; texts wait in a queue, so that the heartbeat overtakes them."""
         if self.armed and self.landed:
             self.disarm()
         elif self.armed:
             self.set_mode(mode)
+        for text in texts:
+            self.send_text(text, mavlink.MAV_SEVERITY_WARNING)
 
     def pilot_takes_over(self, mode: str) -> None:
         self.set_mode(Mode[mode or "LOITER"])
