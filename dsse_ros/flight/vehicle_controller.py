@@ -227,6 +227,12 @@ class VehicleController:
                     self.commands.acknowledged(message)
             case message if isinstance(message, _MISSION_MESSAGES) and self.exchange is not None:
                 situation.out += self.exchange.receive(message, situation.target, now)
+        named = situation.state.failsafe not in ("", "critical")
+        if named and before.failsafe == "critical" and self._outcome.status == "failsafe":
+            # The status text with the cause comes after the heartbeat with the effect.
+            self._outcome = replace(
+                self._outcome, reason=self._elsewhere() + situation.recent_texts()
+            )
 
     def tick(self, now: float) -> list[Outgoing]:
         """Let time pass; returns what to send."""

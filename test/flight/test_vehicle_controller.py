@@ -335,8 +335,8 @@ def test_a_take_off_waits_as_long_as_it_takes_and_reports_for_what() -> None:
     # It reports it every 30 s, and is known all the time.
     while not flight.state.ready:
         assert flight.outcome.reason == complaint and flight.state.unready in complaint
+        assert not flight.commands(ARM)
         flight.step()
-    assert not flight.commands(ARM)
     flight.until(lambda: flight.outcome.status == "done")
     assert flight.state.unready == ""
 
@@ -516,6 +516,8 @@ def test_a_failsafe_has_the_vehicle_and_is_named(autopilot: str) -> None:
     flight = flying(autopilot, vehicle={"faults": (fault,)})
     flight.give(go_to(flight, 900.0, 0.0))
     flight.until(lambda: flight.outcome.status == "failsafe")
+    # ArduCopter's text, which names it, comes after its heartbeat.
+    flight.wait(0.5)
     mode = "HOLD" if autopilot == "px4" else "RTL"
     assert mode in flight.outcome.reason and "battery" in flight.outcome.reason
     assert flight.state.failsafe == "battery"
