@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """State of a simulation: which requests it allows, and what they change.
 
-All services take it from `NEXT`, those of `sim_node` as those of simulation_interfaces. docs/ros.md
-prints the table.
+The services of `sim_node` and those of simulation_interfaces both use `NEXT`, which docs/ros.md
+prints as a table.
 """
 
 from __future__ import annotations

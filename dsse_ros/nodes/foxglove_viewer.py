@@ -60,11 +60,11 @@ class _Requests(ServerListener):
         self._offers: dict[tuple[int, int], _Offer] = {}
 
     def on_subscribe(self, client: Client, channel: ChannelView) -> None:
-        """Keep it."""
+        """Queue the begin of a subscription."""
         self.changes.append((True, client.id, channel.topic))
 
     def on_unsubscribe(self, client: Client, channel: ChannelView) -> None:
-        """Keep it."""
+        """Queue the end of a subscription."""
         self.changes.append((False, client.id, channel.topic))
 
     def on_client_advertise(self, client: Client, channel: ClientChannel) -> None:
@@ -73,11 +73,11 @@ class _Requests(ServerListener):
         self._offers[client.id, channel.id] = offer
 
     def on_client_unadvertise(self, client: Client, client_channel_id: int) -> None:
-        """Forget it."""
+        """Forget what the client offered to send."""
         self._offers.pop((client.id, client_channel_id), None)
 
     def on_message_data(self, client: Client, client_channel_id: int, data: bytes) -> None:
-        """Keep it."""
+        """Queue a message, if the client has offered its channel."""
         offer = self._offers.get((client.id, client_channel_id))
         if offer is not None:
             self.messages.append((offer, data, time.monotonic()))
@@ -91,11 +91,6 @@ class ViewerNode(AlarmNode):
     Raises:
         FieldError: If a parameter is not allowed, or nothing can be served there.
     """
-
-    # Set on the class: `destroy_node` also runs when `__init__` fails.
-    _server: WebSocketServer | None = None
-    _topics: RawTopics | None = None
-    _client_services: ClientServices | None = None
 
     def __init__(self) -> None:
         super().__init__("foxglove_viewer")
@@ -111,6 +106,7 @@ class ViewerNode(AlarmNode):
         self._broadcast_ns = 0
         self._sdk_context = foxglove.Context()
         self._server = self._serve()
+        self._client_services: ClientServices | None = None
         if self.settings.accept_commands:
             self._client_services = ClientServices(self, self._namespace.rstrip("/"), self._server)
         self._topics = RawTopics(self, self.warn, self.settings.exclude)
@@ -149,8 +145,6 @@ class ViewerNode(AlarmNode):
 
     def _discover(self) -> None:
         """Offer the topics and services that are new."""
-        if self._topics is None:
-            return
         if self._client_services is not None:
             self._client_services.discover()
         for topic in self._topics.find():
@@ -168,11 +162,9 @@ class ViewerNode(AlarmNode):
 
     def _turn(self) -> None:
         """Handle the requests of clients, and send them the new messages."""
-        if self._topics is None or self._server is None:
-            return
         while self._requests.changes:
             begun, client, topic = self._requests.changes.popleft()
-            (self._begin if begun else self._end)(self._topics, client, topic)
+            (self._begin if begun else self._end)(client, topic)
         self._take_commands()
         if self._client_services is not None:
             self._client_services.turn()
@@ -186,24 +178,24 @@ class ViewerNode(AlarmNode):
                 if self._topics.is_latched(message.topic):
                     self._last[message.topic] = message.data
 
-    def _begin(self, topics: RawTopics, client: int, topic: str) -> None:
+    def _begin(self, client: int, topic: str) -> None:
         """Subscribe to a topic, or send its last message to a later client."""
         if topic not in self._wanted:
             self._wanted[topic] = Counter()
-            topics.subscribe(topic)
+            self._topics.subscribe(topic)
         elif topic in self._last:
             now_ns = self.get_clock().now().nanoseconds
             self._channels[topic].log(self._last[topic], log_time=now_ns, sink_id=client)
         self._wanted[topic][client] += 1
 
-    def _end(self, topics: RawTopics, client: int, topic: str) -> None:
+    def _end(self, client: int, topic: str) -> None:
         clients = self._wanted.get(topic, Counter())
         clients -= Counter([client])
         if topic in self._wanted and not clients:
             del self._wanted[topic]
             self._last.pop(topic, None)
-            if topics.is_subscribed(topic):
-                topics.unsubscribe(topic)
+            if self._topics.is_subscribed(topic):
+                self._topics.unsubscribe(topic)
 
     def _take_commands(self) -> None:
         """Publish the commands that clients have sent."""
@@ -243,17 +235,12 @@ class ViewerNode(AlarmNode):
 
     def _refuse(self, text: str) -> None:
         self.warn("refused", text)
-        if self._server is not None:
-            self._server.publish_status(text, foxglove.StatusLevel.Warning, "refused")
+        self._server.publish_status(text, foxglove.StatusLevel.Warning, "refused")
 
     def destroy_node(self) -> None:
         """Disconnect the clients, and end the node."""
-        if self._server is not None:
-            self._server.stop()
-            self._server = None
-        if self._topics is not None:
-            self._topics.destroy()
-            self._topics = None
+        self._server.stop()
+        self._topics.destroy()
         super().destroy_node()
 
 

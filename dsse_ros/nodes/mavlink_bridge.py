@@ -50,10 +50,6 @@ class BridgeNode(AlarmNode):
         FieldError: If a parameter is not allowed.
     """
 
-    # Set on the class: `destroy_node` also runs when `__init__` fails.
-    fleet: Fleet | None = None
-    _records: FlightRecords | None = None
-
     def __init__(self) -> None:
         super().__init__("mavlink_bridge")
         self.settings, endpoints = read_settings(self, BridgeSettings)
@@ -63,6 +59,7 @@ class BridgeNode(AlarmNode):
         self._wall_clock = Clock()
         self.fleet = _fleet(self.settings)
         vehicles = [] if self.fleet is None else list(self.fleet)
+        self._records: FlightRecords | None = None
         self.follower: FleetController | MissionExporter
         if self.fleet is None:
             self.follower = MissionExporter(self.settings, self._log)
@@ -108,7 +105,7 @@ class BridgeNode(AlarmNode):
             case _:
                 logger.error(text)
 
-    def _open_records(self, vehicles: list[Vehicle]) -> FlightRecords | None:
+    def _open_records(self, vehicles: list[Vehicle]) -> FlightRecords:
         """Return the records of who had the vehicles before.
 
         Raises:

@@ -37,9 +37,6 @@ class RecorderNode(AlarmNode):
     """
 
     failed = False
-    # Set on the class: `destroy_node` also runs when `__init__` fails.
-    _topics: RawTopics | None = None
-    _bag: BagWriter | None = None
 
     def __init__(self) -> None:
         super().__init__("recorder")
@@ -47,7 +44,8 @@ class RecorderNode(AlarmNode):
         endpoints.check_all_used()
         name = self.settings.bag or time.strftime("mission_%Y_%m_%d-%H_%M_%S.mcap")
         self.path = os.path.abspath(name)
-        self._bag = BagWriter(self.path)
+        # None once it is closed, or could not be written to its end.
+        self._bag: BagWriter | None = BagWriter(self.path)
         self._topics = RawTopics(self, self.warn, self.settings.exclude)
         self._channels: dict[str, int] = {}
         self.messages = 0
@@ -58,28 +56,27 @@ class RecorderNode(AlarmNode):
         self._discover()
 
     def _discover(self) -> None:
-        if self._topics is not None:
-            for topic in self._topics.discover():
-                self.debug(lambda topic=topic: f"recording {topic}")  # type: ignore[misc]
+        for topic in self._topics.discover():
+            self.debug(lambda topic=topic: f"recording {topic}")  # type: ignore[misc]
 
     def _take(self) -> None:
         """Write the new messages."""
-        if self._bag is None or self._topics is None:
+        if self._bag is None:
             return
         try:
             for message in self._topics.take():
-                self._write(self._bag, self._topics, message)
+                self._write(self._bag, message)
         except OSError as error:
             self._fail(error)
 
-    def _write(self, bag: BagWriter, topics: RawTopics, message: RawMessage) -> None:
+    def _write(self, bag: BagWriter, message: RawMessage) -> None:
         channel = self._channels.get(message.topic)
         if channel is None:
             # The QoS of the publisher is certain only once it has sent a message.
-            offers = topics.offers(message.topic)
+            offers = self._topics.offers(message.topic)
             channel = self._channels[message.topic] = bag.add_topic(
                 message.topic,
-                topics.types[message.topic],
+                self._topics.types[message.topic],
                 to_yaml([offer.qos_profile for offer in offers]),
                 str(offers[0].topic_type_hash) if offers else "",
             )
@@ -116,9 +113,7 @@ class RecorderNode(AlarmNode):
             self._take()
         finally:
             self._close()
-            if self._topics is not None:
-                self._topics.destroy()
-                self._topics = None
+            self._topics.destroy()
             super().destroy_node()
 
     def _close(self) -> None:

@@ -64,9 +64,6 @@ class SimNode(AlarmNode):
         FieldError: If a parameter or the scenario is not allowed.
     """
 
-    # Set on the class: `destroy_node` also runs when `__init__` fails.
-    files: MissionFiles | None = None
-
     def __init__(self) -> None:
         super().__init__("sim_node")
         self.settings, env, endpoints = read_parameters(self)
@@ -253,11 +250,11 @@ class SimNode(AlarmNode):
         self._arm()
 
     def _record(self) -> None:
-        if self.files is not None and (failed := self.files.record()):
+        if failed := self.files.record():
             self.get_logger().error(failed)
 
     def _save_snapshot(self) -> None:
-        if self.files is not None and (failed := self.files.save()):
+        if failed := self.files.save():
             self.get_logger().error(failed, throttle_duration_sec=1.0)
 
     # The time of the steps
@@ -424,8 +421,7 @@ class SimNode(AlarmNode):
 
     def destroy_node(self) -> None:
         """Close the log and the node."""
-        if self.files is not None:
-            self.files.close()
+        self.files.close()
         super().destroy_node()
 
 
