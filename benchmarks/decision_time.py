@@ -122,7 +122,7 @@ def with_table(text: str, rows: list[dict[str, Any]]) -> str:
 def main(arguments: list[str] | None = None) -> int:
     """Measure, print the table, and keep it."""
     parser = argparse.ArgumentParser(prog="decision_time", description=__doc__)
-    parser.add_argument("--seeds", type=int, default=40, help="of each planner and case")
+    parser.add_argument("--seeds", type=int, default=120, help="of each planner and case")
     parser.add_argument("--out", type=Path, default=RESULTS, help="folder of the results")
     given = parser.parse_args(arguments)
     if given.seeds < 2:
