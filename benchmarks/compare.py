@@ -28,6 +28,7 @@ from numpy.typing import NDArray
 
 from benchmarks import incidents, plot
 from benchmarks.bench import RESULTS, machine, own_versions
+from benchmarks.pages import with_table
 from benchmarks.reference_values import GREEDY, PPO, REINFORCE, SWEEP, Source
 from dsse_ros.campaign.estimates import clusters, of_mean, of_share
 from dsse_ros.planners import load_planner
@@ -292,8 +293,7 @@ def tables(results: dict[str, Any]) -> dict[str, str]:
 def with_tables(text: str, results: dict[str, Any]) -> str:
     """Return a page with the tables, each between two comments, and the number of missions."""
     for name, table in tables(results).items():
-        place = re.compile(rf"(<!-- compare: {name} -->\n).*?(<!-- end -->\n)", re.DOTALL)
-        text = place.sub(lambda found, table=table: f"{found[1]}\n{table}\n{found[2]}", text)
+        text = with_table(text, f"compare: {name}", table)
     return re.sub(
         r"(<!-- missions -->).*?(<!-- end -->)", rf"\g<1>{results['missions']}\g<2>", text
     )

@@ -11,7 +11,6 @@ from __future__ import annotations
 import argparse
 import json
 import math
-import re
 import sys
 import time
 from collections.abc import Hashable
@@ -24,6 +23,7 @@ import numpy as np
 from benchmarks.bench import RESULTS, machine, own_versions, rounded
 from benchmarks.compare import CASES, PLANNERS_PAGE
 from benchmarks.intervals import quantile
+from benchmarks.pages import with_table
 from dsse_ros.belief.beliefs import forecast_for
 from dsse_ros.planners.beam_search import BeamOptions
 from dsse_ros.planners.belief import BeamOnBelief
@@ -113,12 +113,6 @@ def table(rows: list[dict[str, Any]]) -> str:
     return "\n".join(lines)
 
 
-def with_table(text: str, rows: list[dict[str, Any]]) -> str:
-    """Return a page with the table between its two comments."""
-    place = re.compile(r"(<!-- decision time -->\n).*?(<!-- end -->\n)", re.DOTALL)
-    return place.sub(lambda found: f"{found[1]}\n{table(rows)}\n\n{found[2]}", text)
-
-
 def main(arguments: list[str] | None = None) -> int:
     """Measure, print the table, and keep it."""
     parser = argparse.ArgumentParser(prog="decision_time", description=__doc__)
@@ -127,15 +121,16 @@ def main(arguments: list[str] | None = None) -> int:
     given = parser.parse_args(arguments)
     if given.seeds < 2:
         parser.error(f"seeds must be at least 2, got {given.seeds}")
-    rows = [run(key, given.seeds) for key in CHOSEN]
+    rows = rounded([run(key, given.seeds) for key in CHOSEN])
     given.out.mkdir(parents=True, exist_ok=True)
     result = {"machine": machine(), "versions": own_versions(), "rows": rows}
     path = given.out / "decision_time.json"
-    path.write_text(json.dumps(rounded(result), indent=1) + "\n", encoding="utf-8")
+    path.write_text(json.dumps(result, indent=1) + "\n", encoding="utf-8")
     print(f"{table(rows)}\n\n{path}")
     if given.out == RESULTS:
         page = PLANNERS_PAGE.read_text(encoding="utf-8")
-        PLANNERS_PAGE.write_text(with_table(page, rows), encoding="utf-8")
+        page = with_table(page, "decision time", table(rows))
+        PLANNERS_PAGE.write_text(page, encoding="utf-8")
     return 0
 
 

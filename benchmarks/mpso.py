@@ -43,8 +43,17 @@ def run(clone: Path) -> Flown:
         main = Path(folder) / "main.m"
         printed = 'printf ("value %.10f %.3f\\n", GlobalBest.Cost, cputime);'
         main.write_text(f"rand ('twister', {SEED});\n{program}\n{printed}\n", encoding="utf-8")
-        command = ["octave-cli", "--norc", "--path", folder, "--path", str(clone), str(main)]
-        done = subprocess.run(command, capture_output=True, text=True, check=False)
+        command = [
+            "octave-cli",
+            "--norc",
+            "--path",
+            folder,
+            "--path",
+            str(clone.resolve()),
+            str(main),
+        ]
+        # Octave writes its variables to the working directory if it is killed.
+        done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
     lines = [line.split()[1:] for line in done.stdout.splitlines() if line.startswith("value ")]
     if not lines:
         raise ValueError(f"octave-cli stopped: {done.stderr.strip()[-500:]}")

@@ -29,6 +29,7 @@ from benchmarks.bench import RESULTS, machine, own_versions, rounded
 from benchmarks.compare import PLANNERS_PAGE
 from benchmarks.greedy_batch import TIES, GreedyBatch
 from benchmarks.intervals import contains, of_mean, of_share
+from benchmarks.pages import with_table
 from benchmarks.reference_values import GREEDY, SWEEP, Source
 from dsse_ros.progress import progress
 from dsse_ros.scenario.scenario import scenario_and_rules
@@ -279,7 +280,8 @@ def main(arguments: list[str] | None = None) -> int:
     kept = {**rounded(result), "problems": problems}
     path.write_text(json.dumps(kept, indent=1) + "\n", encoding="utf-8")
     if given.out == RESULTS:
-        page = search_problems.with_table(PLANNERS_PAGE.read_text(encoding="utf-8"), problems)
+        page = PLANNERS_PAGE.read_text(encoding="utf-8")
+        page = with_table(page, "problems", search_problems.table(problems))
         PLANNERS_PAGE.write_text(page, encoding="utf-8")
     print(f"\n{seconds} s; written to {path}")
     return 0 if result["reproduced"] else 1

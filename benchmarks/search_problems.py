@@ -7,7 +7,6 @@ The value of a problem is the probability of success of all looks.
 
 from __future__ import annotations
 
-import re
 import time
 from collections.abc import Hashable, Iterator
 from dataclasses import dataclass, field
@@ -254,12 +253,6 @@ def table(rows: list[dict[str, Any]]) -> str:
             f"{of['seconds']:.3f} |"
         )
     return "\n".join(lines)
-
-
-def with_table(text: str, rows: list[dict[str, Any]]) -> str:
-    """Return a page with the table between its two comments."""
-    place = re.compile(r"(<!-- problems -->\n).*?(<!-- end -->\n)", re.DOTALL)
-    return place.sub(lambda found: f"{found[1]}\n{table(rows)}\n\n{found[2]}", text)
 
 
 def run(of_mpso: mpso.Flown | None = None) -> list[dict[str, Any]]:

@@ -4,9 +4,14 @@
 
 from __future__ import annotations
 
+import json
+
 import pytest
 
-from benchmarks.decision_time import mean_steps, table, with_table
+from benchmarks.bench import RESULTS
+from benchmarks.compare import PLANNERS_PAGE
+from benchmarks.decision_time import mean_steps, table
+from benchmarks.pages import with_table
 from dsse_ros.planners.beam_search import BeamOptions
 from dsse_ros.planners.belief import BeamOnBelief
 
@@ -25,7 +30,13 @@ def test_each_step_counts_with_the_probability_that_nobody_was_found_before() ->
 
 def test_the_table_replaces_the_one_between_its_comments() -> None:
     page = "before\n<!-- decision time -->\nold\n<!-- end -->\nafter\n"
-    replaced = with_table(page, [ROW])
+    replaced = with_table(page, "decision time", table([ROW]))
     assert "| santos | 15.10 | 15.00 | 0.100 ± 0.050 | 4 |" in table([ROW]) in replaced
     assert replaced.startswith("before\n") and replaced.endswith("after\n")
     assert "old" not in replaced
+
+
+def test_the_page_has_the_last_results() -> None:
+    rows = json.loads((RESULTS / "decision_time.json").read_text(encoding="utf-8"))["rows"]
+    page = PLANNERS_PAGE.read_text(encoding="utf-8")
+    assert table(rows) in with_table(page, "decision time", table(rows)) == page

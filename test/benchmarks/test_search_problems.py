@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import dataclasses
+import json
 from collections.abc import Sequence
 
 import numpy as np
@@ -12,7 +13,19 @@ import pytest
 from chains import chain_of_walk, matrix_of
 from numpy.typing import NDArray
 
-from benchmarks.search_problems import WORLDS, Problem, eagle, phung_ha, row, royset_sato, solve
+from benchmarks.bench import RESULTS
+from benchmarks.compare import PLANNERS_PAGE
+from benchmarks.pages import with_table
+from benchmarks.search_problems import (
+    WORLDS,
+    Problem,
+    eagle,
+    phung_ha,
+    row,
+    royset_sato,
+    solve,
+    table,
+)
 from dsse_ros.planners.forward_backward import ImproveOptions
 
 EAGLE, (SMALLEST, *_), (DRIFTING,) = list(eagle()), royset_sato(), phung_ha()
@@ -113,3 +126,9 @@ def test_eagle_s_problem_as_a_chain_has_the_same_plan_and_finds(
 def test_a_drone_of_phung_and_ha_is_in_no_cell_twice() -> None:
     (path,) = solve(SOME[2]).paths
     assert path[0] == (20, 20) and len(set(path)) == 20
+
+
+def test_the_page_has_the_last_results() -> None:
+    rows = json.loads((RESULTS / "reproduce.json").read_text(encoding="utf-8"))["problems"]
+    page = PLANNERS_PAGE.read_text(encoding="utf-8")
+    assert table(rows) in with_table(page, "problems", table(rows)) == page
