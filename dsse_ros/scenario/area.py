@@ -42,8 +42,12 @@ class Area:
     polygons: tuple[Polygon, ...]
 
     @classmethod
-    def of(cls, value: Any) -> Area:
+    def of(cls, value: Any, name: str = "area") -> Area:
         """Return the area from the path, text or content of GeoJSON, or from a list of points.
+
+        Args:
+            value: Any of these, or an area.
+            name: Name of the field that has it.
 
         Raises:
             FieldError: If the value is none of these, a polygon is invalid, or Shapely is missing.
@@ -53,25 +57,25 @@ class Area:
         try:
             import shapely
         except ModuleNotFoundError:
-            raise FieldError(f"area: Shapely is missing; {pip_install('area')}") from None
-        content = _read(value) if isinstance(value, str | os.PathLike) else value
+            raise FieldError(f"{name}: Shapely is missing; {pip_install('area')}") from None
+        content = _read(value, name) if isinstance(value, str | os.PathLike) else value
         try:
             geometry = shapely.from_geojson(json.dumps(_geojson_of(content), allow_nan=False))
         except (LookupError, RecursionError, TypeError, ValueError, shapely.GEOSException):
-            raise _refusal(value) from None
+            raise _refusal(value, name) from None
         polygons = list(_parts_of(geometry))
         if not polygons or any(part.geom_type != "Polygon" or part.is_empty for part in polygons):
-            raise _refusal(value)
+            raise _refusal(value, name)
         for polygon in polygons:
             west, south, east, north = polygon.bounds
             if not (-180 <= west <= east <= 180 and -90 <= south <= north <= 90):
                 raise FieldError(
-                    "area must have latitudes from -90 to 90 and longitudes from -180 to 180, got "
-                    f"{south:g} to {north:g} and {west:g} to {east:g}"
+                    f"{name} must have latitudes from -90 to 90 and longitudes from -180 to 180, "
+                    f"got {south:g} to {north:g} and {west:g} to {east:g}"
                 )
             if not polygon.is_valid:
                 raise FieldError(
-                    "area must have outlines that do not cross or touch themselves, got "
+                    f"{name} must have outlines that do not cross or touch themselves, got "
                     f"{shapely.is_valid_reason(polygon)} (lon lat)"
                 )
         return cls(
@@ -216,7 +220,7 @@ def _land_mask() -> Callable[[NDArray[np.float64], NDArray[np.float64]], NDArray
     return is_land
 
 
-def _read(source: str | os.PathLike[str]) -> Any:
+def _read(source: str | os.PathLike[str], name: str) -> Any:
     """Return the content of a GeoJSON text, or of the file at this path.
 
     Raises:
@@ -228,16 +232,18 @@ def _read(source: str | os.PathLike[str]) -> Any:
             with Path(text).open("rb") as file:
                 data = file.read(MAX_BYTES + 1)
             if len(data) > MAX_BYTES:
-                raise FieldError(f"area must have at most {MAX_BYTES} bytes, got {shown(source)}")
+                raise FieldError(f"{name} must have at most {MAX_BYTES} bytes, got {shown(source)}")
             text = data.decode()
         return json.loads(text)
     except OSError as error:
-        raise FieldError(f"area must be {ALLOWED}, got {shown(source)}: {error.strerror}") from None
+        raise FieldError(
+            f"{name} must be {ALLOWED}, got {shown(source)}: {error.strerror}"
+        ) from None
     except FieldError:
         raise
     except (RecursionError, ValueError) as error:
         reason = " ".join(str(error).split())
-        raise FieldError(f"area must be {ALLOWED}, got {shown(source)}: {reason}") from None
+        raise FieldError(f"{name} must be {ALLOWED}, got {shown(source)}: {reason}") from None
 
 
 def _geojson_of(content: Any) -> Mapping[str, Any]:
@@ -263,5 +269,5 @@ def _parts_of(geometry: Any) -> Iterator[Any]:
         yield from _parts_of(part)
 
 
-def _refusal(value: Any) -> FieldError:
-    return FieldError(f"area must be {ALLOWED}, got {shown(value)}")
+def _refusal(value: Any, name: str) -> FieldError:
+    return FieldError(f"{name} must be {ALLOWED}, got {shown(value)}")

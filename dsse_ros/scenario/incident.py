@@ -349,11 +349,7 @@ def _land(value: Any, folder: str) -> Area:
     """
     if isinstance(value, str) and not value.lstrip().startswith("{"):
         value = os.path.join(folder, value)
-    try:
-        return Area.of(value)
-    except FieldError as error:
-        # An area is refused as the field `area`.
-        raise FieldError(f"incident.shore{str(error).removeprefix('area')}") from None
+    return Area.of(value, "incident.shore")
 
 
 def _base(value: Any) -> tuple[float, float] | None:
