@@ -63,15 +63,16 @@ class AStar(DrawsNothing):
         if not observations:
             return {}
         left, present = probability_of(observations), cells_of(observations)
-        self._choose_goals(dict(zip(observations, present, strict=True)), left)
+        cells = dict(zip(observations, present, strict=True))
+        self._choose_goals(cells, left)
         taken, ends = set(present), []
-        for agent, cell in zip(observations, present, strict=True):
+        for agent, cell in cells.items():
             taken.discard(cell)
             goal = self._goals.get(agent, cell)
             end = next_cell(self._actions, left, cell, goal, taken)
             taken.add(end)
             ends.append(end)
-        return masked_moves(observations, ends, infos, self._actions, apart=self._apart)
+        return masked_moves(cells, ends, infos, self._actions, apart=self._apart)
 
     def _choose_goals(self, present: Mapping[str, Cell], left: NDArray[np.float32]) -> None:
         """Give each drone a goal, as far as there are cells."""

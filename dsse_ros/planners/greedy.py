@@ -61,7 +61,8 @@ class Greedy(DrawsNothing):
         present = cells_of(observations)
         goals = self._goals(present, probability_of(observations))
         ends = approach(self._actions, present, goals)
-        return masked_moves(observations, ends, infos, self._actions, apart=self._apart)
+        cells = dict(zip(observations, present, strict=True))
+        return masked_moves(cells, ends, infos, self._actions, apart=self._apart)
 
     def _goals(self, present: Sequence[Cell], probability: NDArray[np.float32]) -> list[Cell]:
         """Return the goal of each drone, among the cells that it can reach."""

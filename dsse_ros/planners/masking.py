@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from dsse_ros.planners.avoidance import resolve_actions
-from dsse_ros.planners.planner import Cell, Infos, Observations, cells_of
+from dsse_ros.planners.planner import Cell, Infos
 from dsse_ros.scenario.actions import ActionSet
 
 
@@ -61,15 +61,14 @@ def apply_masks(
 
 
 def masked_moves(
-    observations: Observations,
+    present: Mapping[str, Cell],
     ends: Sequence[Cell],
     infos: Infos,
     action_set: ActionSet,
     *,
     apart: bool = False,
 ) -> dict[str, int]:
-    """Return the masked actions that take the observed drones to these cells; see `apply_masks`."""
-    present = dict(zip(observations, cells_of(observations), strict=True))
+    """Return the masked actions that take drones to these cells; see `apply_masks`."""
     actions = {
         agent: action_set.action(cell, end)
         for (agent, cell), end in zip(present.items(), ends, strict=True)

@@ -175,7 +175,8 @@ class RouteFollower:
         for track, request, end in zip(tracks, requested, granted, strict=True):
             blocked = request is not None and request != end
             track.waited = track.waited + 1 if blocked else 0
-        return masked_moves(observations, granted, infos, self._actions, apart=self._apart)
+        cells = dict(zip(observations, present, strict=True))
+        return masked_moves(cells, granted, infos, self._actions, apart=self._apart)
 
     def _start(
         self, agents: Sequence[str], cells: Sequence[Cell], probability: NDArray[np.float32]
