@@ -448,6 +448,8 @@ def test_a_reload_keeps_mission_and_theme(gone: str, sim: Sim, shown: Open) -> N
     for before, after in itertools.pairwise(("auto", "light", "dark")):
         shown.page.get_by_role("button", name=f"Theme: {before}").click()
         shown.page.get_by_role("button", name=f"Theme: {after}").wait_for()
+    # The address follows the button, in a message of its own.
+    shown.until("location.search.includes('theme=dark')")
     shown.page.reload()
     shown.page.get_by_role("button", name="Theme: dark").wait_for()
     shown.until("document.body.classList.contains('body--dark')")
