@@ -232,9 +232,9 @@ def test_the_topics_of_the_simulation_are_those_of_the_tables(
 @pytest.mark.parametrize(
     ("node", "page", "heading"),
     [
-        ("planner_node", TOPICS, "The planner's"),
+        ("planner_node", TOPICS, "Planner"),
         ("mavlink_bridge", FLIGHT, "Topics"),
-        ("dashboard", TOPICS, "The dashboard's"),
+        ("dashboard", TOPICS, "Dashboard"),
     ],
 )
 def test_the_topics_of_the_other_nodes_are_those_of_their_tables(
@@ -265,7 +265,7 @@ def test_the_services_are_those_of_the_table(interface: dict[str, Any]) -> None:
     for node in ("planner_node", "dashboard"):
         assert not interface[node]["services"].items() - of_all
     of_bridge = interface["mavlink_bridge"]["services"].items() - of_all
-    rows = table(FLIGHT, "The operator's services", "Service").items()
+    rows = table(FLIGHT, "Operator services", "Service").items()
     operators = {(name, row["Type"].strip("`")) for name, row in rows}
     # Those for one vehicle do the same.
     operators |= {(name.replace("~", "drone<i>"), kind) for name, kind in operators}
@@ -316,13 +316,13 @@ def test_the_services_of_simulation_interfaces_are_those_of_the_docs() -> None:
         (
             "sim_node",
             [
-                (PARAMETERS, "Of the simulation", ""),
+                (PARAMETERS, "Simulation", ""),
                 (PARAMETERS, "Scenario", "scenario."),
                 (PARAMETERS, "Rules", "rules."),
                 (DOCS / "faults.md", "Kinds of faults", "scenario."),
             ],
         ),
-        ("planner_node", [(PARAMETERS, "Of the planner", "")]),
+        ("planner_node", [(PARAMETERS, "Planner", "")]),
         ("mavlink_bridge", [(FLIGHT, "Parameters", "")]),
         ("recorder", [(RECORDING, "Recording", "")]),
         ("foxglove_viewer", [(VIEWERS, "Foxglove", "")]),
