@@ -454,7 +454,10 @@ class FleetController(SearchListener):
 
 def _shown(follower: VehicleFollower) -> str:
     record = follower.custody.record
-    return record.custody.value + (f": {record.lost}" if record.lost else "")
+    state = record.custody.value
+    if state in record.lost:  # such as "taken over: in LOITER"
+        return record.lost
+    return f"{state}: {record.lost}" if record.lost else state
 
 
 def shown_order(order: Order | None) -> str:

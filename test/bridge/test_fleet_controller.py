@@ -128,6 +128,7 @@ def test_who_was_landed_by_a_pilot_stays_down(autopilot: str, restart: str, arm:
     fleet.flights[0].vehicle.pilot_takes_over("LAND")
     fleet.until(lambda: fleet.controller.followers[0].lost, 5.0)
     assert fleet.controller.followers[0].lost.startswith("taken over: in LAND")
+    assert "info: drone0: following -> taken over: in LAND" in fleet.log
     fleet.until(fleet.down)
     fleet.wait(5.0)
     since_s = fleet.now
