@@ -157,6 +157,7 @@ def run_node(name: str, make_node: Callable[[], AlarmNode], argv: list[str] | No
         argv: Command line without the program's name, by default the process's own.
     """
     node: AlarmNode | None = None
+    executor: Executor | None = None
     stop = Stop()
     try:
         leave_on_signals(_destroy_nodes)
@@ -182,6 +183,8 @@ def run_node(name: str, make_node: Callable[[], AlarmNode], argv: list[str] | No
             if node is not None:
                 node.destroy_node()
             rclpy.try_shutdown()
+            # The participant is destroyed with the last reference to it.
+            executor = node = None
     return 0
 
 

@@ -27,6 +27,32 @@ class Stuck(run_node.AlarmNode):
 run_node.run_node("stuck", lambda: Stuck("stuck"), [])
 """
 
+LEAVES = """
+import faulthandler
+from pathlib import Path
+from dsse_ros.runtime import run_node
+
+class Finished(run_node.AlarmNode):
+    def __init__(self):
+        super().__init__("finished")
+        self.end = self.alarms.make(lambda: setattr(self, "finished", True))
+        self.end.set(0.5)
+
+def threads():
+    names = [path.read_text() for path in Path("/proc/self/task").glob("*/comm")]
+    # The events of a participant; a thread for shared memory stays.
+    return sum(name.startswith("dds.ev") for name in names)
+
+def make():
+    node = Finished()
+    print(threads() > 0)
+    return node
+
+cancel = faulthandler.cancel_dump_traceback_later
+faulthandler.cancel_dump_traceback_later = lambda: (print(threads()), cancel())
+run_node.run_node("finished", make, [])
+"""
+
 REFUSED_IN_TURN = """
 import contextlib, io, time
 from dsse_ros.runtime import run_node
@@ -53,6 +79,14 @@ def test_a_node_that_cannot_leave_ros_ends_and_says_where_it_hung() -> None:
     assert done.returncode == 1
     assert "Timeout (0:00:01)!" in done.stderr
     assert "in destroy_node" in done.stderr
+
+
+@pytest.mark.slow
+def test_the_time_to_leave_ros_lasts_until_the_participant_is_gone() -> None:
+    done = subprocess.run(
+        [sys.executable, "-c", LEAVES], capture_output=True, text=True, timeout=120
+    )
+    assert (done.returncode, done.stdout) == (0, "True\n0\n"), done.stderr
 
 
 @pytest.mark.slow
