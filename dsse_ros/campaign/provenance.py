@@ -10,7 +10,7 @@ from importlib.metadata import PackageNotFoundError, entry_points, version
 from pathlib import Path
 from typing import Any
 
-from dsse_ros.planners.registry import EXTRA_PLANNERS, GROUP
+from dsse_ros.planners.registry import GROUP, LOADED_PLANNERS
 
 LIBRARIES = ("dsse_ros", "numpy", "numba")
 """Libraries that every campaign uses."""
@@ -20,8 +20,8 @@ def versions(planners: Iterable[str]) -> dict[str, str | None]:
     """Return the versions of the libraries that these planners use; None if not installed."""
     names = {*LIBRARIES}
     for planner in planners:
-        if planner in EXTRA_PLANNERS:
-            names |= {*EXTRA_PLANNERS[planner].libraries}
+        if planner in LOADED_PLANNERS:
+            names |= {*LOADED_PLANNERS[planner].libraries}
         found = (entry.dist for entry in entry_points(group=GROUP, name=planner))
         names |= {dist.metadata["Name"] for dist in found if dist is not None}
     return {name: _version(name) for name in sorted(names)}

@@ -4,8 +4,8 @@
 
 from dsse_ros.planners.planner import Observation, Planner, PlannerFactory, Search
 from dsse_ros.planners.registry import (
-    BELIEF_PLANNERS,
     COVERAGE_PLANNERS,
+    PERSON_PLANNERS,
     PLANNER_NAMES,
     PLANNERS,
     check_task,
@@ -17,8 +17,8 @@ from dsse_ros.planners.registry import (
 )
 
 __all__ = [
-    "BELIEF_PLANNERS",
     "COVERAGE_PLANNERS",
+    "PERSON_PLANNERS",
     "PLANNERS",
     "PLANNER_NAMES",
     "Observation",

@@ -20,12 +20,8 @@ import numpy as np
 import yaml
 from numpy.typing import NDArray
 
-from dsse_ros.planners.astar import make_astar
-from dsse_ros.planners.belief import make_belief, make_belief_greedy
 from dsse_ros.planners.expanding_square import square_routes
-from dsse_ros.planners.forward_backward import make_forward_backward
 from dsse_ros.planners.greedy import Greedy
-from dsse_ros.planners.optimal_effort import make_optimal_effort
 from dsse_ros.planners.pattern_routes import PatternRoutes
 from dsse_ros.planners.patterns import SearchPattern
 from dsse_ros.planners.planner import Planner, PlannerFactory, Search
@@ -63,18 +59,47 @@ options."""
 
 PATTERN_OPTIONS = ("datum", *(name for name in specs(SearchPattern) if name != "pattern"))
 
-BELIEF_PLANNERS: Mapping[str, PlannerFactory] = MappingProxyType(
+
+class LoadedPlanner(NamedTuple):
+    """A planner of this package that is imported on request.
+
+    Attributes:
+        factory: Its `PlannerFactory`, as `module:name`.
+        task: What it does: "persons" looks for persons, "cells" covers cells, "" does either.
+        libraries: Installed by its extra, if it needs one; their versions also affect the results.
+    """
+
+    factory: str
+    task: str
+    libraries: tuple[str, ...] = ()
+
+
+LOADED_PLANNERS: Mapping[str, LoadedPlanner] = MappingProxyType(
     {
-        "belief": make_belief,
-        "belief_greedy": make_belief_greedy,
-        "forward_backward": make_forward_backward,
-        "optimal_effort": make_optimal_effort,
+        "belief": LoadedPlanner("dsse_ros.planners.belief:make_belief", "persons"),
+        "belief_greedy": LoadedPlanner("dsse_ros.planners.belief:make_belief_greedy", "persons"),
+        "forward_backward": LoadedPlanner(
+            "dsse_ros.planners.forward_backward:make_forward_backward", "persons"
+        ),
+        "optimal_effort": LoadedPlanner(
+            "dsse_ros.planners.optimal_effort:make_optimal_effort", "persons"
+        ),
+        "astar": LoadedPlanner("dsse_ros.planners.astar:make_astar", "cells"),
+        "onnx": LoadedPlanner("dsse_ros.planners.onnx:make_onnx", "", ("onnxruntime",)),
+        "route": LoadedPlanner("dsse_ros.planners.route:make_route", "persons", ("ortools",)),
     }
 )
-"""Planners that keep a belief, and therefore need the rules and the scenario too."""
+"""Planners that need the rules and the scenario too."""
 
-COVERAGE_PLANNERS: Mapping[str, PlannerFactory] = MappingProxyType({"astar": make_astar})
-"""Planners for coverage tasks only."""
+
+def _of_task(task: str) -> tuple[str, ...]:
+    return tuple(name for name, planner in LOADED_PLANNERS.items() if planner.task == task)
+
+
+PERSON_PLANNERS = _of_task("persons")
+"""Planners that look for persons only."""
+COVERAGE_PLANNERS = _of_task("cells")
+"""Planners that cover cells only."""
 
 
 def _pattern_routes(name: str, scenario: ResolvedScenario, given: dict[str, Any]) -> PatternRoutes:
@@ -107,49 +132,16 @@ def _from_actions(name: str, search: Search, **options: Any) -> Planner:
     return make(rules.actions, area=scenario.area_mask, **options)
 
 
-_FACTORIES: Mapping[str, PlannerFactory] = MappingProxyType(
-    {
-        **{name: partial(_from_actions, name) for name in PLANNERS},
-        **BELIEF_PLANNERS,
-        **COVERAGE_PLANNERS,
-    }
-)
-"""Planners of this package that need no extra."""
-
-
-class ExtraPlanner(NamedTuple):
-    """A planner of this package that needs an extra.
-
-    Attributes:
-        factory: Its `PlannerFactory`, as `module:name`.
-        libraries: Installed by the extra; their versions also affect the results.
-        for_persons: Whether it cannot do a coverage task.
-    """
-
-    factory: str
-    libraries: tuple[str, ...]
-    for_persons: bool = False
-
-
-EXTRA_PLANNERS: Mapping[str, ExtraPlanner] = MappingProxyType(
-    {
-        "onnx": ExtraPlanner("dsse_ros.planners.onnx:make_onnx", ("onnxruntime",)),
-        "route": ExtraPlanner("dsse_ros.planners.route:make_route", ("ortools",), for_persons=True),
-    }
-)
-
-
 def _registered() -> dict[str, list[EntryPoint]]:
     """Return the planners that are loaded on request, by name; several may share a name."""
-    found = {name: [EntryPoint(name, p.factory, GROUP)] for name, p in EXTRA_PLANNERS.items()}
-    own = {*_FACTORIES, *found}
+    found = {name: [EntryPoint(name, p.factory, GROUP)] for name, p in LOADED_PLANNERS.items()}
     for entry in entry_points(group=GROUP):
-        if entry.name not in own:
+        if entry.name not in PLANNERS and entry.name not in LOADED_PLANNERS:
             found.setdefault(entry.name, []).append(entry)
     return found
 
 
-PLANNER_NAMES = (*_FACTORIES, *_registered())
+PLANNER_NAMES = (*PLANNERS, *_registered())
 """All installed planners. Other packages cannot replace a planner of this package."""
 
 
@@ -159,8 +151,8 @@ def load_planner(name: str) -> PlannerFactory:
     Raises:
         FieldError: If the name is unknown, or the package that registers it is defective.
     """
-    if isinstance(name, str) and name in _FACTORIES:
-        return _FACTORIES[name]
+    if isinstance(name, str) and name in PLANNERS:
+        return partial(_from_actions, name)
     entries = _registered().get(name, []) if isinstance(name, str) else []
     if not entries:
         raise FieldError(f"planner must be one of {', '.join(PLANNER_NAMES)}, got {shown(name)}")
@@ -242,14 +234,15 @@ def check_task(name: str, rules: Rules) -> None:
     Raises:
         FieldError: If it is for another task.
     """
-    with_extras = (name for name, extra in EXTRA_PLANNERS.items() if extra.for_persons)
-    for_persons, for_cells = {*BELIEF_PLANNERS, *with_extras}, {*COVERAGE_PLANNERS}
-    if name in (for_persons if rules.covers else for_cells):
-        ours = {*PLANNERS, *(for_cells if rules.covers else for_persons)}
-        task = "covers cells and has no persons" if rules.covers else "looks for persons"
+    ours, others = PERSON_PLANNERS, COVERAGE_PLANNERS
+    task = "looks for persons"
+    if rules.covers:
+        ours, others = others, ours
+        task = "covers cells and has no persons"
+    if name in others:
         raise FieldError(
-            f"planner must be one of {', '.join(sorted(ours))} with rules {rules.profile}, whose "
-            f"task {task}, got {shown(name)}"
+            f"planner must be one of {', '.join(sorted({*PLANNERS, *ours}))} with rules "
+            f"{rules.profile}, whose task {task}, got {shown(name)}"
         )
 
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from rig import Rig, Sim
 
-from dsse_ros.planners import BELIEF_PLANNERS, planner_for
+from dsse_ros.planners import PERSON_PLANNERS, planner_for
 from dsse_ros.search import parallel_env
 from msg_adapters.step_report import step_report_from_message
 
@@ -42,7 +42,7 @@ def directly(planner: str) -> tuple[list[list[int]], list[list[list[int]]]]:
     return actions, cells
 
 
-@pytest.mark.parametrize("planner", BELIEF_PLANNERS)
+@pytest.mark.parametrize("planner", PERSON_PLANNERS)
 def test_a_mission_over_ros_is_step_by_step_the_direct_one(rig: Rig, planner: str) -> None:
     # First, so that the nodes find compiled what they need.
     actions, cells = directly(planner)

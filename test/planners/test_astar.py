@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from areas import random_mask, scenario_of
 
-from dsse_ros.planners import BELIEF_PLANNERS, PLANNERS, planner_for
+from dsse_ros.planners import PERSON_PLANNERS, PLANNERS, planner_for
 from dsse_ros.planners.astar import next_cell
 from dsse_ros.planners.batch import play_missions
 from dsse_ros.search import FieldError, SearchEnv, parallel_env, profile
@@ -97,7 +97,7 @@ def test_of_all_shortest_ways_it_takes_the_one_with_most_probability() -> None:
 
 def test_a_planner_of_the_other_task_is_refused_in_one_line_that_lists_those_that_are_not() -> None:
     coverage = parallel_env(rules="coverage", grid_size=6)
-    for name in (*BELIEF_PLANNERS, "route"):
+    for name in PERSON_PLANNERS:
         with pytest.raises(FieldError, match=f"^planner must be .* got '{name}'$") as refusal:
             planner_for(coverage, name)
         assert "astar" in str(refusal.value) and "\n" not in str(refusal.value)

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from effort import BEAM, LITTLE_EFFORT
 
-from dsse_ros.planners import BELIEF_PLANNERS, PLANNER_NAMES, make_planner, planner_for
+from dsse_ros.planners import PERSON_PLANNERS, PLANNER_NAMES, make_planner, planner_for
 from dsse_ros.planners.batch import play_missions
 from dsse_ros.search import SearchDefinition, SearchEnv, parallel_env
 
@@ -55,14 +55,14 @@ def test_an_unknown_planner_is_refused_in_one_line_that_lists_the_known_ones() -
     assert all(name in str(refusal.value) for name in PLANNER_NAMES)
 
 
-@pytest.mark.parametrize("name", BELIEF_PLANNERS)
+@pytest.mark.parametrize("name", PERSON_PLANNERS)
 def test_a_planner_that_needs_the_search_is_not_made_of_actions_alone(name: str) -> None:
     with pytest.raises(ValueError, match="rules and the scenario"):
         make_planner(name, parallel_env(**PAPER).rules.actions)
 
 
 @pytest.mark.parametrize("case", CASES)
-@pytest.mark.parametrize("name", BELIEF_PLANNERS)
+@pytest.mark.parametrize("name", PERSON_PLANNERS)
 def test_rules_scenario_and_observations_are_all_that_a_planner_needs(name: str, case: str) -> None:
     env = parallel_env(**CASES[case], probability_of_detection=0.0)
     public = SearchDefinition(env.rules, env.scenario)
@@ -73,7 +73,7 @@ def test_rules_scenario_and_observations_are_all_that_a_planner_needs(name: str,
         assert play(env, planners[0], seed) == play(env, planners[1], seed)
 
 
-@pytest.mark.parametrize("name", BELIEF_PLANNERS)
+@pytest.mark.parametrize("name", PERSON_PLANNERS)
 def test_where_the_person_is_hidden_changes_nothing_before_it_is_found(name: str) -> None:
     env = parallel_env(**V2)
     planner = planner_for(env, name, seed=2, **LITTLE_EFFORT.get(name, {}))
@@ -82,7 +82,7 @@ def test_where_the_person_is_hidden_changes_nothing_before_it_is_found(name: str
     assert all(steps[:shortest] == played[0][:shortest] for steps in played)
 
 
-@pytest.mark.parametrize("name", BELIEF_PLANNERS)
+@pytest.mark.parametrize("name", PERSON_PLANNERS)
 def test_a_new_mission_starts_anew_and_the_same_seed_gives_the_same_mission(name: str) -> None:
     env = parallel_env(**V2, probability_of_detection=0.0)
     planner = planner_for(env, name, seed=2, **LITTLE_EFFORT.get(name, {}))
@@ -102,7 +102,7 @@ def test_a_planner_knows_the_drift_that_a_reset_was_given() -> None:
     assert np.array_equal(planner.belief.poc(), direct.belief.poc())  # type: ignore[attr-defined]
 
 
-@pytest.mark.parametrize("name", BELIEF_PLANNERS)
+@pytest.mark.parametrize("name", PERSON_PLANNERS)
 @pytest.mark.parametrize("num_drones", [1, 2, 7, 30, 64])
 def test_no_drone_collides_or_leaves_the_grid(name: str, num_drones: int) -> None:
     env = parallel_env(
@@ -120,7 +120,7 @@ def test_no_drone_collides_or_leaves_the_grid(name: str, num_drones: int) -> Non
         observations = {agent: observations[agent] for agent in env.agents}
 
 
-@pytest.mark.parametrize("name", BELIEF_PLANNERS)
+@pytest.mark.parametrize("name", PERSON_PLANNERS)
 def test_the_others_go_on_when_a_drone_is_lost(name: str) -> None:
     env = parallel_env(**PAPER, probability_of_detection=0.0)
     planner = planner_for(env, name, **LITTLE_EFFORT.get(name, {}))
@@ -135,7 +135,7 @@ def test_the_others_go_on_when_a_drone_is_lost(name: str) -> None:
 
 def test_without_drones_there_are_no_actions() -> None:
     env = parallel_env(**PAPER)
-    assert all(planner_for(env, name)({}, {}) == {} for name in BELIEF_PLANNERS)
+    assert all(planner_for(env, name)({}, {}) == {} for name in PERSON_PLANNERS)
 
 
 def test_a_budget_that_is_used_up_leaves_moves_that_do_not_collide() -> None:
@@ -157,7 +157,7 @@ def test_the_time_that_infos_give_a_decision_is_a_budget_too() -> None:
     assert play(env, planner, 1) != play(env, planner_for(env, "belief", **BEAM), 1)
 
 
-@pytest.mark.parametrize("name", BELIEF_PLANNERS)
+@pytest.mark.parametrize("name", PERSON_PLANNERS)
 def test_a_find_is_no_failed_search_while_others_are_missing(name: str) -> None:
     env = parallel_env(**V2, person_amount=3)
     planner: Any = planner_for(env, name, **LITTLE_EFFORT.get(name, {}))

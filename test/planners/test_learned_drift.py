@@ -12,7 +12,7 @@ import pytest
 from effort import LITTLE_EFFORT
 
 from dsse_ros.belief.drift_estimate import FIRST_OBSERVED
-from dsse_ros.planners import BELIEF_PLANNERS, planner_for
+from dsse_ros.planners import PERSON_PLANNERS, planner_for
 from dsse_ros.scenario.probable_cells import most_probable
 from dsse_ros.search import SearchDefinition, SearchEnv, parallel_env
 
@@ -99,7 +99,7 @@ def test_the_learned_drift_is_the_true_one(wrong: str) -> None:
 
 
 @pytest.mark.parametrize("case", CASES)
-@pytest.mark.parametrize("name", BELIEF_PLANNERS)
+@pytest.mark.parametrize("name", PERSON_PLANNERS)
 def test_the_right_drift_changes_no_decision(name: str, case: str) -> None:
     options = LITTLE_EFFORT.get(name, {})
     env = sea(case, timestep_limit=30)
@@ -128,7 +128,7 @@ def test_the_searches_so_far_are_kept_when_the_drift_is_learned(case: str) -> No
     assert np.array_equal(informed.belief.poc(), planner.belief.poc())
 
 
-@pytest.mark.parametrize("name", BELIEF_PLANNERS)
+@pytest.mark.parametrize("name", PERSON_PLANNERS)
 def test_nothing_is_learned_from_an_observed_belief(name: str) -> None:
     env = sea("v2", timestep_limit=20, observe="belief")
     planner: Any = planner_for(env, name, **LITTLE_EFFORT.get(name, {}))

@@ -15,7 +15,7 @@ from grid_walker import DIAGONAL, STRAIGHT
 from numpy.typing import NDArray
 
 from dsse_ros.belief.belief import Belief, Forecast
-from dsse_ros.planners import BELIEF_PLANNERS, COVERAGE_PLANNERS, PLANNER_NAMES, planner_for
+from dsse_ros.planners import COVERAGE_PLANNERS, PERSON_PLANNERS, PLANNER_NAMES, planner_for
 from dsse_ros.scenario.actions import ActionSet
 from dsse_ros.search import PROFILES, parallel_env
 
@@ -25,7 +25,7 @@ FITTING = [
     (name, rules)
     for name in NAMES
     for rules, of in PROFILES.items()
-    if name not in (COVERAGE_PLANNERS if not of.covers else {*BELIEF_PLANNERS, "route"})
+    if name not in (COVERAGE_PLANNERS if not of.covers else PERSON_PLANNERS)
 ]
 """Planners, with the profiles whose task is theirs."""
 FINDING = [name for name, rules in PROFILES.items() if not rules.covers]

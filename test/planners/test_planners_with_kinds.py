@@ -11,7 +11,7 @@ import pytest
 from effort import LITTLE_EFFORT
 from test_batch import alone
 
-from dsse_ros.planners import BELIEF_PLANNERS, PLANNERS, planner_for
+from dsse_ros.planners import PERSON_PLANNERS, PLANNERS, planner_for
 from dsse_ros.planners.batch import play_missions
 from dsse_ros.planners.masking import keep_apart
 from dsse_ros.scenario.actions import ActionSet
@@ -32,7 +32,7 @@ SEARCH: dict[str, Any] = {
     "grid_size": 7, "num_drones": 6, "searchers": SWARM, "person_initial_position": (4, 4),
     "timestep_limit": 60, "probability_of_detection": 0.0, "sigma": 2.0,
 }  # fmt: skip
-FOR_PERSONS = sorted({*PLANNERS, *BELIEF_PLANNERS, "onnx", "route"})
+FOR_PERSONS = sorted({*PLANNERS, *PERSON_PLANNERS, "onnx"})
 
 
 @pytest.fixture(autouse=True)
