@@ -29,7 +29,6 @@ import matplotlib.figure  # noqa: F401  Fail before the mission if it is missing
 import numpy as np
 from numpy.typing import NDArray
 from rclpy.node import Node
-from rclpy.utilities import try_shutdown
 from sensor_msgs.msg import Image, PointCloud2
 from std_msgs.msg import Float64MultiArray
 from tqdm import tqdm
@@ -53,7 +52,7 @@ from dsse_ros.runtime.exit_codes import BAD_INPUT, fail
 from dsse_ros.runtime.interrupts import Stop, on_signals
 from dsse_ros.runtime.qos import LATCHED
 from dsse_ros.runtime.ros_arguments import OF_EVERY_NODE, pairs
-from dsse_ros.runtime.run_node import init_ros, new_executor
+from dsse_ros.runtime.run_node import init_ros, leave_ros, spinning
 from dsse_ros.scenario.fields import specs
 from dsse_ros.scenario.scenario import ResolvedScenario
 from dsse_ros.search import FieldError, Rules
@@ -282,6 +281,7 @@ def fly(
         MissionFailed: If a process ends early or nothing happens for `SILENCE_S`.
         KeyboardInterrupt: If a signal has come.
     """
+    page.wait_for_browser()
     out: Path = arguments.out
     belief = shows_belief(arguments, scenario, rules)
     # Without it, the latched report of another mission would pass for one of this mission.
@@ -300,14 +300,11 @@ def fly(
     planner_ros = ros_for(_PLANNER_NAMES, arguments.ros)
     sim_log, planner_log = out / "sim_node.log", out / "planner_node.log"
     watcher = Watcher(run_id, belief=belief, pos=belief or rules.covers)
-    executor = new_executor()
-    executor.add_node(watcher)
     bar = tqdm(
         total=scenario.timestep_limit, unit="step", file=sys.stdout, dynamic_ncols=True,
         mininterval=0.1 if sys.stdout.isatty() else 2.0,
         bar_format="step {n_fmt}/{total_fmt} |{bar:20}| {elapsed} {desc}",
     )  # fmt: skip
-    page.wait_for_browser()
     last_step_s = time.monotonic()
     sim_compiles = planner_compiles = False
 
@@ -332,7 +329,11 @@ def fly(
         if watcher.foreign or watcher.count_publishers("step_report") > 1:
             raise MissionFailed("another mission uses this ROS_DOMAIN_ID; choose a different one")
 
-    with bar, process("sim_node", sim, sim_log, sim_ros) as sim_process:
+    with (
+        spinning(watcher) as executor,
+        bar,
+        process("sim_node", sim, sim_log, sim_ros) as sim_process,
+    ):
         # Start the planner once the watcher receives messages, so that it misses no step.
         while watcher.step < 0:
             watch("sim_node", sim_process, sim_log)
@@ -481,7 +482,7 @@ def main(argv: list[str] | None = None) -> int:
     except KeyboardInterrupt:
         return 130
     finally:
-        try_shutdown()
+        leave_ros()
     return 0
 
 

@@ -179,13 +179,30 @@ def run_node(name: str, make_node: Callable[[], AlarmNode], argv: list[str] | No
     finally:
         # Ignore signals instead of handling them: a signal can kill Python while it exits.
         on_signals(signal.SIG_IGN)
-        with contextlib.suppress(Exception), _in_time():
-            if node is not None:
-                node.destroy_node()
-            rclpy.try_shutdown()
-            # The participant is destroyed with the last reference to it.
-            executor = node = None
+        leave_ros(executor, node)
     return 0
+
+
+@contextlib.contextmanager
+def spinning(node: Node) -> Iterator[Executor]:
+    """Yield an executor with this node, and leave ROS at the end."""
+    executor = new_executor()
+    executor.add_node(node)
+    try:
+        yield executor
+    finally:
+        leave_ros(executor, node)
+
+
+def leave_ros(executor: Executor | None = None, node: Node | None = None) -> None:
+    """End an executor, its node and rclpy; if it takes longer than `LEAVING_S`, end the process."""
+    with contextlib.suppress(Exception), _in_time():
+        # The executor holds the participant, which would be destroyed after the time limit.
+        if executor is not None:
+            executor.shutdown()
+        if node is not None:
+            node.destroy_node()
+        rclpy.try_shutdown()
 
 
 def _destroy_nodes() -> None:
@@ -240,7 +257,8 @@ def overrides_of(names: Iterable[str], ros: Sequence[str]) -> dict[str, Any]:
             for name in names:
                 node = AlarmNode(name, context=context, enable_rosout=False)
                 found |= overrides(node)
-                node.destroy_node()
+                with _in_time():
+                    node.destroy_node()
     finally:
         context.try_shutdown()
     return found
