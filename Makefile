@@ -79,7 +79,7 @@ sitl-demo: $(VENV)/.sim ## Fly a search with three simulated autopilots: PLANNER
 campaign: $(VENV)/.campaign ## Play a campaign and report it: CONFIG=file OUT=folder
 	@$(BIN)/campaign '$(or $(CONFIG),examples/campaign.yaml)' $(if $(OUT),--out '$(OUT)')
 
-check: lint $(VENV)/.compiled ## Lint, check the types and run the tests without DDS that run in under two seconds
+check: lint $(VENV)/.compiled ## Lint, check the types and run the quick tests without DDS
 	@$(BIN)/pytest $(WITHOUT_NODES) -m 'not slow' $(TESTS_OF_CHECK)
 
 test: lint $(VENV)/.compiled ## Lint, check the types and run all tests; lists the slowest
@@ -98,7 +98,7 @@ lint: $(VENV)/.test ## Lint and check the types
 	@$(BIN)/mypy
 
 coverage: $(VENV)/.compiled $(VENV)/.quality ## Measure which branches the tests take, package by package
-	@$(BIN)/pytest $(WITHOUT_NODES) -m 'not slow' $(TESTS_OF_COVERAGE) --cov
+	@$(BIN)/pytest $(WITHOUT_NODES) $(TESTS_OF_COVERAGE) --cov
 
 mutants: $(VENV)/.test $(VENV)/.quality ## Test the tests of fence, upload and commands by changing those: MUTANTS='name ...'
 	@$(BIN)/mutmut run --max-children 2 $(MUTANTS)

@@ -17,6 +17,8 @@ from hypothesis import HealthCheck, settings
 FOLDER = Path(__file__).resolve().parent
 FIRST = ("test_mavlink_bridge.py", "test_bridge_restarts.py")
 """Of all files those that take longest: by far the most of it they wait for vehicles in flight."""
+WAITING = ("nodes", "cli", "ros_env", "soak", "flight", "dashboard")
+"""Folders whose tests wait for processes most of their time."""
 
 # Where the machine is busy, an example or its making that takes long is no failure.
 settings.register_profile(
@@ -72,11 +74,10 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     What waits is over before the end: no worker is left alone with it.
     """
 
-    def waits(item: pytest.Item) -> bool:
-        has_nodes = item.path.relative_to(FOLDER).parts[0] in ("nodes", "cli", "ros_env", "soak")
-        return has_nodes or item.get_closest_marker("slow") is not None
+    def waits(path: Path) -> bool:
+        return path.relative_to(FOLDER).parts[0] in WAITING
 
-    waiting = {item.path for item in items if waits(item)}
+    waiting = {item.path for item in items if waits(item.path)}
     files = list(dict.fromkeys(item.path for item in items))
     places: dict[Path, float] = {}
     for of_kind, until in (

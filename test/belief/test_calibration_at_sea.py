@@ -91,6 +91,7 @@ def test_pos_is_the_share_of_persons_found(persons: int, ensembles: int) -> None
         assert found[chosen].sum() == pytest.approx(expected, abs=most)
 
 
+@pytest.mark.slow
 def test_pos_does_not_count_what_a_planner_has_chosen_by_chance() -> None:
     too_high: dict[bool, list[float]] = {True: [], False: []}
     for seed in range(12):

@@ -48,6 +48,7 @@ def test_it_is_a_target_belief() -> None:
     assert belief.step == 0 and belief.pos == 0.0 and forecast.side == G + 6
 
 
+@pytest.mark.slow
 @given(looks)
 @settings(deadline=None)
 def test_a_belief_of_one_person_is_bayes_rule_on_the_particles(
@@ -75,6 +76,7 @@ def test_a_belief_of_one_person_is_bayes_rule_on_the_particles(
         belief.advance()
 
 
+@pytest.mark.slow
 @given(looks, st.lists(st.booleans(), min_size=40, max_size=40))
 @settings(deadline=None)
 def test_shares_of_several_persons_stay_probabilities(
@@ -103,6 +105,7 @@ def test_shares_of_several_persons_stay_probabilities(
 cells = st.tuples(st.integers(0, G - 1), st.integers(0, G - 1))
 
 
+@pytest.mark.slow
 @given(st.lists(st.lists(cells, max_size=3), min_size=1, max_size=5), st.floats(0.3, 1.0))
 @settings(deadline=None)
 def test_expected_finds_are_those_of_the_searches_one_after_the_other(
@@ -176,6 +179,7 @@ def greedy_plan(belief: EnsembleBelief, start: tuple[int, int]) -> NDArray[np.in
     return np.array(actions, np.int8)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("pod", [1.0, 0.4])
 def test_as_many_are_found_as_the_pos_says(pod: float) -> None:
     missions = 4000

@@ -106,6 +106,7 @@ def observed(belief: Belief, ended: list[tuple[tuple[int, int], bool]]) -> None:
             search_in_vain(belief, [cell])
 
 
+@pytest.mark.slow
 @settings(deadline=None)
 @given(st.tuples(chances, chances), st.sampled_from([0, 2]), st.booleans(), searches)
 def test_of_two_persons_it_is_known_exactly_who_is_missing_and_where(
@@ -121,6 +122,7 @@ def test_of_two_persons_it_is_known_exactly_who_is_missing_and_where(
         assert belief.pos == pytest.approx(known.pos, abs=1e-9)
 
 
+@pytest.mark.slow
 @settings(deadline=None, max_examples=25)
 @given(st.tuples(chances, chances, chances), st.sampled_from([0, 2]), searches)
 def test_of_three_persons_it_is_known_closely_where_a_search_looks_for_one(

@@ -71,6 +71,7 @@ def test_all_the_rest_of_the_earth_is_outside(lat_deg, lon_deg):
     assert code(waypoint(lat_deg=lat_deg, lon_deg=lon_deg)) == "outside_fence"
 
 
+@pytest.mark.slow
 @given(st.integers(0, 19), st.integers(0, 19), st.sampled_from([16, 19]))
 def test_no_vehicle_is_sent_over_a_cell_outside_the_area_but_may_take_off_there(col, row, command):
     area = tuple("1" * row_of + "0" * (20 - row_of) for row_of in range(20))

@@ -47,6 +47,7 @@ def flown(autopilot: str = "ardupilot", vehicles: int = 1, **options: object) ->
     return fleet
 
 
+@pytest.mark.slow
 @both
 def test_a_search_is_flown_to_its_end_and_the_vehicles_land(autopilot: str) -> None:
     fleet = flown(autopilot, 2)
@@ -54,6 +55,7 @@ def test_a_search_is_flown_to_its_end_and_the_vehicles_land(autopilot: str) -> N
     assert not any(one.lost for one in fleet.controller.followers)
 
 
+@pytest.mark.slow
 @both
 @pytest.mark.parametrize("restart", ["sim", "reset", "bridge", "both"])
 def test_a_second_search_waits_for_a_person(autopilot: str, restart: str) -> None:
@@ -107,6 +109,7 @@ def test_who_holds_after_a_search_holds_on_whatever_is_started_again(
     assert [commands(fleet, number) for number in (ARM, 22)] == starts
 
 
+@pytest.mark.slow
 @both
 def test_with_arm_always_each_search_is_flown(autopilot: str) -> None:
     fleet = flown(autopilot, arm="always")
@@ -117,6 +120,7 @@ def test_with_arm_always_each_search_is_flown(autopilot: str) -> None:
     fleet.until(lambda: fleet.arrived(search))
 
 
+@pytest.mark.slow
 @both
 @pytest.mark.parametrize("restart", ["sim", "bridge", "both", ""])
 @pytest.mark.parametrize("arm", ["true", "always"])
@@ -160,6 +164,7 @@ def test_a_disarm_by_a_person_before_the_take_off_is_theirs(autopilot: str) -> N
     assert "disarmed on the ground" in fleet.controller.followers[0].lost
 
 
+@pytest.mark.slow
 @both
 @pytest.mark.parametrize("found", [True, False])
 def test_a_mode_that_a_pilot_holds_on_the_ground_is_kept(autopilot: str, found: bool) -> None:
@@ -176,6 +181,7 @@ def test_a_mode_that_a_pilot_holds_on_the_ground_is_kept(autopilot: str, found: 
     assert not commands(fleet, ARM)
 
 
+@pytest.mark.slow
 @both
 def test_a_flight_of_somebody_else_after_the_end_is_left_alone(autopilot: str) -> None:
     for again in (False, True):
@@ -210,6 +216,7 @@ def test_a_pilots_hold_in_the_climb_is_his(autopilot: str) -> None:
     assert not moved(fleet, since_s) and vehicle.mode.name == "HOLD"
 
 
+@pytest.mark.slow
 @both
 @pytest.mark.parametrize("seconds", [4.0, 12.0, 40.0])
 def test_after_a_silence_a_vehicle_goes_on_or_is_left_on_its_own_way_home(
@@ -286,6 +293,7 @@ def fault(kind: str, at_s: float, value: str = "") -> object:
     return Fault(kind, at_s, value=value, since_airborne=True)
 
 
+@pytest.mark.slow
 @both
 @pytest.mark.parametrize("what", ["hold", "return", "land"])
 def test_an_operator_is_obeyed_also_when_the_search_is_gone(autopilot: str, what: str) -> None:
@@ -310,6 +318,7 @@ def test_an_operator_is_obeyed_also_when_the_search_is_gone(autopilot: str, what
     assert not moved(fleet, since_s) and fleet.custody() == "taken over"
 
 
+@pytest.mark.slow
 @both
 def test_a_search_of_another_simulation_is_not_followed_in_the_air(autopilot: str) -> None:
     fleet = VirtualFleet(1, autopilot)
@@ -400,6 +409,7 @@ def test_nothing_takes_off_before_everything_can_fly() -> None:
     fleet.until(lambda: all(one.vehicle.armed for one in fleet.flights), 10.0)
 
 
+@pytest.mark.slow
 def test_latched_reports_are_drained_before_one_is_followed() -> None:
     fleet = VirtualFleet(2)
     search = fleet.simulate(7)
@@ -450,6 +460,7 @@ def test_who_disarms_what_was_to_take_off_while_no_bridge_is_there_is_obeyed(
     assert fleet.custody() == "taken over"
 
 
+@pytest.mark.slow
 def test_on_a_mission_each_starts_when_those_above_are_up_and_lands_after_those_below() -> None:
     fleet = VirtualFleet(3, mode="mission")
     search = fleet.simulate(7)
@@ -499,6 +510,7 @@ def test_a_mission_that_was_held_does_not_go_on_and_no_answer_says_that_it_does(
     assert fleet.controller.finished
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("autopilot", "alt_m"), [("ardupilot", 20.0), ("px4", 35.0)])
 def test_a_layer_is_left_on_the_way_home_only_after_a_warning(autopilot: str, alt_m: float) -> None:
     fleet = VirtualFleet(3, autopilot, frame=replace(FRAME, alt_m=alt_m), search_altitude=10.0)
@@ -514,6 +526,7 @@ def test_a_layer_is_left_on_the_way_home_only_after_a_warning(autopilot: str, al
     assert tops_m == pytest.approx([alt_m, return_m, return_m], abs=1.0)
 
 
+@pytest.mark.slow
 def test_a_climb_that_begins_every_return_is_warned_of_in_any_layer() -> None:
     fleet = VirtualFleet(3, search_altitude=10.0)
     fleet.flights[1].vehicle.parameters["RTL_CLIMB_MIN"] = 700.0
@@ -585,6 +598,7 @@ def test_a_state_directory_that_fails_is_reported_until_it_works_again() -> None
     assert fleet.controller.trouble(fleet.now) == ""
 
 
+@pytest.mark.slow
 @both
 def test_without_steps_the_vehicles_hold_until_the_next_one(autopilot: str) -> None:
     fleet = VirtualFleet(2, autopilot, planner_timeout=20.0)

@@ -40,6 +40,7 @@ RECORDS = st.dictionaries(
 
 
 # Each example waits for the disk.
+@pytest.mark.slow
 @settings(max_examples=25)
 @given(records=RECORDS, later=RECORDS)
 def test_what_was_kept_of_a_vehicle_is_known_again(
@@ -80,6 +81,7 @@ def test_two_bridges_do_not_have_one_vehicle(tmp_path: Path) -> None:
     FlightRecords(tmp_path, [2, 3]).close()
 
 
+@pytest.mark.slow
 def test_a_bridge_that_was_killed_has_no_vehicle_any_more(tmp_path: Path) -> None:
     program = (
         "import os, sys; from pathlib import Path\n"

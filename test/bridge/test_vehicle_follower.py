@@ -166,6 +166,7 @@ def test_a_search_is_done_once_for_each_step_that_has_one() -> None:
     assert len(vehicle.orders) == 2
 
 
+@pytest.mark.slow
 @given(st.lists(st.sampled_from([(1, 0), (-1, 0), (0, 1), (0, -1), (0, 0)]), max_size=12))
 def test_every_cell_is_flown_to_in_order_and_none_is_left_before_it_is_reached(
     moves: list[tuple[int, int]],
@@ -690,6 +691,7 @@ EVENTS = [
 ]  # fmt: skip
 
 
+@pytest.mark.slow
 @given(st.lists(st.sampled_from(EVENTS), max_size=25), st.sampled_from(["false", "true"]))
 def test_a_vehicle_takes_off_once_for_each_clearance_whatever_happens(
     events: list[str], arm: str

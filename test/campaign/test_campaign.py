@@ -104,6 +104,7 @@ def finished(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder / "out"
 
 
+@pytest.mark.slow
 def test_missions_are_what_single_ones_are(finished: Path) -> None:
     table = pq.read_table(finished / "missions.parquet").to_pylist()
     expected = list(alone(Campaign.from_dict(SMALL)))
@@ -123,6 +124,7 @@ def test_the_csv_has_what_the_parquet_has(finished: Path) -> None:
     ]
 
 
+@pytest.mark.slow
 def test_the_results_do_not_depend_on_the_number_of_workers_or_on_the_chunks(
     finished: Path, tmp_path: Path
 ) -> None:
@@ -179,6 +181,7 @@ def test_a_damaged_chunk_is_named(tmp_path: Path) -> None:
             results.collect()
 
 
+@pytest.mark.slow
 def test_a_planner_that_fails_is_named_with_the_seeds_of_its_missions() -> None:
     campaign = Campaign.from_dict(SMALL)
     chunk, entry, case, seed = job(campaign, campaign.chunks()[1])

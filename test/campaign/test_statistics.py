@@ -117,6 +117,7 @@ def test_p_values_are_adjusted_by_holm() -> None:
 SIZES = st.lists(st.integers(0, 5), min_size=3, max_size=40)
 
 
+@pytest.mark.slow
 @given(SIZES, st.randoms(use_true_random=False))
 def test_clusters_of_one_mission_each_change_nothing(values: list[int], random: Random) -> None:
     numbers = np.array(values, float)
@@ -172,6 +173,7 @@ def drawn(rng: np.random.Generator, spread: float) -> NDArray[np.float64]:
     return values
 
 
+@pytest.mark.slow
 def test_intervals_of_clusters_hold_as_often_as_the_level_promises() -> None:
     rng = np.random.default_rng(3)
     samples = [drawn(rng, 1.0) for _ in range(1000)]
@@ -186,6 +188,7 @@ def test_intervals_of_clusters_hold_as_often_as_the_level_promises() -> None:
     assert np.mean([one.low <= 0 <= one.high for one in plain]) < 0.6
 
 
+@pytest.mark.slow
 def test_pairs_of_planners_with_other_seeds_hold_as_often_as_the_level_promises() -> None:
     rng = np.random.default_rng(4)
     other = np.arange(400) // 16
@@ -194,6 +197,7 @@ def test_pairs_of_planners_with_other_seeds_hold_as_often_as_the_level_promises(
     assert np.mean([one.low <= 0 <= one.high for one in means]) == pytest.approx(0.9, abs=0.04)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("of", [np.sign, lambda x: np.sign(x) * stats.rankdata(abs(x))])
 def test_planners_that_differ_by_their_seeds_only_are_seldom_found_to_differ(
     of: Callable[[NDArray[np.float64]], NDArray[np.float64]],

@@ -87,6 +87,7 @@ def run(folder: Path, script: str, *options: str) -> subprocess.CompletedProcess
     )
 
 
+@pytest.mark.slow
 def test_a_script_finds_the_package_its_arguments_and_its_neighbours(tmp_path: Path) -> None:
     done = run(tmp_path, SCRIPT, str(tmp_path / "script.py"), "--fast", "1")
     assert (done.stdout, done.returncode) == (
@@ -95,11 +96,13 @@ def test_a_script_finds_the_package_its_arguments_and_its_neighbours(tmp_path: P
     ), done.stderr
 
 
+@pytest.mark.slow
 def test_a_script_for_the_first_version_finds_that(tmp_path: Path) -> None:
     done = run(tmp_path, SCRIPT_V1, "--dsse", "0.1.13", str(tmp_path / "script.py"))
     assert (done.stdout, done.returncode) == ("['drone0', 'drone1']\n", 0), done.stderr
 
 
+@pytest.mark.slow
 def test_pytest_runs_the_packages_own_tests(tmp_path: Path) -> None:
     tests = tmp_path / "DSSE" / "tests"
     tests.mkdir(parents=True)
@@ -111,11 +114,13 @@ def test_pytest_runs_the_packages_own_tests(tmp_path: Path) -> None:
     assert done.returncode == 0 and "1 passed" in done.stdout, done.stdout + done.stderr
 
 
+@pytest.mark.slow
 def test_a_module_finds_its_arguments_and_its_neighbours(tmp_path: Path) -> None:
     done = run(tmp_path, SCRIPT, "-m", "script", "-m", "--dsse")
     assert done.stdout == "__main__ ['-m', '--dsse'] [4, 4, 3, 3]\n", done.stderr
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("options", "line"),
     [

@@ -27,6 +27,7 @@ def test_the_kinds_of_this_package_conform(name: str, rules: str) -> None:
     searcher_test(SEARCHERS[name], rules=rules)
 
 
+@pytest.mark.slow
 @settings(max_examples=12, deadline=None)
 @given(
     st.none() | st.floats(0.3, 40.0),

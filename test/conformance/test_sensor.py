@@ -14,6 +14,7 @@ from dsse_ros.sensors.registry import SENSORS
 from dsse_ros.sensors.sensor import Look, Sensor
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", SENSORS)
 @pytest.mark.parametrize("rules", ["paper", "v1", "v2"])
 def test_the_sensors_of_the_package_keep_their_promises(name: str, rules: str) -> None:

@@ -20,12 +20,14 @@ from dsse_ros.targets.motion import PersonMotion
 from dsse_ros.targets.registry import MOTIONS, TARGET_MODELS
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rules", ["paper", "v1", "v2"])
 @pytest.mark.parametrize("name", TARGET_MODELS)
 def test_shipped_models_keep_their_promises(name: str, rules: str) -> None:
     target_model_test(TARGET_MODELS[name], rules=rules)
 
 
+@pytest.mark.slow
 def test_a_model_need_not_be_registered_and_is_not_afterwards() -> None:
     before = dict(TARGET_MODELS)
     target_model_test(PersonMotion("drifts", move_with_drift, drift_chances, own_drift=True))
@@ -82,6 +84,7 @@ WRONG_MOTIONS = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("broken", WRONG_MOTIONS)
 def test_a_motion_that_breaks_a_promise_is_seen(broken: str) -> None:
     assert set(map(id, WRONG_MOTIONS.values())).isdisjoint(map(id, MOTIONS.values()))

@@ -341,6 +341,7 @@ def test_a_mission_that_has_gone_makes_room_and_one_that_goes_on_does_not(played
     assert list(missions.by_namespace) == ["/a", "/d"]
 
 
+@pytest.mark.slow
 @given(st.data())
 def test_all_missions_together_take_no_more_than_there_is_room_for(
     played: Played, data: Any

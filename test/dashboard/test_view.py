@@ -346,6 +346,7 @@ def test_the_place_of_a_cell_is_that_of_the_messages(page: Shown) -> None:
     assert float(found[3]) * (1 if found[4] == "E" else -1) == pytest.approx(lon, abs=1e-6)
 
 
+@pytest.mark.slow
 def test_the_sea_of_an_incident_is_sent_once_and_wind_and_current_with_each_step() -> None:
     seen = {"lat": -24.0, "lon": -46.0, "time": "2026-01-17T13:00Z", "radius": 300}
     land = [[-46.0, -25.0], [-45.0, -25.0], [-45.0, -23.0], [-46.0, -25.0]]

@@ -52,6 +52,7 @@ def test_its_current_is_a_tide_and_an_eddy(script: dict[str, Any]) -> None:
     assert corner.max() > 0.2 and corner.min() < -0.2
 
 
+@pytest.mark.slow
 def test_a_scenario_drifts_by_it() -> None:
     kayak = Scenario.from_yaml(EXAMPLES.parent / "config" / "kayak.yaml").resolve(profile("sea"))
     eddy = Scenario.from_yaml(EXAMPLES / "kayak_in_eddy.yaml").resolve(profile("sea"))

@@ -54,6 +54,7 @@ OpenDrift 1.14.11 with 100 000 particles after 6 h in steps of 600 s, wind 10 m/
 current .5 m/s to the north."""
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("key", "jibing", "wanted"), OPENDRIFT)
 def test_the_drift_is_that_of_opendrift(
     key: str, jibing: float, wanted: tuple[float, float, float, float]

@@ -73,6 +73,7 @@ def play(script: list[tuple[float, Any]], *, flying: bool, **settings: Any) -> l
     return bench.sent
 
 
+@pytest.mark.slow
 @settings(max_examples=40)
 @given(autopilot=AUTOPILOTS, script=inputs, flying=st.booleans(), seed=st.integers(0, 3))
 def test_no_input_makes_it_fail_and_the_same_input_gives_the_same_bytes(
@@ -82,6 +83,7 @@ def test_no_input_makes_it_fail_and_the_same_input_gives_the_same_bytes(
     assert sent == play(script, autopilot=autopilot, flying=flying, seed=seed)
 
 
+@pytest.mark.slow
 @given(autopilot=AUTOPILOTS, garbage=st.lists(st.binary(max_size=300), max_size=10))
 def test_after_garbage_the_next_message_is_decoded(autopilot: str, garbage: list[bytes]) -> None:
     bench = Bench(autopilot=autopilot)

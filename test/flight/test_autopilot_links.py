@@ -92,6 +92,7 @@ def test_udpin_sends_to_all_peers_that_have_sent() -> None:
             assert client.until("HEARTBEAT").autopilot == 12
 
 
+@pytest.mark.slow
 def test_a_reply_comes_from_the_vehicle_that_got_the_request() -> None:
     with (
         running_autopilot(system=3) as one,
@@ -103,6 +104,7 @@ def test_a_reply_comes_from_the_vehicle_that_got_the_request() -> None:
         assert other_client.request(148, "AUTOPILOT_VERSION", 4).get_srcSystem() == 4
 
 
+@pytest.mark.slow
 def test_on_tcp_nothing_starts_before_a_client_comes() -> None:
     with running_autopilot(link="tcp", speedup=100) as autopilot:
         time.sleep(1.5)
@@ -125,6 +127,7 @@ def test_tcp_serves_one_client_and_then_the_next() -> None:
             third.until("HEARTBEAT")
 
 
+@pytest.mark.slow
 def test_vehicle_time_is_wall_time_times_the_speedup() -> None:
     with running_autopilot(speedup=50) as autopilot, Client(autopilot) as client:
         start_s = time.monotonic()
@@ -155,6 +158,7 @@ def test_with_a_key_only_signed_messages_are_accepted(tmp_path: Path, form: str)
             assert signed.request(148, "AUTOPILOT_VERSION").get_signed()
 
 
+@pytest.mark.slow
 def test_it_ends_by_a_signal_and_with_its_standard_input() -> None:
     with running_autopilot() as autopilot:
         autopilot.process.terminate()

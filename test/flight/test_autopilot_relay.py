@@ -61,6 +61,7 @@ def test_a_change_of_delays_changes_nothing_else(impairments: Impairments, delay
         assert len(one.delays_s()) == len(two.delays_s())
 
 
+@pytest.mark.slow
 def test_shares_are_as_configured() -> None:
     direction = Direction(Impairments(loss=0.3, duplicate=0.2, reorder=0.1), "seed")
     delays = [direction.delays_s() for _ in range(20000)]
@@ -73,6 +74,7 @@ def test_shares_are_as_configured() -> None:
     assert (counts.received, counts.lost, counts.sent) == (20000, lost, len(copies))
 
 
+@pytest.mark.slow
 def test_real_datagrams_are_impaired_as_configured() -> None:
     impairments = {"loss": 0.3, "duplicate": 0.2, "reorder": 0.2}
     expected = Direction(Impairments(**impairments), "5 outward")

@@ -149,6 +149,7 @@ TestAnyExchange = AnyExchange.TestCase
 TestAnyExchange.settings = settings(max_examples=40, stateful_step_count=40, deadline=None)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", EXCHANGES)
 @settings(max_examples=20)
 @given(seed=st.integers(0, 2**32), gap_s=st.sampled_from([0.05, 0.3, 2.0]))

@@ -8,6 +8,7 @@ import pytest
 from fuzz import fuzz
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])
 def test_no_message_of_a_vehicle_raises_or_sets_an_invalid_position(
     autopilot: str,

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import math
 
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -30,6 +31,7 @@ def on_the_leg(metres: float) -> tuple[float, float]:
     return share * 0.002, (START[1] + share * 0.003 + 180) % 360 - 180
 
 
+@pytest.mark.slow
 @given(speed_mps=st.floats(0.5, 30.0), lag_s=st.floats(0.0, 0.7))
 def test_a_vehicle_that_follows_is_led_at_the_speed_to_the_target(
     speed_mps: float, lag_s: float

@@ -116,6 +116,7 @@ def test_a_hold_on_the_ground_sends_nothing(autopilot: str) -> None:
     assert {m.command for _, m in flight.sent if isinstance(m, CommandLong)} <= {INTERVAL, 512}
 
 
+@pytest.mark.slow
 @both
 @pytest.mark.parametrize("order", [Return(), Land()])
 def test_a_return_and_a_landing_are_done_when_the_motors_stand(autopilot: str, order: Any) -> None:
@@ -153,6 +154,7 @@ def test_a_mission_in_the_air_replaces_the_one_that_is_flown(autopilot: str) -> 
     assert flight.off_m(0.0, 0.0) < 4.0
 
 
+@pytest.mark.slow
 @both
 def test_a_mission_flown_before_starts_at_its_first_item_again(autopilot: str) -> None:
     flight = VirtualFlight(autopilot)
@@ -326,6 +328,7 @@ def test_arming_waits_until_the_vehicle_is_ready(autopilot: str) -> None:
     assert len(flight.commands(ARM)) <= 2
 
 
+@pytest.mark.slow
 def test_a_take_off_waits_as_long_as_it_takes_and_reports_for_what() -> None:
     flight = VirtualFlight(vehicle={"ready_s": 900.0})
     flight.give(TakeOff(10.0))
@@ -341,6 +344,7 @@ def test_a_take_off_waits_as_long_as_it_takes_and_reports_for_what() -> None:
     assert flight.state.unready == ""
 
 
+@pytest.mark.slow
 def test_a_vehicle_that_never_has_a_position_is_waited_for_without_a_word_of_its_own() -> None:
     # In STABILIZE ArduCopter needs none: its checks are passed.
     flight = VirtualFlight(vehicle={"gps": False, "ready_s": 5.0})
@@ -405,6 +409,7 @@ def test_a_mission_of_home_alone_is_refused() -> None:
 # The latest order counts
 
 
+@pytest.mark.slow
 @both
 def test_the_latest_order_wins(autopilot: str) -> None:
     flight = flying(autopilot)
@@ -627,6 +632,7 @@ def test_a_return_that_a_pilot_chooses_is_a_take_over_at_once() -> None:
     flight.until(lambda: flight.outcome.status == "taken_over", limit_s=3.0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("order", [Return(), Land()])
 def test_px4_that_falls_into_offboard_by_disarming_has_done_its_order(order: Any) -> None:
     flight = flying("px4")
@@ -722,6 +728,7 @@ def test_a_lost_link_is_reported_and_the_vehicle_flown_on_after_it(autopilot: st
     assert flight.controller.counts["link_lost"] == flight.controller.counts["link_found"] == 1
 
 
+@pytest.mark.slow
 def test_taken_over_while_the_link_was_lost_is_seen_after_it() -> None:
     faults = (Fault("link", 30.0, duration_s=20.0), Fault("pilot", 35.0, value="LOITER"))
     flight = flying(vehicle={"faults": faults})
@@ -751,6 +758,7 @@ def test_a_vehicle_that_does_not_move_fails_the_order(autopilot: str) -> None:
     assert "no progress for 10 s" in flight.outcome.reason
 
 
+@pytest.mark.slow
 @settings(max_examples=12, phases=AS_DRAWN)
 @given(
     autopilot=st.sampled_from(AUTOPILOTS),
@@ -803,6 +811,7 @@ def any_order(flight: VirtualFlight, *, arm: bool = True) -> st.SearchStrategy[A
     )
 
 
+@pytest.mark.slow
 @settings(max_examples=15, phases=AS_DRAWN)
 @given(data=st.data(), seed=st.integers(0, 2**32), autopilot=st.sampled_from(AUTOPILOTS))
 def test_whatever_is_ordered_in_the_end_it_lands(
@@ -818,6 +827,7 @@ def test_whatever_is_ordered_in_the_end_it_lands(
     assert flight.vehicle.landed and not flight.vehicle.armed
 
 
+@pytest.mark.slow
 @settings(max_examples=10, phases=AS_DRAWN)
 @given(data=st.data(), seed=st.integers(0, 2**32), autopilot=st.sampled_from(AUTOPILOTS))
 def test_whatever_is_ordered_nothing_is_armed_unless_it_may_be(
@@ -831,6 +841,7 @@ def test_whatever_is_ordered_nothing_is_armed_unless_it_may_be(
     assert not flight.commands(SET_MODE)
 
 
+@pytest.mark.slow
 @settings(max_examples=15, phases=AS_DRAWN)
 @given(
     data=st.data(),

@@ -238,6 +238,7 @@ def test_without_a_link_it_is_neither_connected_nor_ready_but_last_seen_somewher
     assert state.has_position and state.mode == "GUIDED"
 
 
+@pytest.mark.slow
 @given(st.data(), st.sampled_from(["ardupilot", "px4"]))
 def test_no_message_makes_it_raise(data: st.DataObject, autopilot: str) -> None:
     state = VehicleState()

@@ -52,21 +52,25 @@ def complete(autopilot, channel, runs):
     return done
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("autopilot", NAMES)
 def test_every_upload_is_complete_over_a_link_that_loses_5_percent(autopilot):
     assert complete(autopilot, Channel(loss=0.05), 1000) == 1000
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("autopilot", NAMES)
 def test_uploads_are_complete_over_a_link_that_loses_30_percent_and_doubles_and_reorders(autopilot):
     assert complete(autopilot, BAD_LINK, 1000) >= 0.999 * 1000
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("autopilot", NAMES)
 def test_uploads_are_complete_over_a_link_that_only_doubles_and_reorders(autopilot):
     assert complete(autopilot, Channel(duplicate=0.2, reorder=0.3), 300) == 300
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("autopilot", NAMES)
 def test_no_vehicle_ever_holds_a_mixture_of_a_cancelled_mission_and_the_next(autopilot):
     for seed in range(300):

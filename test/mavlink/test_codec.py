@@ -88,6 +88,7 @@ def chunks(number: int, text: bytes) -> list[bytes]:
 LONG = "RTL: start return at 31 m (30 m above destination), " * 3
 
 
+@pytest.mark.slow
 @both
 @given(data=st.data())
 def test_a_long_text_is_joined_in_whatever_order_it_comes(datagram: bool, data: Any) -> None:
@@ -144,6 +145,7 @@ def test_no_bytes_make_it_raise(pieces: list[bytes], datagram: bool) -> None:
         ours.decode(piece, float(now), datagram=datagram)
 
 
+@pytest.mark.slow
 @both
 def test_a_hundred_thousand_malformed_frames_do_no_harm(datagram: bool) -> None:
     draw, ours, longest_s = random.Random(1), codec(), 0.0

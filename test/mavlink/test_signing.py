@@ -51,6 +51,7 @@ def test_outgoing_messages_are_signed() -> None:
     assert VehicleCodec(7, WRONG_KEY).decode_all(data, datagram=True) == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["forged", "replayed", "unsigned", "old version", "altered"])
 def test_ten_thousand_that_are_not_genuine_are_dropped_and_the_next_genuine_one_is_accepted(
     kind: str,

@@ -51,6 +51,7 @@ def mission() -> Mission:
     return mission
 
 
+@pytest.mark.slow
 def test_the_particles_are_in_their_cells_with_the_weights_of_the_belief(mission: Mission) -> None:
     found = mission.particles()
     assert found is not None and mission.poc_outside is not None
@@ -111,6 +112,7 @@ def test_a_sighting_has_its_place_time_and_circle(mission: Mission) -> None:
     assert texts == [*(flow.label for flow in sea.flows), seen.label]
 
 
+@pytest.mark.slow
 def test_several_sightings_state_their_shares_and_another_day(mission: Mission) -> None:
     before = {"lat": -24.1, "lon": -46.0, "time": "2026-01-16T23:30Z", "weight": 3}
     incident = INCIDENT | {"seen": [before, *INCIDENT["seen"]]}

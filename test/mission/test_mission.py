@@ -39,6 +39,7 @@ def same(a: StepResult, b: StepResult, *, but: tuple[str, ...] = ()) -> bool:
     return all(np.array_equal(getattr(a, name), getattr(b, name)) for name in names)
 
 
+@pytest.mark.slow
 @given(seeds, joints)
 def test_the_same_seed_and_commands_give_the_same_mission(
     seed: int, actions: list[list[int]]
@@ -63,6 +64,7 @@ def test_goals_that_no_moves_in_the_area_lead_to_are_refused() -> None:
     assert refused.code == "outside_area" and "[1, 0]" in refused.reason
 
 
+@pytest.mark.slow
 @given(seeds, joints)
 def test_a_reset_repeats_the_mission_and_time_goes_on(seed: int, actions: list[list[int]]) -> None:
     flown = mission(seed)
@@ -81,6 +83,7 @@ def test_a_reset_repeats_the_mission_and_time_goes_on(seed: int, actions: list[l
     assert stamps[0] == 13 * 10**9
 
 
+@pytest.mark.slow
 @given(seeds, joints, st.integers(0, 14), st.integers(0, 2))
 def test_the_history_is_every_step_with_the_drones_lost_since(
     seed: int, actions: list[list[int]], lost_at: int, drone: int
@@ -119,6 +122,7 @@ def test_the_steps_of_a_mission_out_of_time_are_its_limit(rules: str) -> None:
     assert flown.history.shape == (flown.result.step + 1, 1)
 
 
+@pytest.mark.slow
 @given(seeds, joints)
 def test_the_pos_is_that_of_the_cells_searched(seed: int, actions: list[list[int]]) -> None:
     # Nothing is searched any more when the time is out.
@@ -160,6 +164,7 @@ def test_drones_that_search_one_cell_look_into_it_one_by_one() -> None:
     raise AssertionError("every search has found the person")
 
 
+@pytest.mark.slow
 @given(seeds, joints, joints)
 def test_a_resumed_mission_goes_on_with_its_belief(
     seed: int, before: list[list[int]], after: list[list[int]]

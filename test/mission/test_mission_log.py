@@ -30,6 +30,7 @@ SCENARIO = {
 joints = st.lists(st.lists(st.integers(0, 4), min_size=3, max_size=3), max_size=12)
 
 
+@pytest.mark.slow
 @given(st.integers(0, 2**32), joints)
 def test_what_is_read_is_what_was_flown(
     tmp_path_factory: pytest.TempPathFactory, seed: int, actions: list[list[int]]

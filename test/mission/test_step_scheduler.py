@@ -159,6 +159,7 @@ actions = st.one_of(
 )
 
 
+@pytest.mark.slow
 @given(timings, st.lists(actions, max_size=40), st.floats(0, 1e6))
 def test_a_caller_who_waits_that_long_finds_something_due_and_nothing_before(
     timing: Timing, happenings: list[tuple[str, object]], now: float

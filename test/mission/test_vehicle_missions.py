@@ -120,6 +120,7 @@ def gaps_m(ours: NDArray[Any], theirs: NDArray[Any], limit_m: float) -> NDArray[
     return np.maximum(over_m, 0.0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("planner", PLANNER_NAMES)
 @settings(max_examples=8)
 @given(

@@ -288,6 +288,7 @@ JSON = st.recursive(
 )
 
 
+@pytest.mark.slow
 @given(
     st.text()
     | JSON.map(json.dumps)
@@ -301,6 +302,7 @@ def test_hostile_text_is_refused_in_one_line(text):
     assert str(error.value).isprintable()
 
 
+@pytest.mark.slow
 @given(st.sampled_from([field.name for field in dataclasses.fields(AgentsInfo)]), JSON)
 def test_one_hostile_value_is_taken_or_refused_in_one_line(field, value):
     try:

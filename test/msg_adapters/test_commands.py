@@ -111,6 +111,7 @@ def test_a_path_is_the_cells_it_was_made_from(cells):
     assert commands.parse_path(path(FRAME, cells, STAMP), FRAME) == Accepted(tuple(cells))
 
 
+@pytest.mark.slow
 @given(
     st.builds(
         Path,

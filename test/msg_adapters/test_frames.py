@@ -61,6 +61,7 @@ def test_no_cell_holds_a_point_outside(value):
     assert map_to_cell(SANTOS, 10.0, value) is None
 
 
+@pytest.mark.slow
 @given(FRAMES, st.lists(st.tuples(st.integers(0, 399), st.integers(0, 399)), min_size=1))
 def test_arrays_of_cells_go_where_the_single_cells_go(frame, cells):
     array = np.array(cells)

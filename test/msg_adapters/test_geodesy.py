@@ -89,6 +89,7 @@ def test_east_is_more_longitude_and_north_more_latitude(frame):
     assert lat_north > lat_deg
 
 
+@pytest.mark.slow
 @given(FRAMES, st.lists(st.tuples(DISTANCES_M, DISTANCES_M, HEIGHTS_M), min_size=1, max_size=5))
 def test_arrays_give_what_single_points_give(frame, points):
     x_m, y_m, z_m = np.array(points).T
@@ -118,6 +119,7 @@ def test_the_fix_of_a_cell_is_that_of_its_centre_at_flight_altitude(frame, data)
     assert geodetic_to_map(frame, *fix) == pytest.approx(expected, abs=1e-3)
 
 
+@pytest.mark.slow
 def test_100_000_points_within_50_km_come_back_within_2_cm_at_latitudes_to_80_degrees():
     draw = np.random.default_rng(0)
     for lat_deg, lon_deg in zip(

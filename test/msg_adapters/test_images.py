@@ -43,6 +43,7 @@ def test_a_view_of_a_map_gives_the_same_image_as_a_copy(matrix):
     assert image_of(matrix[::-1].T) == image_of(matrix[::-1].T.copy())
 
 
+@pytest.mark.slow
 @given(MATRICES, st.integers(0, 9))
 def test_big_endian_and_padded_images_are_read_too(matrix, padding):
     message = image_of(matrix)

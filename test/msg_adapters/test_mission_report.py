@@ -28,6 +28,7 @@ SHAPES = st.tuples(st.integers(1, 5), st.integers(1, 4))
 HISTORIES = SHAPES.flatmap(lambda shape: hnp.arrays(HISTORY_DTYPE, shape))
 
 
+@pytest.mark.slow
 @given(HISTORIES, st.integers(1, 2**32 - 1), st.integers(1, 2**32 - 1))
 def test_a_report_has_all_that_it_was_made_of(history, run_id, mission):
     report = make_mission_report(FRAME, run_id=run_id, mission=mission, history=history)
@@ -47,6 +48,7 @@ def test_its_entries_are_those_of_the_step_reports_up_to_all_found():
     assert [MISSION_REPORT_DTYPE[n] for n in names] == [of_step[n] for n in names]
 
 
+@pytest.mark.slow
 @given(SHAPES.flatmap(lambda shape: hnp.arrays(MISSION_REPORT_DTYPE, shape)))
 def test_a_report_comes_back_and_is_written_again_with_the_same_bytes(report):
     message = mission_report_message(FRAME, report, STAMP)

@@ -68,6 +68,7 @@ def test_the_most_probable_cell_is_full(matrix, scaling):
     np.testing.assert_array_equal(occupancy[matrix == matrix.max()], occupancy.max())
 
 
+@pytest.mark.slow
 @given(maps(ANY), st.sampled_from(SCALINGS))
 @example(np.array([[3.4e38, 1e-45]], dtype=np.float32), "linear")
 @example(np.array([[3.4e38, 1e-45]], dtype=np.float32), "log")
@@ -113,6 +114,7 @@ def test_the_map_given_is_left_alone_even_when_read_only():
     assert matrix.tobytes() == before
 
 
+@pytest.mark.slow
 @given(SIZES, st.data())
 def test_the_message_has_a_cell_where_its_map_coordinates_say(size, data):
     col, row = data.draw(st.integers(0, size - 1)), data.draw(st.integers(0, size - 1))

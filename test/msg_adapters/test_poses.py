@@ -70,6 +70,7 @@ def test_a_drone_that_flies_north_faces_north():
     assert poses.yaw_of((0.0, 10.0)) == pytest.approx(math.pi / 2)
 
 
+@pytest.mark.slow
 @given(FRAMES, CELLS)
 def test_a_path_and_a_pose_array_go_through_the_cells_in_order(frame, cells):
     track = poses.path(frame, np.array(cells).reshape(-1, 2), STAMP)
@@ -81,6 +82,7 @@ def test_a_path_and_a_pose_array_go_through_the_cells_in_order(frame, cells):
         assert message.header.frame_id == frame.map_frame and message.header.stamp == STAMP
 
 
+@pytest.mark.slow
 @given(FRAMES, CELLS, CELLS, SPEEDS, SPEEDS)
 def test_a_message_filled_again_equals_a_new_one(frame, cells, others, east, north):
     old, new = (1, 2), (3, 0)

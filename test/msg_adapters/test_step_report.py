@@ -92,6 +92,7 @@ def test_a_report_of_shapes_that_do_not_match_is_refused():
             make_step_report(FRAME, **{**arguments, field: wrong})
 
 
+@pytest.mark.slow
 @given(REPORTS)
 def test_a_report_comes_back_and_is_written_again_with_the_same_bytes(report):
     message = step_report_message(FRAME, report, STAMP)
@@ -100,6 +101,7 @@ def test_a_report_comes_back_and_is_written_again_with_the_same_bytes(report):
     assert step_report_message(FRAME, read, STAMP) == message
 
 
+@pytest.mark.slow
 @given(REPORTS, REPORTS)
 def test_a_report_filled_again_equals_a_new_one(old, new):
     filled = step_report_message(FRAME, old, STAMP)
@@ -197,6 +199,7 @@ FIELDS = st.builds(
 )
 
 
+@pytest.mark.slow
 @given(st.data())
 def test_a_hostile_cloud_is_a_report_or_one_clear_line(data):
     message = step_report_message(FRAME, small_report(), STAMP)

@@ -77,6 +77,7 @@ def test_no_waypoint_and_no_leg_lies_in_a_cell_that_the_drone_was_not_in(seed, m
                 assert (int(col), int(row)) in flown
 
 
+@pytest.mark.slow
 @given(CELLS, st.booleans(), st.data())
 def test_a_search_is_a_descent_a_hold_and_a_climb_over_its_cell(cells, merge_legs, data):
     steps = [(cell, searched) for cell in cells for searched in [False, *data.draw(FLAGS)]]
@@ -127,6 +128,7 @@ def test_ardupilot_numbers_home_and_px4_does_not():
     assert (items[0].lat_deg, items[0].lon_deg) == (-24.0, -46.3)
 
 
+@pytest.mark.slow
 @given(CELLS, st.booleans())
 def test_every_mission_in_the_area_is_inside_its_fence(cells, merge_legs):
     mission = track_mission(FRAME, cells, [True] * len(cells), merge_legs=merge_legs)

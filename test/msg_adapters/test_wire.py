@@ -133,6 +133,7 @@ def text_of(message):
     return json.dumps(plain(message))
 
 
+@pytest.mark.slow
 def test_the_adapters_import_no_node_and_no_mavlink():
     script = (
         "import importlib, pkgutil, sys, msg_adapters\n"

@@ -344,6 +344,7 @@ def test_the_parameters_are_those_of_the_tables(
     assert documented == {k: v for k, v in running.items() if k not in COMMON_PARAMETERS}
 
 
+@pytest.mark.slow
 def test_the_tables_of_parameters_are_what_the_code_makes_of_them() -> None:
     tables = runpy.run_path(str(ROOT / "docs" / "tables.py"))
     texts = {page: (ROOT / page).read_text(encoding="utf-8") for page in tables["PAGES"]}
@@ -431,6 +432,7 @@ def failures(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
     return {Path(path).stem: trace for path, trace in lines}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", PYTHON)
 def test_the_python_on_a_page_runs(failures: dict[str, str], name: str) -> None:
     assert name not in failures, failures[name]

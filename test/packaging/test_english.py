@@ -80,6 +80,7 @@ def odd(name: str, content: str) -> list[str]:
     ]
 
 
+@pytest.mark.slow
 def test_no_file_has_an_odd_phrase() -> None:
     found = [
         line

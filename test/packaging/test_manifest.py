@@ -41,6 +41,7 @@ def test_pip_knows_the_name_and_version_of_the_manifest(manifest: Package) -> No
     assert printed.split() == [manifest.name, manifest.version]
 
 
+@pytest.mark.slow
 def test_every_ros_package_that_is_imported_is_a_dependency(manifest: Package) -> None:
     imported = set()
     for file in (*ROOT.glob("dsse_ros/**/*.py"), *ROOT.glob("msg_adapters/**/*.py")):

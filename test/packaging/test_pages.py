@@ -71,6 +71,7 @@ def is_printed(part: str, pieces: int = 3) -> bool:
     return False
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("message", quoted())
 def test_a_message_on_the_page_is_one_that_a_program_prints(message: str) -> None:
     for part in message.split("..."):

@@ -9,6 +9,7 @@ import re
 from collections.abc import Iterator
 from pathlib import Path
 
+import pytest
 from sros2_policy import COMMANDS, EVERYTHING, policy
 from tree import by_name, files
 
@@ -86,6 +87,7 @@ def ours() -> dict[str, Path]:
     return found
 
 
+@pytest.mark.slow
 def test_no_pickle_is_read_from_a_file() -> None:
     for name, path in ours().items():
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
@@ -107,6 +109,7 @@ def test_no_pickle_is_read_from_a_file() -> None:
     assert [name for name, keywords in loads if keywords.get("allow_pickle") != "False"] == []
 
 
+@pytest.mark.slow
 def test_yaml_is_read_safely() -> None:
     safe = {"yaml.safe_load", "yaml.safe_dump"}
     found = {
@@ -124,6 +127,7 @@ def test_yaml_is_read_safely() -> None:
     assert issubclass(_Loader, yaml.SafeLoader)
 
 
+@pytest.mark.slow
 def test_nothing_that_was_read_is_run() -> None:
     forbidden = re.compile(r"(?:eval|exec|os\.system|os\.popen|subprocess\.getoutput)")
     found = [

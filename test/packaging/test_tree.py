@@ -7,6 +7,7 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
+import pytest
 from tree import ROOT, by_name, files, text
 
 COPYRIGHT = "Copyright 2026 dsse_ros maintainers"
@@ -38,6 +39,7 @@ def test_every_source_file_names_its_copyright_and_its_licence() -> None:
         assert [one for one in sources if line not in "".join(text(one).splitlines()[:3])] == []
 
 
+@pytest.mark.slow
 def test_no_file_points_out_of_the_repository() -> None:
     out = []
     for path in files():

@@ -104,6 +104,7 @@ ANY = re.compile(f"(?<![a-z])(?:{'|'.join(WORDS)})(?![a-z])")
 OF_NAMES = [(re.compile(one), term) for one, term in NAMES.items()]
 
 
+@pytest.mark.slow
 def test_no_file_has_a_private_word() -> None:
     found = [line for name, path in by_name(files()).items() for line in private(name, text(path))]
     assert found == []

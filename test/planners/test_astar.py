@@ -95,6 +95,7 @@ def test_of_all_shortest_ways_it_takes_the_one_with_most_probability() -> None:
     assert next_cell(ACTIONS, left, (0, 2), (4, 2), {(1, 3)}) == (1, 1)
 
 
+@pytest.mark.slow
 def test_a_planner_of_the_other_task_is_refused_in_one_line_that_lists_those_that_are_not() -> None:
     coverage = parallel_env(rules="coverage", grid_size=6)
     for name in PERSON_PLANNERS:

@@ -28,6 +28,7 @@ def requests_of_drones(draw: st.DrawFn) -> tuple[list[Cell], list[Cell], list[li
     return present, requested, around
 
 
+@pytest.mark.slow
 @settings(deadline=None)
 @given(requests_of_drones())
 def test_two_drones_never_get_one_cell(
@@ -76,6 +77,7 @@ def test_drones_move_at_the_same_time(
     assert resolve_conflicts(present, requested) == granted
 
 
+@pytest.mark.slow
 @settings(deadline=None)
 @given(requests_of_drones(), st.data())
 def test_making_room_never_ends_in_one_cell(

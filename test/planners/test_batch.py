@@ -40,6 +40,7 @@ def alone(env: SearchEnv, planner: Planner, seed: int, lost: int | None) -> tupl
     return found, steps if found else limit
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "name",
     ["greedy", "random", "expanding_square", "belief_greedy", "belief", "forward_backward"],
@@ -65,6 +66,7 @@ CROWDED: dict[str, Any] = {"grid_size": 5, "num_drones": 4, "sigma": 2, "timeste
 """Drones are in one another's way, so that routes are left at random."""
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", NAMES)
 @pytest.mark.parametrize("case", ["crowded", "v2", "several"])
 def test_each_mission_has_a_planner_of_its_own_seed_by_default(name: str, case: str) -> None:

@@ -61,6 +61,7 @@ def test_a_planner_that_needs_the_search_is_not_made_of_actions_alone(name: str)
         make_planner(name, parallel_env(**PAPER).rules.actions)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case", CASES)
 @pytest.mark.parametrize("name", PERSON_PLANNERS)
 def test_rules_scenario_and_observations_are_all_that_a_planner_needs(name: str, case: str) -> None:
@@ -73,6 +74,7 @@ def test_rules_scenario_and_observations_are_all_that_a_planner_needs(name: str,
         assert play(env, planners[0], seed) == play(env, planners[1], seed)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", PERSON_PLANNERS)
 def test_where_the_person_is_hidden_changes_nothing_before_it_is_found(name: str) -> None:
     env = parallel_env(**V2)
@@ -82,6 +84,7 @@ def test_where_the_person_is_hidden_changes_nothing_before_it_is_found(name: str
     assert all(steps[:shortest] == played[0][:shortest] for steps in played)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", PERSON_PLANNERS)
 def test_a_new_mission_starts_anew_and_the_same_seed_gives_the_same_mission(name: str) -> None:
     env = parallel_env(**V2, probability_of_detection=0.0)
@@ -102,6 +105,7 @@ def test_a_planner_knows_the_drift_that_a_reset_was_given() -> None:
     assert np.array_equal(planner.belief.poc(), direct.belief.poc())  # type: ignore[attr-defined]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", PERSON_PLANNERS)
 @pytest.mark.parametrize("num_drones", [1, 2, 7, 30, 64])
 def test_no_drone_collides_or_leaves_the_grid(name: str, num_drones: int) -> None:
@@ -144,6 +148,7 @@ def test_a_budget_that_is_used_up_leaves_moves_that_do_not_collide() -> None:
     assert all(len(actions) == 9 for actions in chosen)
 
 
+@pytest.mark.slow
 def test_the_time_that_infos_give_a_decision_is_a_budget_too() -> None:
     env = parallel_env(**{**PAPER, "num_drones": 9}, probability_of_detection=0.0)
     limited = planner_for(env, "belief", **BEAM)
@@ -157,6 +162,7 @@ def test_the_time_that_infos_give_a_decision_is_a_budget_too() -> None:
     assert play(env, planner, 1) != play(env, planner_for(env, "belief", **BEAM), 1)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", PERSON_PLANNERS)
 def test_a_find_is_no_failed_search_while_others_are_missing(name: str) -> None:
     env = parallel_env(**V2, person_amount=3)

@@ -97,6 +97,7 @@ def test_several_drones_enter_each_arc_at_its_nearer_end(
             assert first <= last
 
 
+@pytest.mark.slow
 @settings(deadline=None)
 @given(squares(largest=8), st.data(), action_names)
 def test_one_drone_flies_the_exact_spiral_around_the_most_probable_cell_at_first(

@@ -62,6 +62,7 @@ def foresees(planner: Any, probability: Any) -> bool:
     return done < FIRST_OBSERVED or forecast.most_probable(done) == datum
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("wrong", WRONG)
 @pytest.mark.parametrize("case", CASES)
 def test_the_expected_map_is_the_observed_one_whatever_drift_was_assumed(
@@ -72,6 +73,7 @@ def test_the_expected_map_is_the_observed_one_whatever_drift_was_assumed(
     assert all(foresees(planner, probability) for _, probability in steps(env, planner))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("start", [(9, 8), (1, 9), (2, 10)])
 @pytest.mark.parametrize("case", CASES)
 def test_so_it_is_when_the_datum_has_come_to_the_grids_edge(
@@ -86,6 +88,7 @@ def test_so_it_is_when_the_datum_has_come_to_the_grids_edge(
         assert {0, 11} & set(datum)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("wrong", WRONG)
 def test_the_learned_drift_is_the_true_one(wrong: str) -> None:
     # The datum's last cell leaves one cell in 60 steps open; v1 loses what it does not move by.
@@ -98,6 +101,7 @@ def test_the_learned_drift_is_the_true_one(wrong: str) -> None:
         assert np.abs(np.subtract(learned, true)).max() < 0.1 * np.hypot(*true), case
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case", CASES)
 @pytest.mark.parametrize("name", PERSON_PLANNERS)
 def test_the_right_drift_changes_no_decision(name: str, case: str) -> None:
@@ -110,6 +114,7 @@ def test_the_right_drift_changes_no_decision(name: str, case: str) -> None:
     assert played[0] == played[1]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case", CASES)
 def test_the_searches_so_far_are_kept_when_the_drift_is_learned(case: str) -> None:
     env = sea(case, timestep_limit=40)

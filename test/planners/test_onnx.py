@@ -128,6 +128,7 @@ PUBLISHED: dict[str, Any] = {
 """The search that the model of the package was trained on."""
 
 
+@pytest.mark.slow
 def test_the_model_of_the_package_is_small_and_finds_more_than_the_published_agents() -> None:
     assert SHIPPED.stat().st_size < 2_000_000
     missions = play_missions(600, "onnx", seed=5_000, **PUBLISHED)
@@ -135,6 +136,7 @@ def test_the_model_of_the_package_is_small_and_finds_more_than_the_published_age
     assert missions.steps.mean() < 33
 
 
+@pytest.mark.slow
 def test_the_model_of_the_package_searches_other_grids_with_other_numbers_of_drones() -> None:
     for drones in (1, 7):
         fields = {"rules": "v2", "grid_size": 15, "num_drones": drones}

@@ -45,6 +45,7 @@ def test_without_drones_there_are_no_actions(name: str) -> None:
     assert make_planner(name, STRAIGHT)({}, {}) == {}
 
 
+@pytest.mark.slow
 @settings(deadline=None)
 @given(walks(), names, action_names, st.data())
 def test_no_drone_leaves_the_grid_or_meets_another(
@@ -77,6 +78,7 @@ def test_the_same_seed_gives_the_same_actions(
         assert one.step(planners[0]) == other.step(planners[1])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", sorted(PLANNERS))
 @pytest.mark.parametrize("num_drones", [1, 2, 7, 64])
 @pytest.mark.parametrize("seed", [0, 1])

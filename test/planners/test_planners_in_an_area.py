@@ -33,6 +33,7 @@ FINDING = [name for name, rules in PROFILES.items() if not rules.covers]
 SMALL = {name: {**options, "drift_samples": 4} for name, options in LITTLE_EFFORT.items()}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "rules"), FITTING)
 def test_no_planner_leaves_the_area_or_lets_drones_collide(name: str, rules: str) -> None:
     for seed in range(3):
@@ -138,6 +139,7 @@ def test_every_cell_that_a_drone_can_get_to_is_searched(name: str, drones: int) 
         assert not left.any()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rules", [one for one in FINDING if one != "sea"])
 def test_a_belief_has_nothing_outside_the_area_and_is_where_persons_are(rules: str) -> None:
     for seed in range(4):
@@ -163,6 +165,7 @@ def test_a_belief_has_nothing_outside_the_area_and_is_where_persons_are(rules: s
             belief.advance()
 
 
+@pytest.mark.slow
 def test_an_area_that_is_the_whole_grid_plans_as_without_one() -> None:
     around = geojson_of(np.ones((8, 8), bool))
     for name in sorted({*NAMES} - {*COVERAGE_PLANNERS}):

@@ -107,6 +107,7 @@ def test_a_planner_does_nothing_that_the_masks_forbid(name: str) -> None:
     assert {"searching", "home"} <= statuses
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["greedy", "sweep", "belief"])
 def test_missions_with_faults_are_what_single_ones_are(name: str) -> None:
     fields, seeds, options = {**SEARCH, **FAULTS}, range(6), LITTLE_EFFORT.get(name, {})

@@ -63,6 +63,7 @@ def fly(env: SearchEnv, name: str, seed: int, **options: Any) -> list[list[list[
     return cells
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", FOR_PERSONS)
 @pytest.mark.parametrize("rules", ["paper", "v2"])
 def test_a_planner_flies_a_mix_of_kinds_without_a_collision(name: str, rules: str) -> None:

@@ -24,6 +24,7 @@ PAPER: dict[str, Any] = {
 }  # fmt: skip
 
 
+@pytest.mark.slow
 def test_without_the_extra_one_line_says_what_to_install() -> None:
     code = (
         "import sys; sys.modules['ortools'] = None\n"

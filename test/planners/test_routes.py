@@ -18,6 +18,7 @@ from dsse_ros.planners.routes import MAX_WAIT, RouteFollower
 action_names = st.sampled_from([STRAIGHT, DIAGONAL])
 
 
+@pytest.mark.slow
 @settings(deadline=None, max_examples=200)
 @given(st.data(), st.sampled_from(["sweep", "expanding_square"]), action_names)
 def test_from_any_start_the_whole_grid_is_searched(

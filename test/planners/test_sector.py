@@ -50,6 +50,7 @@ def test_the_first_leg_goes_north_and_the_second_pattern_is_turned_by_30_degrees
     assert bearing(DATUM, fourth[20]) == pytest.approx(30, abs=3)
 
 
+@pytest.mark.slow
 @settings(deadline=None)
 @given(st.integers(1, 20), st.data(), st.integers(1, 9))
 def test_routes_stay_on_the_grid_and_all_begin_at_the_datum(

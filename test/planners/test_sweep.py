@@ -73,6 +73,7 @@ def test_a_share_is_entered_at_its_nearest_corner(
         assert way == min(action_set.distance(cell, corner) for corner in corners)
 
 
+@pytest.mark.slow
 @settings(deadline=None)
 @given(fleets(), action_names)
 def test_from_the_default_start_no_cell_is_searched_twice_before_all_were_once(
@@ -104,6 +105,7 @@ def test_a_drone_searches_on_arrival_and_flies_the_finished_share_backwards(
     assert len(visited) >= 2 * size * size - 1
 
 
+@pytest.mark.slow
 @settings(deadline=None)
 @given(st.data(), action_names)
 def test_when_drones_are_lost_the_others_search_their_own_shares(

@@ -46,6 +46,7 @@ def repeats(mission: ReplayedMission) -> bool:
     return not (mission.difference or mission.incomplete)
 
 
+@pytest.mark.slow
 @settings(max_examples=25)
 @given(
     rules=st.sampled_from(["paper", "v1", "v2"]),
@@ -179,6 +180,7 @@ def test_a_mission_with_faults_repeats_from_its_commands() -> None:
     assert (points["command"] != points["action"]).any()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("rules", "fields"),
     [
@@ -216,6 +218,7 @@ def whole() -> Flown:
     return of
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", sorted({"step_report"} | OF_MISSION.keys() | OF_DRONE.keys()))
 def test_any_changed_byte_of_a_compared_topic_is_found_and_named(whole: Flown, name: str) -> None:
     of_topic = [i for i, one in enumerate(whole.messages) if one.topic.endswith(f"/{name}")]

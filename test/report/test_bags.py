@@ -133,6 +133,7 @@ def metrics_of(
     }
 
 
+@pytest.mark.slow
 def test_the_report_of_a_bag_has_the_numbers_of_the_bag(tmp_path: Path) -> None:
     bag = tmp_path / "mission.mcap"
     env = environment()
@@ -231,6 +232,7 @@ def test_of_several_simulations_one_is_chosen(tmp_path: Path) -> None:
     assert of_b.seed == 2
 
 
+@pytest.mark.slow
 def test_a_bag_that_does_not_say_what_was_searched_needs_a_scenario(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -42,6 +42,7 @@ def frames(draw: st.DrawFn) -> GridFrame:
     )
 
 
+@pytest.mark.slow
 @given(frames())
 def test_cells_are_within_a_centimetre_of_their_place(
     tmp_path_factory: pytest.TempPathFactory, frame: GridFrame

@@ -93,6 +93,7 @@ def expected(steps: Rows, cells_of_area: int, last_step: int) -> dict[str, Any]:
     }
 
 
+@pytest.mark.slow
 @given(
     st.integers(0, 2**32),
     st.sampled_from(["paper", "v2"]),
@@ -130,6 +131,7 @@ def test_metrics_equal_those_of_plain_loops(
         assert (np.diff(getattr(grown, name)) >= 0).all()
 
 
+@pytest.mark.slow
 def test_the_expected_time_is_that_of_the_plan_whenever_luck_has_it_that_somebody_is_found(
     tmp_path: Path,
 ) -> None:

@@ -77,6 +77,7 @@ def report(log: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     return out
 
 
+@pytest.mark.slow
 def test_the_page_is_one_file_that_asks_for_nothing_else(report: Path) -> None:
     html = (report / "report.html").read_text()
     page = Elements(html)

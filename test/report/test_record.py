@@ -187,6 +187,7 @@ def changed(path: Path, cells: dict[str, str]) -> Path:
     return path
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("cells", "says"),
     [

@@ -48,6 +48,7 @@ print("noted" if stop.wanted else "missed")
 OF_TERMINAL = [] if signal.getsignal(signal.SIGHUP) is signal.SIG_IGN else [signal.SIGHUP]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("code", [IN_C, IN_PYTHON], ids=["in C", "in Python"])
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, *OF_TERMINAL])
 @pytest.mark.parametrize("times", [1, 3])
@@ -66,6 +67,7 @@ def test_a_signal_ends_a_program_wherever_it_is(
     assert output == "cleaned up\n"
 
 
+@pytest.mark.slow
 def test_a_program_that_nohup_has_started_outlives_its_terminal() -> None:
     ignored = "import signal\nsignal.signal(signal.SIGHUP, signal.SIG_IGN)\n"
     hung_up = HANDED_OVER.replace("SIGINT", "SIGHUP")
@@ -75,6 +77,7 @@ def test_a_program_that_nohup_has_started_outlives_its_terminal() -> None:
     assert (done.returncode, done.stdout, done.stderr) == (0, "missed\n", "")
 
 
+@pytest.mark.slow
 def test_another_handler_can_take_the_signals_over() -> None:
     done = subprocess.run(
         [sys.executable, "-c", HANDED_OVER], capture_output=True, text=True, timeout=120

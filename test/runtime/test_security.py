@@ -38,6 +38,7 @@ def has_security(tmp_path_factory: pytest.TempPathFactory) -> bool:
     return "security libraries" not in done.stderr
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("variables", "line"),
     [

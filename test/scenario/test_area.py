@@ -116,6 +116,7 @@ def test_the_map_is_that_of_the_whole_grid_cut_to_the_area_and_normalised(
             env.advance(np.array([env.rules.action_set.search]))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rules", PROFILES)
 def test_an_area_of_the_whole_grid_changes_nothing(rules: str) -> None:
     around = [[-25, -47], [-25, -45], [-23, -45], [-23, -47]]
@@ -240,6 +241,7 @@ BOW = [[-24.035, -46.165], [-24.02, -46.15], [-24.035, -46.15], [-24.02, -46.165
 POINT = {"type": "Point", "coordinates": [-46, -24]}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("area", "error"),
     [
@@ -339,6 +341,7 @@ def test_without_the_land_mask_land_is_refused_with_what_to_install(
         parallel_env(land=True, grid_size=3)
 
 
+@pytest.mark.slow
 def test_a_large_grid_is_looked_at_in_parts(
     monkeypatch: pytest.MonkeyPatch, little_memory: Any
 ) -> None:

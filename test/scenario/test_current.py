@@ -75,6 +75,7 @@ def test_the_current_off_santos_is_a_quarter_of_a_metre_per_second(name: str) ->
     assert read_back(scenario.resolve(rules)) == pytest.approx((east, south), rel=3e-3)
 
 
+@pytest.mark.slow
 @variants
 @settings(deadline=None, max_examples=30)
 @given(
@@ -102,6 +103,7 @@ def test_the_datum_moves_as_fast_as_the_current_that_is_read_back(
             assert there == pytest.approx(expected, rel=0.02, abs=2 * least**2 / abs(expected))
 
 
+@pytest.mark.slow
 @variants
 @settings(deadline=None)
 @given(vector=st.tuples(st.floats(-3, 3), st.floats(-3, 3)), drone_speed=st.floats(1, 50))
@@ -144,6 +146,7 @@ def test_a_current_that_the_rules_cannot_drift_by_is_refused_on_one_line(
     assert reason in str(caught.value) and len(str(caught.value).splitlines()) == 1
 
 
+@pytest.mark.slow
 def test_persons_with_a_drift_of_their_own_are_carried_by_a_current_in_metres_per_second() -> None:
     rules = profile("v2", time_out_grace=1000)
     scenario = Scenario.from_yaml(SANTOS).override(

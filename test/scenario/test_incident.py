@@ -37,6 +37,7 @@ def scenario(**changes: Any) -> Scenario:
     return Scenario(incident={**FIELDS, **changes}, particles=2000, timestep_limit=60)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("key", "hours", "wind", "shore"),
     [("PIW-1", 1, 8.0, False), ("SPORT-BOAT", 2, 12.0, False), ("SLDMB", 1, 0.0, False),
@@ -115,6 +116,7 @@ def test_another_altitude_lays_another_grid() -> None:
     assert higher.cell_size == 260.0 and higher.grid_size < resolved.grid_size
 
 
+@pytest.mark.slow
 def test_the_kayak_is_searched_and_a_seed_gives_the_same_mission() -> None:
     world, twin = (World(Scenario.from_yaml(KAYAK), SEA, 2) for _ in range(2))
     for one in (world, twin):
@@ -216,6 +218,7 @@ def write_tracks(path: Path) -> np.ndarray:
     return tracks.lats_deg
 
 
+@pytest.mark.slow
 def test_tracks_of_another_model_are_the_ensemble(tmp_path: Path) -> None:
     write_tracks(tmp_path / "drift.nc")
     stated = {"tracks": str(tmp_path / "drift.nc"), "search_start": FIELDS["search_start"]}
@@ -251,6 +254,7 @@ def pos_and_share_found(made: Scenario, drones: int) -> tuple[float, float]:
     return float(hit[0].mean()), float(hit[1].mean())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("key", ["PIW-1", "LIFE-RAFT-DB-10", "SLDMB"])
 @pytest.mark.parametrize("shore", [None, LAND])
 def test_a_search_finds_as_many_persons_as_its_pos_has_it(key: str, shore: Any) -> None:
@@ -262,6 +266,7 @@ def test_a_search_finds_as_many_persons_as_its_pos_has_it(key: str, shore: Any) 
         assert share == pytest.approx(pos, abs=error)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("truth", [{"wind": {"from": 180, "speed": 8.0}}, {"object": "SPORT-BOAT"}])
 def test_where_truth_has_another_law_a_search_finds_fewer_than_its_pos(truth: Any) -> None:
     made = scenario(truth=truth)

@@ -256,6 +256,7 @@ def test_a_current_flows_towards_its_compass_direction(
     assert scenario.vector == pytest.approx((0.2 * direction[0], 0.2 * direction[1]), abs=1e-12)
 
 
+@pytest.mark.slow
 @settings(deadline=None)
 @given(st.floats(0, 5), st.floats(-360, 360), st.floats(1, 40), st.floats(10, 500))
 def test_a_current_drifts_its_way_of_one_step(
@@ -335,6 +336,7 @@ def test_what_contradicts_itself_is_refused_in_one_line(
             assert name in str(caught.value)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("path", sorted(CONFIG.glob("*.yaml")), ids=lambda path: path.stem)
 def test_every_place_that_comes_with_the_package_can_be_searched(path: Path) -> None:
     env = parallel_env(path)

@@ -9,6 +9,7 @@ from itertools import cycle, islice
 from typing import Any
 
 import numpy as np
+import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from paper_reference import (
@@ -132,6 +133,7 @@ SCRIPTS = st.lists(CHOICES, min_size=1, max_size=10)
 """What drones 0, 1, 2, 3, ... do step by step; drone 3 does as drone 0, and so on."""
 
 
+@pytest.mark.slow
 @settings(deadline=None, max_examples=100)
 @given(missions(), SCRIPTS, st.integers(20, 60), st.integers(0, 2**32 - 1))
 @example(
@@ -186,6 +188,7 @@ def test_every_step_is_that_of_the_reference(
             assert env.positions.tolist() == [list(cell) for cell in reference.drones]
 
 
+@pytest.mark.slow
 @settings(deadline=None, max_examples=30)
 @given(missions(max_drones=3), missions(max_drones=3), st.lists(CHOICES, max_size=12))
 def test_reset_options_state_the_next_mission_and_only_that(

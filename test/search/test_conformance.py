@@ -44,6 +44,7 @@ def test_equal_seeds_pass_for_equal(num_drones: int) -> None:
     seed_test(lambda: aec_env(**swarm(num_drones)), num_cycles=50)
 
 
+@pytest.mark.slow
 @swarms
 def test_every_render_mode_conforms(num_drones: int) -> None:
     render_test(lambda render_mode: aec_env(render_mode=render_mode, **swarm(num_drones)))

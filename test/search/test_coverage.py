@@ -59,6 +59,7 @@ def tasks(draw: st.DrawFn) -> dict[str, Any]:
     }
 
 
+@pytest.mark.slow
 @settings(deadline=None, max_examples=60)
 @given(tasks(), st.integers(0, 2**32))
 def test_a_cell_is_rewarded_once_and_it_ends_when_all_is_covered_or_at_the_limit(
@@ -147,6 +148,7 @@ def test_every_world_of_a_batch_is_the_single_environment_bit_for_bit() -> None:
             assert observed["positions"][b].tolist() == one.positions.tolist()
 
 
+@pytest.mark.slow
 def test_pettingzoo_accepts_it() -> None:
     fields: dict[str, Any] = {"rules": "coverage", "grid_size": 8, "num_drones": 3}
     parallel_api_test(parallel_env(**fields), num_cycles=200)
@@ -154,6 +156,7 @@ def test_pettingzoo_accepts_it() -> None:
     api_test(aec_env(**fields), num_cycles=200)
 
 
+@pytest.mark.slow
 def test_without_a_file_it_is_where_the_persons_are_by_then() -> None:
     env = parallel_env(rules="coverage", vector=(0.1, 0.05), pre_search_minutes=5)
     belief = Belief(Forecast(env.scenario, RULES)).poc()
@@ -236,6 +239,7 @@ def test_options_about_persons_are_refused_where_there_are_none(options: dict[st
     assert env.positions.tolist() == [[3, 2]]
 
 
+@pytest.mark.slow
 def test_a_belief_of_persons_is_refused_in_one_line() -> None:
     for make in (parallel_env, partial(vector_env, 2)):
         with pytest.raises(FieldError, match="^observe must be map with rules cov.* got 'belief'$"):

@@ -64,6 +64,7 @@ def test_persons_follow_tracks_of_the_truth_and_observe_the_map_of_the_particles
             break
 
 
+@pytest.mark.slow
 def test_truth_and_particles_are_drawn_by_different_seeds_of_one_law() -> None:
     scenario, rules = Scenario(grid_size=9), profile("v2", person_motion="constant_drift")
     tracks = tracks_of(scenario.resolve(rules), rules)
@@ -224,6 +225,7 @@ def test_a_reset_that_places_the_person_elsewhere_is_that_scenario(
     assert np.array_equal(env.probability, other.probability)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("planner", ["belief", "belief_greedy", "optimal_effort"])
 def test_planners_find_persons_who_follow_an_ensemble(planner: str) -> None:
     options = {"samples": 512} if planner == "belief" else {}

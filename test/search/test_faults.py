@@ -91,6 +91,7 @@ def test_without_a_fault_there_is_nothing_of_them() -> None:
     assert "conditions" not in env.snapshot().arrays
 
 
+@pytest.mark.slow
 @settings(max_examples=8, deadline=None)
 @given(fault_sets, st.integers(0, 2**32), st.sampled_from(sorted(RULES)))
 def test_the_same_seed_gives_the_same_mission_with_any_faults(
@@ -102,6 +103,7 @@ def test_the_same_seed_gives_the_same_mission_with_any_faults(
     assert_equal(fly(twin, seed), first)
 
 
+@pytest.mark.slow
 @settings(max_examples=10, deadline=None)
 @given(fault_sets, st.integers(0, 2**16), st.integers(1, 2))
 def test_worlds_of_a_batch_are_those_of_single_environments_with_any_faults(

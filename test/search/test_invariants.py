@@ -80,17 +80,20 @@ def play(env: SearchEnv, steps: int, generator: np.random.Generator, *, careful:
     return missions_begun
 
 
+@pytest.mark.slow
 @settings(deadline=None, max_examples=60)
 @given(missions(max_grid=14, max_drones=20), st.integers(0, 999), st.booleans())
 def test_no_play_breaks_the_world(fields: dict[str, Any], seed: int, careful: bool) -> None:
     play(started(seed, **fields), 40, np.random.default_rng(seed), careful=careful)
 
 
+@pytest.mark.slow
 def test_twenty_thousand_steps_of_play_leave_the_world_sound() -> None:
     env = started(1, grid_size=12, num_drones=2, person_amount=2, vector=(0.13, -0.07), sigma=2.5)
     assert play(env, 20000, np.random.default_rng(1), careful=True) > 100
 
 
+@pytest.mark.slow
 def test_one_mission_of_twenty_thousand_steps_stays_sound() -> None:
     env = started(
         2, grid_size=9, drones_positions=[(1, 0)], vector=(0.013, -0.007), timestep_limit=10**6

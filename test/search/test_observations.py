@@ -50,6 +50,7 @@ def test_every_argument_arrives_in_the_scenario() -> None:
     assert scenario.step_duration_s == 2
 
 
+@pytest.mark.slow
 @settings(deadline=None, max_examples=40)
 @given(missions(max_drones=12), st.integers(0, 99))
 def test_observations_lie_in_their_spaces_and_have_their_types(
@@ -306,6 +307,7 @@ def test_an_option_of_none_is_no_option() -> None:
     assert env.world.state_bytes() == other.world.state_bytes()
 
 
+@pytest.mark.slow
 @settings(deadline=None)
 @given(st.data())
 def test_the_most_probable_cells_are_the_end_of_a_stable_sort(data: st.DataObject) -> None:

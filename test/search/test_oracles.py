@@ -68,6 +68,7 @@ def probe(p: np.ndarray) -> float:
     return float((p * (((31 * row + 17 * col) % 101) / 101)).sum())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("version, tolerance", [("v1", 1e-7), ("v2", 1e-6)])
 def test_maps_are_those_of_the_package(version: str, tolerance: float) -> None:
     for case, stored, whole in maps_of(version):
@@ -92,6 +93,7 @@ def test_maps_are_those_of_the_package(version: str, tolerance: float) -> None:
             idle(world)
 
 
+@pytest.mark.slow
 def test_the_datum_of_v2_is_that_of_the_package_in_every_step() -> None:
     with np.load(DATA / "v2_drift.npz") as stored:
         cases, datums = json.loads(str(stored["meta"]))["cases"], stored["datum"]
@@ -193,6 +195,7 @@ def single_moves(version: str) -> list[Any]:
     return [pytest.param(s, id=s["name"]) for s in situations if "person" in s]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "version, situation",
     [
@@ -229,6 +232,7 @@ def test_a_person_moves_as_often_where_as_in_the_package(
     assert chi_square(counts, theirs) < CHI_SQUARE_8_DOF
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("version", ["v1", "v2"])
 def test_a_person_left_to_itself_drifts_where_the_package_drifts(version: str) -> None:
     runs = next(s for s in read(f"{version}_person.json", "situations") if s["name"] == "free_runs")

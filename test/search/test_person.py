@@ -97,6 +97,7 @@ def misfit(
     return statistic, freedom
 
 
+@pytest.mark.slow
 def test_persons_go_where_their_weighted_window_is_best_as_often_as_the_rules_say() -> None:
     fields = {
         "grid_size": 11,
@@ -110,6 +111,7 @@ def test_persons_go_where_their_weighted_window_is_best_as_often_as_the_rules_sa
     assert statistic < chi_square_bound(freedom)
 
 
+@pytest.mark.slow
 def test_the_first_of_equal_cells_wins() -> None:
     # So wide a spread makes all cells of the circle exactly alike.
     fields = {
@@ -126,6 +128,7 @@ def test_the_first_of_equal_cells_wins() -> None:
     assert statistic > chi_square_bound(freedom)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("ratio", [49.8, 99.5, 100.5])
 def test_draws_reach_from_one_to_a_hundred(ratio: float) -> None:
     # Two cells are possible, one `ratio` times less: it wins if its draw is so much the larger.

@@ -28,6 +28,7 @@ from dsse_ros.targets.registry import TARGET_MODELS
 RULES = tuple(PROFILES)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("drones", [1, 8, 100])
 @pytest.mark.parametrize("rules", ["v1", "v2"])
 def test_pettingzoo_accepts_it(rules: str, drones: int) -> None:
@@ -37,11 +38,13 @@ def test_pettingzoo_accepts_it(rules: str, drones: int) -> None:
     api_test(aec_env(**fields))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rules", ["v1", "v2"])
 def test_pettingzoo_can_draw_it(rules: str) -> None:
     render_test(partial(aec_env, rules=rules))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rules", RULES)
 def test_a_million_steps_keep_the_world_whole(rules: str) -> None:
     batch, drones, grid = 2000, 4, 8

@@ -131,6 +131,7 @@ def try_out(scenario: Scenario) -> None:
         assert math.isfinite(total) and abs(total - 1) <= 1e-6
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("field", SCENARIO_FIELDS)
 @settings(deadline=None, max_examples=40)
 @given(value=junk)
@@ -143,6 +144,7 @@ def test_any_value_of_a_scenario_s_field_is_accepted_or_refused(field: str, valu
         assert field in message or field in ("altitude", "field_of_view", "current_speed"), message
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("field", RULE_FIELDS)
 @settings(deadline=None, max_examples=25)
 @given(value=junk)
@@ -153,6 +155,7 @@ def test_any_value_of_a_rule_is_accepted_or_refused(field: str, value: Any) -> N
     assert (refusal(lambda: PAPER.override(**{field: value})) is None) == (message is None)
 
 
+@pytest.mark.slow
 @settings(deadline=None, max_examples=100)
 @given(st.fixed_dictionaries({}, optional=plausible))
 @example({"altitude": 1e-9, "zone_size": 1000.0})
@@ -240,6 +243,7 @@ def test_a_path_that_leads_to_no_file_is_refused(value: str) -> None:
     assert text is not None and "scenario" in text
 
 
+@pytest.mark.slow
 @settings(deadline=None, max_examples=100)
 @given(junk)
 @example(-1)
@@ -397,6 +401,7 @@ def test_a_file_that_is_not_text_is_refused(tmp_path: Path) -> None:
     assert text is not None and str(path) in text
 
 
+@pytest.mark.slow
 @settings(deadline=None, max_examples=100)
 @given(
     st.text(max_size=60)

@@ -211,6 +211,7 @@ def test_in_the_wind_a_slower_drone_takes_whole_steps_and_others_change_their_mi
     assert env.positions[0].tolist() == [4, 0]
 
 
+@pytest.mark.slow
 @settings(max_examples=12, deadline=None)
 @given(MIXES, st.integers(0, 2**16), st.booleans(), st.booleans(), st.integers(1, 2))
 def test_worlds_of_a_batch_are_those_of_single_environments_with_any_kinds(
@@ -241,6 +242,7 @@ def test_worlds_of_a_batch_are_those_of_single_environments_with_any_kinds(
     batch.close()
 
 
+@pytest.mark.slow
 @settings(max_examples=15, deadline=None)
 @given(MIXES, st.integers(0, 2**16), st.booleans(), st.booleans(), st.integers(1, 15))
 def test_a_mission_with_kinds_goes_on_from_a_snapshot_bit_for_bit(

@@ -53,6 +53,7 @@ def test_hidden_states_agree_over_a_thousand_steps_in_two_processes() -> None:
     assert len({line.split()[2] for line in there}) == len(PROFILES) * len(SEEDS)
 
 
+@pytest.mark.slow
 @settings(deadline=None, max_examples=25)
 @given(missions(), st.integers(0, 2**64), st.integers(0, 30), st.integers(0, 99))
 def test_a_seeded_reset_forgets_everything_before_it(

@@ -184,6 +184,7 @@ def test_a_state_that_cannot_be_is_refused_or_survived(rules: str, value: int) -
     assert env.world.state_bytes() == before
 
 
+@pytest.mark.slow
 @settings(max_examples=60)
 @given(st.data())
 def test_a_damaged_snapshot_is_refused(data: st.DataObject) -> None:
@@ -221,6 +222,7 @@ def test_a_missing_file_and_a_foreign_one_are_named(tmp_path: Path) -> None:
             Snapshot.load(tmp_path / name)
 
 
+@pytest.mark.slow
 def test_a_writer_killed_at_any_moment_leaves_a_whole_snapshot(tmp_path: Path) -> None:
     path = tmp_path / "mission.snapshot"
     started(seed=0, **MISSION).snapshot().save(path)

@@ -7,6 +7,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from play import missions, some_actions
@@ -74,6 +75,7 @@ def wrapped(env: Any, encoding: Encoding | None, discount: int, retained: bool) 
     return env if encoding is None else EncodedObservations(env, encoding)
 
 
+@pytest.mark.slow
 @settings(deadline=None, max_examples=60)
 @given(searches(), st.none() | encodings, st.integers(0, 3), st.booleans(), st.integers(0, 2**32))
 def test_what_agents_observe_lies_in_their_spaces_through_any_wrappers(
@@ -92,6 +94,7 @@ def test_what_agents_observe_lies_in_their_spaces_through_any_wrappers(
         observations, *_ = env.step(some_actions(search, rng))
 
 
+@pytest.mark.slow
 @settings(deadline=None, max_examples=60)
 @given(searches(), st.integers(0, 2**32))
 def test_what_agents_observe_in_turn_lies_in_their_spaces(
@@ -109,6 +112,7 @@ def test_what_agents_observe_in_turn_lies_in_their_spaces(
             break
 
 
+@pytest.mark.slow
 @settings(deadline=None, max_examples=60)
 @given(searches(), st.none() | encodings, st.integers(0, 3), st.booleans(), st.integers(0, 2**16))
 def test_what_worlds_of_a_batch_observe_lies_in_their_spaces(
@@ -146,6 +150,7 @@ def test_what_worlds_of_a_batch_observe_lies_in_their_spaces(
             observed, *_ = batch.step(rng.integers(0, len(inner.rules.actions), shape))
 
 
+@pytest.mark.slow
 @settings(deadline=None, max_examples=60)
 @given(searches(), one_array, st.integers(0, 2**16))
 def test_what_slots_observe_lies_in_their_space(

@@ -213,6 +213,7 @@ def test_a_loop_that_holds_the_last_two_observations_makes_no_new_maps() -> None
     assert max(made[:3]) > map_bytes > 4 * max(made[3:])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("grid_size", [511, 512])
 def test_maps_too_large_for_a_cache_are_the_same(grid_size: int) -> None:
     worlds = kernels.STREAMED_BYTES // (4 * grid_size**2) + 1
@@ -428,6 +429,7 @@ def test_closing_ends_the_threads_and_a_later_step_starts_them_again() -> None:
     assert not others()
 
 
+@pytest.mark.slow
 def test_worlds_that_share_scratch_memory_do_not_see_each_others_drones() -> None:
     fields: dict[str, Any] = {"grid_size": 6, "num_drones": DRONES, "lazy": True, "rules": "paper"}
     envs = [vector_env(64, threads=threads, **fields) for threads in (1, 64)]

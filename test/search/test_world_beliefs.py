@@ -106,6 +106,7 @@ def test_the_belief_of_an_environment_is_that_of_its_searches(case: str) -> None
             assert seen.min() >= 0.0 and seen.max() <= 1.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("threads", [1, 2])
 @cases
 def test_world_b_of_a_batch_has_the_belief_of_the_single_environment(
@@ -205,6 +206,7 @@ def test_what_cannot_be_observed_is_named() -> None:
         vector_env(2, grid_size=900, observe="belief")
 
 
+@pytest.mark.slow
 def test_nothing_outside_an_area_is_probable() -> None:
     env = parallel_env(CONFIG / "santos_shore.yaml", observe="belief")
     env.reset(seed=1)

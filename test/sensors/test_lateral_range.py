@@ -21,6 +21,7 @@ laws = st.sampled_from(sorted(LAWS))
 widths = st.floats(0.01, MAX_WIDTH)
 
 
+@pytest.mark.slow
 @given(laws, widths, st.sampled_from(HEADINGS))
 def test_a_straight_path_looks_once_at_each_cell_beside_it(
     law: str, width: float, heading: tuple[int, int]

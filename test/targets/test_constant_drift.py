@@ -16,6 +16,7 @@ from dsse_ros.targets.constant_drift import tracks
 COUNT = 20_000
 
 
+@pytest.mark.slow
 @given(
     st.sampled_from(["paper", "v1", "v2"]),
     st.tuples(st.floats(-3, 3), st.floats(-3, 3)),

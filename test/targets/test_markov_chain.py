@@ -33,6 +33,7 @@ def search(side: int, chain: NDArray[np.float64] | None, **fields: Any) -> dict[
     return {**given, **motion, **fields}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rules", ["paper", "v1", "v2"])
 def test_a_given_chain_keeps_the_promises_of_a_target_model(rules: str) -> None:
     scenario = SCENARIO.override(transition_probabilities=uneven_chain(15))
@@ -52,6 +53,7 @@ def test_a_walk_as_a_chain_gives_the_same_missions_bit_for_bit() -> None:
     assert states[0] == states[1]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["belief", "belief_greedy", "forward_backward"])
 def test_a_walk_as_a_chain_gives_the_same_plans(name: str) -> None:
     missions = []

@@ -32,6 +32,7 @@ def views() -> list[MissionView]:
     return seen
 
 
+@pytest.mark.slow
 def test_a_gif_shows_every_view_and_the_last_one_longer(
     views: list[MissionView], tmp_path: Path
 ) -> None:
@@ -50,6 +51,7 @@ def test_a_gif_shows_every_view_and_the_last_one_longer(
     assert durations == [200, 200, 200, 2200]
 
 
+@pytest.mark.slow
 def test_an_mp4_shows_every_view(views: list[MissionView], tmp_path: Path) -> None:
     path = tmp_path / "mission.mp4"
     movie.save_movie(views, path, fps=5)

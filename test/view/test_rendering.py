@@ -103,6 +103,7 @@ def test_the_text_shows_every_drone_and_person_in_its_cell() -> None:
     assert "step 1" in text and "1 of 2" in text
 
 
+@pytest.mark.slow
 def test_the_pictures_show_what_is_not_searched() -> None:
     north = [[-24.04, -46.17], [-24.04, -46.0], [-24.0355, -46.0], [-24.0355, -46.17]]
     env = started(
@@ -173,6 +174,7 @@ def test_a_picture_of_a_search_that_is_over_says_how_it_ended(
     assert env.view().status.endswith(ends)
 
 
+@pytest.mark.slow
 def test_the_image_shows_drones_and_person_where_they_are() -> None:
     env = started(drones_positions=[(0, 0), (1, 6), (6, 1)], render_mode="rgb_array", **FAR)
     put_person(env, (2, 1))
@@ -199,6 +201,7 @@ def test_the_image_shows_drones_and_person_where_they_are() -> None:
     assert min(shifts["both"]) > 10
 
 
+@pytest.mark.slow
 def test_the_image_shows_the_track() -> None:
     pictures = []
     for actions in ((1, 1, 3, 3), (3, 3, 1, 1)):
@@ -211,6 +214,7 @@ def test_the_image_shows_the_track() -> None:
     assert (pictures[0] != pictures[1]).any(axis=2).sum() > 100
 
 
+@pytest.mark.slow
 def test_the_image_shows_a_person_found_otherwise_than_one_still_at_sea() -> None:
     env = started(drones_positions=[(2, 2)], person_amount=2, render_mode="rgb_array", **FAR)
     put_person(env, (2, 2), 0)
@@ -222,6 +226,7 @@ def test_the_image_shows_a_person_found_otherwise_than_one_still_at_sea() -> Non
     assert len(pixels(picture, AT_SEA)) > 20
 
 
+@pytest.mark.slow
 def test_the_image_follows_the_map() -> None:
     def blue(env: SearchEnv) -> NDArray[np.float64]:
         dark = tuple(round(255 * part) for part in colormaps["Blues"](0.75)[:3])
@@ -237,6 +242,7 @@ def test_the_image_follows_the_map() -> None:
     assert blue(east)[0] > blue(north)[0] + 20
 
 
+@pytest.mark.slow
 def test_an_image_shows_nothing_of_those_before_it() -> None:
     """One renderer draws all images of an environment; a new one draws the same at any time."""
     env = started(
@@ -263,6 +269,7 @@ def test_an_image_shows_nothing_of_those_before_it() -> None:
     assert len(pixels(picture_of(env), FOUND)) == 0
 
 
+@pytest.mark.slow
 def test_an_image_that_was_returned_stays_as_it_is() -> None:
     env = started(render_mode="rgb_array", **FAR)
     picture = picture_of(env)
@@ -295,6 +302,7 @@ def test_a_view_counts_the_searches_of_each_cell() -> None:
     assert env.view().searches is not None and not env.view().searches.any()
 
 
+@pytest.mark.slow
 def test_the_image_shows_how_often_a_cell_was_searched() -> None:
     env = started(drones_positions=[(0, 0)], render_mode="ansi", **FAR)
     view, pictures = env.view(), []
@@ -328,6 +336,7 @@ def test_drones_keep_colours_that_differ_in_lightness_or_hue_to_the_colour_blind
     assert apart[~np.eye(len(seen), dtype=bool)].min() > 0.1
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("lat", "lon", "top", "right"),
     [
@@ -397,6 +406,7 @@ def test_a_view_is_right_after_the_render_mode_was_switched_off_and_on() -> None
     assert env.view().tracks[0, -1].tolist() == env.positions[0].tolist()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", [r"$\foo$", "$^$", "a $5 and $6", "{x}%"])
 def test_any_name_can_stand_over_a_picture(name: str) -> None:
     started(name=name, render_mode="rgb_array", **FAR).render()
@@ -427,6 +437,7 @@ def test_a_picture_can_be_saved(tmp_path: Path) -> None:
     assert len(pixels(picture, drone_colour(1))) > 20
 
 
+@pytest.mark.slow
 def test_a_window_shows_the_present_and_draws_texts_only_when_they_change() -> None:
     env = started(drones_positions=[(1, 1), (3, 6)], render_mode="ansi", **FAR)
     put_person(env, (7, 7))
@@ -479,6 +490,7 @@ def test_a_window_shows_no_more_pictures_a_second_than_render_fps() -> None:
     assert float(printed) >= 3.99
 
 
+@pytest.mark.slow
 def test_the_search_needs_no_matplotlib_and_pictures_say_that_they_do() -> None:
     printed = run(
         "import sys\n"
@@ -506,6 +518,7 @@ def test_the_search_needs_no_matplotlib_and_pictures_say_that_they_do() -> None:
         assert "matplotlib" in line and "pip install" in line
 
 
+@pytest.mark.slow
 def test_importing_the_search_imports_no_ros_and_no_matplotlib() -> None:
     printed = run(
         "import sys, dsse_ros.search\n"

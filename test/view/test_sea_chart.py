@@ -60,6 +60,7 @@ def test_a_sighting_is_a_fix_in_its_circle_or_an_arrow_to_where_it_is_off_the_ma
     assert any(len(one) > 20 and np.allclose(one, 0.2) for one in far)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("x", [10.0, 600.0, 1160.0])
 @pytest.mark.parametrize("y", [10.0, 600.0, 1160.0])
 def test_no_label_of_a_sighting_is_cut(x: float, y: float) -> None:
