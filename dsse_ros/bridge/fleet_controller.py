@@ -247,16 +247,18 @@ class FleetController(SearchListener):
     def _operate(
         self, drone: int | None, what: str, act: Callable[[VehicleCustody], str]
     ) -> tuple[bool, str]:
-        done, refused = [], []
+        done: dict[str, list[str]] = {}
+        refused = []
         for i, (name, follower, _) in enumerate(self._each()):
             if drone in (None, i):
                 why = act(follower.custody)
-                self._serve(i, self._now_s)
                 if why:
                     refused.append(f"{name}: {why}")
                 else:
-                    done.append(name)
-        text = "; ".join([*([f"{what}: {', '.join(done)}"] if done else []), *refused])
+                    kept = follower.custody.state is Custody.TAKEN
+                    done.setdefault("kept on the ground" if kept else what, []).append(name)
+                self._serve(i, self._now_s)
+        text = "; ".join([*(f"{did}: {', '.join(names)}" for did, names in done.items()), *refused])
         self._log("warning", f"operator: {text}")
         return bool(done), text
 

@@ -293,6 +293,17 @@ def fault(kind: str, at_s: float, value: str = "") -> object:
     return Fault(kind, at_s, value=value, since_airborne=True)
 
 
+@both
+@pytest.mark.parametrize("what", ["hold", "return", "land"])
+def test_an_answer_does_not_say_that_a_vehicle_on_the_ground_was_ordered_to_move(
+    autopilot: str, what: str
+) -> None:
+    fleet = VirtualFleet(2, autopilot)
+    fleet.wait(3.0)
+    answer = fleet.controller.operate(None, what)
+    assert answer == (True, "kept on the ground: drone0, drone1")
+
+
 @pytest.mark.slow
 @both
 @pytest.mark.parametrize("what", ["hold", "return", "land"])
