@@ -14,7 +14,6 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.lib.recfunctions import repack_fields
 from numpy.typing import NDArray
 
 from dsse_ros.compiled.overloads import specialized
@@ -430,8 +429,12 @@ class World(Rebound):
 
     def state_bytes(self) -> bytes:
         """Return the complete state as bytes, for comparison."""
-        # Repack the records: the padding between fields has arbitrary content.
-        return b"".join(repack_fields(array).tobytes() for array in self._state().values())
+        # Field by field, because the padding between fields has arbitrary content.
+        return b"".join(
+            array[field].tobytes()
+            for array in self._state().values()
+            for field in array.dtype.names or (...,)
+        )
 
     def info_columns(self, world: int, drones: Sequence[int]) -> dict[str, Iterable[Any]]:
         """Return the infos of drones of a world by key, besides `Found` and `action_mask`.

@@ -219,7 +219,7 @@ def test_an_operator_commands_vehicles_and_gets_what_the_bridge_answers(mission:
             assert json.loads(service[part]["schema"])["type"] == "object"
     everybody = ", ".join(f"drone{i}" for i in range(DRONES))
     assert client.call("/mavlink_bridge/hold", {}) == {
-        "success": True, "message": f"ordered to hold: {everybody}",
+        "success": True, "message": f"kept on the ground: {everybody}",
     }  # fmt: skip
     assert client.call("/drone2/arm", {"data": False}) == {
         "success": True, "message": "kept on the ground: drone2",
