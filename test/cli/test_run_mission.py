@@ -35,6 +35,15 @@ def start(out: Path, *arguments: str, domain: int | None = None) -> Process:
     return Process([*command, *arguments], out / "console.log", domain or free_domain())
 
 
+def end(run: Process) -> None:
+    """End a mission that a failed test has left behind, with its nodes."""
+    run.signal(signal.SIGINT)
+    try:
+        run.wait()
+    except subprocess.TimeoutExpired:
+        run.kill()
+
+
 def until(condition: Callable[[], bool]) -> None:
     deadline = time.monotonic() + TIMEOUT_S
     while not condition():
@@ -79,8 +88,7 @@ def flown(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
             assert run.wait() == 0, run.output
     finally:
         for run in runs:
-            if run.running:
-                run.kill()
+            end(run)
     return outs
 
 
@@ -216,7 +224,7 @@ def test_no_node_outlives_its_mission(tmp_path: Path) -> None:
         until(lambda: all(gone(pid) for pid in nodes.values()))
         assert "Traceback" not in run.output
     finally:
-        run.kill()
+        end(run)
 
 
 def test_a_simulation_that_dies_ends_the_mission_with_code_1(tmp_path: Path) -> None:
@@ -230,7 +238,7 @@ def test_a_simulation_that_dies_ends_the_mission_with_code_1(tmp_path: Path) -> 
         assert line.startswith("run_mission: sim_node ended with code -9")
         until(lambda: gone(nodes["planner_node"]))
     finally:
-        run.kill()
+        end(run)
 
 
 def test_a_simulation_that_refuses_to_start_is_quoted(tmp_path: Path) -> None:
@@ -305,7 +313,7 @@ def test_ros_arguments_count_for_all_and_the_same_seed_gives_the_same_csv(tmp_pa
     try:
         assert run.wait() == 0, run.output
     finally:
-        run.kill()
+        end(run)
     assert "of 9\n" in run.output and "step 9/9 " in run.output.replace("\r", "\n")
     assert {row["agent"] for row in rows(tmp_path)} == {"drone0", "drone1", "person0"}
     assert "INFO" not in (tmp_path / "sim_node.log").read_text()
@@ -316,5 +324,5 @@ def test_ros_arguments_count_for_all_and_the_same_seed_gives_the_same_csv(tmp_pa
     try:
         assert other.wait() == 0, other.output
     finally:
-        other.kill()
+        end(other)
     assert (tmp_path / "mission.csv").read_bytes() == (plain / "mission.csv").read_bytes()
