@@ -420,7 +420,7 @@ class FleetController(SearchListener):
         """Whether nothing is left to do in the search."""
         return bool(self.followers) and all(follower.finished for follower in self.followers)
 
-    def _left_layer(self, i: int) -> str:
+    def _leaves_layer(self, i: int) -> str:
         """Return why a vehicle that returns by itself would leave its layer; empty if it stays."""
         if self.plan is None or len(self._vehicles) == 1:
             return ""
@@ -445,7 +445,8 @@ class FleetController(SearchListener):
         name, follower = self.names[i], self.followers[i]
         if follower.custody.state is not before:
             self._log("info", f"{name}: {before.value} -> {_shown(follower)}")
-        reasons = (follower.lost, follower.refused, follower.blocked, self._left_layer(i))
+        follower.leaves_layer = self._leaves_layer(i)
+        reasons = (follower.lost, follower.refused, follower.blocked, follower.leaves_layer)
         for (level, what), reason, logged in zip(_NEWS, reasons, self._logged[i], strict=True):
             if reason and reason != logged:
                 self._log(level, f"{name}{what}: {reason}")

@@ -23,7 +23,7 @@ def health(
 
     Args:
         vehicles: Number of vehicles.
-        named: Names of the vehicles that do not follow their drones, by reason, which is one word;
+        named: Names of the vehicles that need attention, by the reason, which is one word;
             `unreachable` for a connection that cannot be used.
         following: Whether the bridge follows a search.
         alive: Whether a simulation is running.

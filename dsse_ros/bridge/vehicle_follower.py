@@ -71,6 +71,7 @@ class VehicleFollower:
         ready: Whether it could take off now if the other vehicles allow it.
         risen: Whether it has been at its altitude in this search.
         finished: Whether it has nothing left to do in this search.
+        leaves_layer: Why it would leave its layer to return by itself; empty if it would not.
     """
 
     def __init__(
@@ -92,6 +93,7 @@ class VehicleFollower:
         self._whole = whole
         self._take_off_alt_m = 0.0
         self._fence: Fence | None = None
+        self.leaves_layer = ""
         self._forget_search()
         self.custody = VehicleCustody(
             autopilot,

@@ -94,8 +94,9 @@ class BridgePublishers:
             progress = Progress(leg.stamp_ns, arrived_ns, follower.lost, state.battery, run_id)
         refused, blocked = trouble or follower.refused, follower.blocked
         news = (
-            progress, refused, blocked, custody, outcome, state.mode, state.armed, state.connected,
-            state.ready, state.flying, state.item_reached, vehicle.trouble,
+            progress, refused, blocked, follower.leaves_layer, custody, outcome, state.mode,
+            state.armed, state.connected, state.ready, state.flying, state.item_reached,
+            vehicle.trouble,
         )  # fmt: skip
         before, published_s = self._last.get(i, (None, -math.inf))
         if news == before and now_s - published_s < STATE_S:
@@ -105,7 +106,7 @@ class BridgePublishers:
         percent = 100.0 * state.battery
         frame_id = base_link(self._names[i], self._frame_prefix)
         self._batteries[i].publish(battery_state(stamp, frame_id, percent, flying=state.flying))
-        level, message = _summary(vehicle, progress.lost, refused, blocked)
+        level, message = _summary(vehicle, progress.lost, refused, blocked, follower.leaves_layer)
         values: dict[str, object] = {
             "custody": custody,
             "connected": _text(state.connected),
@@ -121,6 +122,7 @@ class BridgePublishers:
             "reason": outcome.reason,
             "refused": refused,
             "blocked": blocked,
+            "leaves_layer": follower.leaves_layer,
             "return_altitude": f"{state.return_alt_m:g}",
             "item_current": state.item_current,
             "item_reached": state.item_reached,
@@ -174,6 +176,7 @@ class BridgePublishers:
             "lost": names(lambda one: one.lost),
             "refused": names(lambda one: one.refused),
             "blocked": names(lambda one: one.blocked),
+            "leaves_layer": names(lambda one: one.leaves_layer),
             "unreachable": [name for name, vehicle in pairs if vehicle.trouble],
         }
         level, message = health(
@@ -200,7 +203,9 @@ class BridgePublishers:
         )
 
 
-def _summary(vehicle: Vehicle, lost: str, refused: str, blocked: str) -> tuple[Level, str]:
+def _summary(
+    vehicle: Vehicle, lost: str, refused: str, blocked: str, leaves_layer: str
+) -> tuple[Level, str]:
     """Return the level and the summary of a vehicle's state."""
     state, outcome = vehicle.state, vehicle.outcome
     if lost:
@@ -215,6 +220,8 @@ def _summary(vehicle: Vehicle, lost: str, refused: str, blocked: str) -> tuple[L
         return "warning", f"waits: {blocked}"
     if state.failsafe or outcome.status in ("failed", "taken_over", "failsafe"):
         return "warning", f"{outcome.status}: {outcome.reason} {state.failsafe}".strip()
+    if leaves_layer:
+        return "warning", leaves_layer
     return "ok", f"{state.mode}: {outcome.reason or outcome.status}"
 
 

@@ -534,6 +534,8 @@ def test_a_layer_is_left_on_the_way_home_only_after_a_warning(autopilot: str, al
     assert len(warned) == 1
     assert f"drone2: altitude must be at least {return_m:g} m, the vehicle's RTL_" in warned[0]
     assert warned[0].endswith(f"got {lowest_m:g}")
+    leaves = [follower.leaves_layer for follower in fleet.controller.followers]
+    assert leaves[:2] == ["", ""] and leaves[2] in warned[0] and leaves[2]
     assert tops_m == pytest.approx([alt_m, return_m, return_m], abs=1.0)
 
 
