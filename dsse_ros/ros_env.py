@@ -141,7 +141,7 @@ class DsseRosEnv(AgentSpaces, ParallelEnv[str, AgentObservation, int]):
         self._set: Client = node.create_client(SetParameters, f"{node_name}/set_parameters")
         get: Client = node.create_client(GetParameters, f"{node_name}/get_parameters")
         deadline_s = time.monotonic() + self.timeout_s
-        answer = self._call(get, GetParameters.Request(names=list(_NEEDED)), deadline_s)
+        answer = self._call(get, GetParameters.Request(names=list(_NEEDED)), deadline_s, again=True)
         for (name, needed), value in zip(_NEEDED.items(), answer.values, strict=True):
             if (found := parameter_value_to_python(value)) != needed:
                 raise FieldError(f"{name} of {node_name} must be {needed!r}, got {found!r}")
@@ -185,7 +185,7 @@ class DsseRosEnv(AgentSpaces, ParallelEnv[str, AgentObservation, int]):
         deadline_s = time.monotonic() + self.timeout_s
         parameter = Parameter("seed", value=seed).to_parameter_msg()
         request = SetParameters.Request(parameters=[parameter])
-        for result in self._call(self._set, request, deadline_s).results:
+        for result in self._call(self._set, request, deadline_s, again=True).results:
             if not result.successful:
                 raise FieldError(f"seed: the node refuses it: {result.reason}")
         self._inbox.forget_step()
@@ -350,21 +350,38 @@ class DsseRosEnv(AgentSpaces, ParallelEnv[str, AgentObservation, int]):
 
     # Waiting
 
-    def _call(self, client: Client, request: Any, deadline_s: float) -> Any:
+    def _call(self, client: Client, request: Any, deadline_s: float, *, again: bool = False) -> Any:
         """Return the answer of a service.
+
+        Args:
+            client: Of the service.
+            request: Of the service.
+            deadline_s: On the steady clock.
+            again: Whether to repeat the request until there is an answer. A killed node seems ready
+                for some seconds, so that its successor may not get the first request.
 
         Raises:
             TimeoutError: If there is none in time.
         """
         name = self._node.resolve_service_name(client.srv_name)
         self._wait(client.service_is_ready, f"service {name}", deadline_s)
-        future = client.call_async(request)
+        futures: list[Any] = []
+
+        def send() -> None:
+            futures.append(client.call_async(request))
+
+        def answered() -> Any:
+            return next((future for future in futures if future.done()), None)
+
+        send()
         try:
-            self._wait(future.done, f"answer of service {name}", deadline_s)
-        except TimeoutError:
-            client.remove_pending_request(future)
-            raise
-        return future.result()
+            done = self._wait(
+                answered, f"answer of service {name}", deadline_s, send if again else None
+            )
+        finally:
+            for future in futures:
+                client.remove_pending_request(future)
+        return done.result()
 
     def _wait(
         self,

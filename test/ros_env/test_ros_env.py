@@ -282,6 +282,21 @@ def test_a_killed_node_is_an_error_within_ten_seconds_and_a_new_one_is_noticed(r
         env.close()
 
 
+def test_a_request_that_a_killed_node_was_sent_is_repeated(
+    env: DsseRosEnv, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    client, sent = env._set, []
+    call = client.call_async
+
+    def call_async(request: Any) -> Any:
+        sent.append(request)
+        return call(request) if len(sent) > 1 else rclpy.Future()
+
+    monkeypatch.setattr(client, "call_async", call_async)
+    assert_equal(env.reset(seed=1), direct("paper").reset(seed=1))
+    assert len(sent) > 1
+
+
 def test_a_simulation_that_is_not_there_is_named(rig: Rig) -> None:
     with pytest.raises(
         TimeoutError, match="no service /nowhere/sim_node/get_parameters within 0.2 s"
