@@ -41,6 +41,7 @@ _NEWS: tuple[tuple[Level, str], ...] = (
     ("error", " is lost"), ("warning", ""), ("info", " waits"), ("warning", "")
 )  # fmt: skip
 """How news of a vehicle are logged: why it is lost, refused, blocked, and where it returns."""
+_KEPT = "kept on the ground"
 _NOT_ENDED = ("under_way", "silent", "done", "failed")
 
 Log = Callable[[Level, str], None]
@@ -230,7 +231,7 @@ class FleetController(SearchListener):
         def act(custody: VehicleCustody) -> str:
             return custody.clear(alone=drone is not None) if data else custody.ground()
 
-        return self._operate(drone, "cleared to fly" if data else "kept on the ground", act)
+        return self._operate(drone, "cleared to fly" if data else _KEPT, act)
 
     def operate(self, drone: int | None, what: str) -> tuple[bool, str]:
         """Make vehicles `hold`, `return` or `land`, whatever the search does.
@@ -256,7 +257,7 @@ class FleetController(SearchListener):
                     refused.append(f"{name}: {why}")
                 else:
                     kept = follower.custody.state is Custody.TAKEN
-                    done.setdefault("kept on the ground" if kept else what, []).append(name)
+                    done.setdefault(_KEPT if kept else what, []).append(name)
                 self._serve(i, self._now_s)
         text = "; ".join([*(f"{did}: {', '.join(names)}" for did, names in done.items()), *refused])
         self._log("warning", f"operator: {text}")
@@ -296,6 +297,7 @@ class FleetController(SearchListener):
         before = follower.custody.state
         order = self._isolated(i, self._next_order, i, now_s)
         self._isolated(i, self._call_off, follower, vehicle)
+        follower.leaves_layer = self._leaves_layer(i)
         self._log_news(i, before)
         # Record the change before any message shows it, so that a restarted bridge knows it.
         self._keep_records()
@@ -445,7 +447,6 @@ class FleetController(SearchListener):
         name, follower = self.names[i], self.followers[i]
         if follower.custody.state is not before:
             self._log("info", f"{name}: {before.value} -> {_shown(follower)}")
-        follower.leaves_layer = self._leaves_layer(i)
         reasons = (follower.lost, follower.refused, follower.blocked, follower.leaves_layer)
         for (level, what), reason, logged in zip(_NEWS, reasons, self._logged[i], strict=True):
             if reason and reason != logged:

@@ -51,7 +51,6 @@ def over() -> Iterator[dict[str, Any]]:
         rclpy.shutdown()
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("order", itertools.permutations(TYPES))
 def test_the_last_line_has_all_of_the_last_step_in_whatever_order_it_comes(
     over: dict[str, Any], order: tuple[str, ...]

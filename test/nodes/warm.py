@@ -16,6 +16,6 @@ _mission.prepare_belief()
 _mission.advance("stay")
 
 # A node's first log line looks through the files of all modules for its caller's.
-inspect.getframeinfo(inspect.stack()[0].frame)
+inspect.stack()
 # A collection in a forked node would copy every page that holds an object of these.
 gc.freeze()
