@@ -38,11 +38,6 @@ class EnsembleForecast(ForecastBase):
         horizon: Number of steps after the present one that are available.
         planning: Whether the particles are those of planners, see `tracks_of`.
 
-    Attributes:
-        cells: (T, M, 2) int16, cells (x, y) of the particles by step of the sea.
-        weights: (M,) float64, weights of the particles.
-        maps: (T, G, G) float32, see `SeaTracks`.
-
     Raises:
         FieldError: If the ensemble would take too much memory.
     """
@@ -55,7 +50,22 @@ class EnsembleForecast(ForecastBase):
         tracks = tracks_of(self.scenario, rules, planning=planning)
         if tracks is None:
             raise ValueError(f"person_motion must be an ensemble, got {rules.person_motion!r}")
-        self.cells, self.weights, self.maps = tracks.particles, tracks.weights, tracks.maps
+        self._tracks = tracks
+
+    @property
+    def cells(self) -> NDArray[np.int16]:
+        """(T, M, 2) int16, cells (x, y) of the particles by step of the sea."""
+        return self._tracks.particles
+
+    @property
+    def weights(self) -> NDArray[np.float64]:
+        """(M,) float64, weights of the particles."""
+        return self._tracks.weights
+
+    @property
+    def maps(self) -> NDArray[np.float32]:
+        """(T, G, G) float32, see `SeaTracks`."""
+        return self._tracks.maps
 
     @cached_property
     def positions(self) -> NDArray[np.float32]:
@@ -64,10 +74,16 @@ class EnsembleForecast(ForecastBase):
 
     @cached_property
     def columns(self) -> NDArray[np.int32]:
-        """(T, M) int32, `cells` as columns; a particle off the grid is in the nearest margin."""
+        """(T, M) int32, `cells` as columns; a particle off the grid is in the nearest margin.
+
+        One outside the area is in the first column, where nobody looks.
+        """
         # The outermost cells stay empty.
         within = np.clip(self.cells, 1 - MARGIN, self.side - MARGIN - 2).astype(np.int32) + MARGIN
         columns: NDArray[np.int32] = within[..., 1] * self.side + within[..., 0]
+        if self.area is not None:
+            searched = np.pad(self.area, MARGIN, constant_values=True).ravel()
+            columns[~searched[columns]] = 0
         return columns
 
     @cached_property
@@ -140,8 +156,9 @@ class EnsembleBelief(BeliefBase):
 
     def _updated(self, *arguments: Any) -> float:
         pos: float = particle_kernels.learn(
-            self.forecast.constants, self._cells(), self.density, self.forecast.weights, *arguments
-        )
+            self.forecast.constants, self.forecast.area, self._cells(), self.density,
+            self.forecast.weights, *arguments,
+        )  # fmt: skip
         return pos
 
     def poc(self) -> NDArray[np.float64]:

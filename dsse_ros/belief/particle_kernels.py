@@ -31,7 +31,7 @@ from dsse_ros.targets.sea_map import is_open
 
 @part
 def learn_look(
-    c, cells, weights, pods, class_of, missing, unfound, numbers, hazard, x, y, found
+    c, area, cells, weights, pods, class_of, missing, unfound, numbers, hazard, x, y, found
 ):  # fmt: skip
     """Update the weights with the outcome of the search of a cell.
 
@@ -39,6 +39,7 @@ def learn_look(
 
     Args:
         c: The constants.
+        area: Of `kernels.Sea`.
         cells: (M, 2) int16.
         weights: (C, M) float64, in and out.
         pods: (C,) float64, POD of this search.
@@ -47,11 +48,11 @@ def learn_look(
         unfound: (n,) float64, in and out.
         numbers: (`OF_CLASS`, C) float64.
         hazard: (n,) float64 scratch.
-        x: Column of the cell; a search off the grid has no effect.
+        x: Column of the cell; a search off the grid or outside the area has no effect.
         y: Row of the cell.
         found: Whether the search found somebody.
     """
-    if not (0 <= x < c.grid_size and 0 <= y < c.grid_size):
+    if not is_open(area, c.grid_size, x, y):
         return
     for m in range(len(pods)):
         here = 0.0
@@ -96,13 +97,14 @@ def close_weights(weights, class_of, numbers, prior):
 
 @kernel
 def learn(
-    constants, cells, weights, prior, class_of, missing, unfound, pos, numbers, hazard,
+    constants, area, cells, weights, prior, class_of, missing, unfound, pos, numbers, hazard,
     seen, rows, pods, failed, count,
 ):  # fmt: skip
     """Update the weights with the looks of a step; return the new POS.
 
     Args:
         constants: (1,) of `constants.CONSTANTS`.
+        area: Of `kernels.Sea`.
         cells: (M, 2) int16.
         weights: (C, M) float64, in and out.
         prior: (M,) of `close_weights`.
@@ -124,7 +126,7 @@ def learn(
     open_classes(class_of, numbers)
     for q in range(count):
         learn_look(
-            c, cells, weights, pods[rows[q]], class_of, missing, unfound, numbers, hazard,
+            c, area, cells, weights, pods[rows[q]], class_of, missing, unfound, numbers, hazard,
             seen[q, 0], seen[q, 1], q >= failed,
         )  # fmt: skip
     close_weights(weights, class_of, numbers, prior)
@@ -215,8 +217,8 @@ def follow_particles(
             c, drones[b], finds[b], kinds, looks, offsets, actions[b], live[b], seen, rows
         )
         pos[b] = learn(
-            constants, now, of_world, prior, class_of, missing[b], unfound[b], pos[b], numbers,
-            hazard, seen, rows, pods, failed, count,
+            constants, area, now, of_world, prior, class_of, missing[b], unfound[b], pos[b],
+            numbers, hazard, seen, rows, pods, failed, count,
         )  # fmt: skip
 
 

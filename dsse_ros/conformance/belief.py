@@ -82,10 +82,12 @@ def _test_looks(belief: TargetBelief, rng: np.random.Generator) -> None:
         gained = pos + (1.0 - pos) * (1.0 - missed)
         assert abs(learnt.pos - gained) <= TOLERANCE, f"pos: {learnt.pos:.12g}, not {gained:.12g}"
         _test_sum(learnt)
+    area = belief.forecast.area
+    excluded = [] if area is None else [(int(x), int(y)) for y, x in np.argwhere(~area)]
     nowhere = belief.copy()
-    nowhere.update([Looked((-1, size), np.ones(1))])
-    off = float(np.abs(nowhere.poc() - poc).max())
-    assert off <= TOLERANCE, "update: a look off the grid changes the belief"
+    nowhere.update([Looked(cell, np.ones(1)) for cell in [(-1, size), *excluded]])
+    off = max(float(np.abs(nowhere.poc() - poc).max()), abs(nowhere.pos - pos))
+    assert off <= TOLERANCE, "update: a look off the grid or outside the area changes the belief"
     belief.update(looks)
 
 

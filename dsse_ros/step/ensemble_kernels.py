@@ -29,8 +29,8 @@ class SeaEnsemble(NamedTuple):
 
     Attributes:
         truth: (M, T, 2) int16, cells (x, y) of the tracks that persons follow, by step of the sea;
-            nobody finds persons off the grid. The steps of a track are neighbours in memory,
-            because a world reads one track.
+            nobody is found off the grid or outside the area. The steps of a track are neighbours
+            in memory, because a world reads one track.
         cumulative: (M,) float64, cumulative probabilities of these tracks.
         maps: (T, G, G) float32 as [y, x], the probability of each cell by another draw from the
             same model; probability outside the grid and the area is in no cell.

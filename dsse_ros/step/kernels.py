@@ -250,7 +250,7 @@ def step_drones(
                 first, last = looks[kind, action], looks[kind, action + 1]
                 count = 0
                 if last > first:
-                    count, bits = look(c, w, d, persons, offsets, pods, first, last)
+                    count, bits = look(c, w, d, persons, area, offsets, pods, first, last)
                 if count > 0:
                     finds[n] = bits
                     reward, found = reward_find(c, w, count), True

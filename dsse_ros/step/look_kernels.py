@@ -14,7 +14,7 @@ import numpy as np
 from dsse_ros.compiled.draws import draw_unit
 from dsse_ros.compiled.jit import inlined
 from dsse_ros.step.ensemble_kernels import probability_in
-from dsse_ros.targets.sea_map import cell_probability
+from dsse_ros.targets.sea_map import cell_probability, is_open
 
 
 @inlined
@@ -26,8 +26,11 @@ def probability_of(c, w, gauss, area, ensemble, x, y):
 
 
 @inlined
-def look(c, w, d, persons, offsets, pods, first, last):
+def look(c, w, d, persons, area, offsets, pods, first, last):
     """Do the looks first..last - 1 of a drone from its cell.
+
+    A look off the grid or outside the area finds nobody. After the end of a mission of v1 it does:
+    its drones fly on off the grid, and search there.
 
     Returns:
         Number of persons found, and a bit for each look that found any.
@@ -40,6 +43,8 @@ def look(c, w, d, persons, offsets, pods, first, last):
             gone = person.found and not c.found_persons_stay
             if gone or person.x != x or person.y != y:
                 continue
+            if not is_open(area, c.grid_size, x, y) and not w.done:
+                break
             chance = pods[k, p]
             if chance >= 1.0 or draw_unit(w) < chance:
                 person.found = True

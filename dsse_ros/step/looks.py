@@ -22,7 +22,7 @@ class Looked(NamedTuple):
     """A look that was done, for the update of beliefs.
 
     Attributes:
-        cell: (col, row) of the cell looked at; nobody is off the grid.
+        cell: (col, row) of the cell looked at; nobody is found off the grid or outside the area.
         pods: (P,) float64, POD of each person of the scenario if in the cell.
     """
 

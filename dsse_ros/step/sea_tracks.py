@@ -5,7 +5,8 @@
 from __future__ import annotations
 
 import threading
-from typing import NamedTuple
+import weakref
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,12 +19,13 @@ from dsse_ros.targets.ensemble import Ensemble, Tracks, check_tracks
 from dsse_ros.targets.registry import TARGET_MODELS
 
 LARGEST_BYTES = 1 << 30
-"""Memory limit of a cached ensemble."""
-KEPT = 8
-"""Number of cached ensembles, the most recent ones."""
+"""Memory limit of an ensemble."""
+KEPT_BYTES = 1 << 28
+"""Memory limit of the most recent ensembles that are kept although nothing uses them."""
 
 
-class SeaTracks(NamedTuple):
+@dataclass(frozen=True, eq=False)
+class SeaTracks:
     """The tracks of a scenario in cells, by step of the sea from the start of its drift.
 
     After the last step nothing moves.
@@ -44,11 +46,24 @@ class SeaTracks(NamedTuple):
     weights: NDArray[np.float64]
     maps: NDArray[np.float32]
 
+    def __deepcopy__(self, memo: object) -> SeaTracks:
+        """Return the tracks themselves: nothing changes them."""
+        return self
+
+    @property
+    def nbytes(self) -> int:
+        """Bytes of the arrays."""
+        return sum(array.nbytes for array in vars(self).values())
+
 
 _TRUTH, _BELIEF, _PLANNING = 0, 1, 3
 """Children of `np.random.SeedSequence(ensemble_seed)`; `incident_grid` has number 2."""
 
-_kept: list[tuple[Ensemble, ResolvedScenario, Rules, bool, SeaTracks]] = []
+_Key = tuple[Ensemble, ResolvedScenario, Rules, bool]
+_alive: list[tuple[_Key, weakref.ref[SeaTracks]]] = []
+"""The ensembles in use or kept."""
+_kept: list[SeaTracks] = []
+"""The most recent ones, the last one last."""
 _lock = threading.Lock()
 
 
@@ -79,18 +94,28 @@ def tracks_of(
 
 
 def _cached(model: Ensemble, scenario: ResolvedScenario, rules: Rules, planning: bool) -> SeaTracks:
-    for *of, kept in _kept:
-        if of[0] is model and of[1:] == [scenario, rules, planning]:
-            return kept
+    key = (model, scenario, rules, planning)
+    _alive[:] = [(of, kept) for of, kept in _alive if kept() is not None]
+    found = next((kept() for of, kept in _alive if of[0] is model and of[1:] == key[1:]), None)
+    if found is not None:
+        _keep(found)
+        return found
     if planning:
         particles, weights = _drawn(model, scenario, last_step_of(scenario, rules), _PLANNING)
         searched = _cached(model, scenario, rules, planning=False)
-        made = searched._replace(particles=particles, weights=weights)
+        made = replace(searched, particles=particles, weights=weights)
     else:
         made = _made(model, scenario, rules)
-    _kept.append((model, scenario, rules, planning, made))
-    del _kept[:-KEPT]
+    _alive.append((key, weakref.ref(made)))
+    _keep(made)
     return made
+
+
+def _keep(tracks: SeaTracks) -> None:
+    """Note that an ensemble is the most recent one; forget those that are too many."""
+    _kept[:] = [*(one for one in _kept if one is not tracks), tracks]
+    while sum(one.nbytes for one in _kept) > KEPT_BYTES:
+        del _kept[0]
 
 
 def last_step_of(scenario: ResolvedScenario, rules: Rules) -> int:
@@ -101,12 +126,12 @@ def last_step_of(scenario: ResolvedScenario, rules: Rules) -> int:
 
 def _made(model: Ensemble, scenario: ResolvedScenario, rules: Rules) -> SeaTracks:
     steps, g = last_step_of(scenario, rules), scenario.grid_size
-    size = (steps + 1) * (8 * scenario.particles + 4 * g * g)
-    if size > LARGEST_BYTES:
+    counts = model.count(scenario.truth), model.count(scenario)
+    if (steps + 1) * (4 * sum(counts) + 4 * g * g) > LARGEST_BYTES:
         raise FieldError(
             f"tracks and maps of person_motion {rules.person_motion} must be at most "
-            f"{LARGEST_BYTES >> 20} MiB, got {scenario.particles} particles, {steps} steps and a "
-            f"grid of {g}"
+            f"{LARGEST_BYTES >> 20} MiB, got {max(counts)} particles, {steps} steps and a grid of "
+            f"{g}"
         )
     truth, truth_weights = _drawn(model, scenario.truth, steps, _TRUTH)
     particles, weights = _drawn(model, scenario, steps, _BELIEF)
@@ -157,12 +182,14 @@ def _drawn(
     rng = _generator(scenario, child)
     tracks = Tracks(*model.tracks(scenario, steps, rng, scenario.particles))
     check_tracks(tracks, steps)
-    cells = np.floor(tracks.positions / scenario.cell_size)
-    lost = ~np.isfinite(cells).all(axis=2)
-    np.clip(cells, -FAR, FAR, out=cells)
-    cells[lost] = -FAR
+    cells = np.empty(tracks.positions.shape, np.int16)
+    # Step by step, because a copy of all positions would take four times as much memory.
+    for of_step, positions in zip(cells, tracks.positions, strict=True):
+        place = np.floor(positions / scenario.cell_size)
+        place[~np.isfinite(place).all(axis=1)] = -FAR
+        of_step[:] = np.clip(place, -FAR, FAR)
     # Copy the weights: the compiled functions do not accept read-only arrays.
-    return cells.astype(np.int16), np.array(tracks.weights, np.float64)
+    return cells, np.array(tracks.weights, np.float64)
 
 
 def poc_of_cells(

@@ -14,9 +14,9 @@ from dsse_ros.targets.ensemble import Ensemble, Tracks
 def tracks(scenario: Any, steps: int, rng: np.random.Generator, count: int) -> Tracks:
     """Return one track for each cell of `probability_matrix`; see `targets.ensemble.TracksOf`.
 
-    The track's weight is the probability of the cell. All tracks start at the centres of their
-    cells and move by the mean drift of the datum (`drift`). Nothing is drawn. Without a matrix, the
-    prior is normal about the last known cell (`sigma_x`, `sigma_y`).
+    The track's weight is the probability of the cell. All tracks move together, from centre to
+    centre of cells, by the mean drift of the datum (`drift`), rounded to whole cells. Nothing is
+    drawn. Without a matrix, the prior is normal about the last known cell (`sigma_x`, `sigma_y`).
     """
     if scenario.probability_matrix is None:
         (x, y), line = scenario.person_initial_position, np.arange(scenario.grid_size)
@@ -26,9 +26,19 @@ def tracks(scenario: Any, steps: int, rng: np.random.Generator, count: int) -> T
         prior = scenario.probability_matrix.values
     rows, cols = np.nonzero(prior)
     weights = prior[rows, cols] / prior.sum()
-    start = np.stack([cols, rows], axis=1) + 0.5
-    drift = np.arange(steps + 1)[:, None, None] * np.array(scenario.drift)
-    return Tracks((start + drift) * scenario.cell_size, weights)
+    # Positions on the edges of cells would not survive the way through metres.
+    moved = np.floor(np.arange(steps + 1)[:, None] * np.array(scenario.drift) + 0.5)
+    cells = np.stack([cols, rows], axis=1) + moved[:, None]
+    return Tracks((cells + 0.5) * scenario.cell_size, weights)
 
 
-DRIFTING_MAP = Ensemble("starts in a cell of probability_matrix and drifts with the datum", tracks)
+def count(scenario: Any) -> int:
+    """Return the number of cells in which a person may start."""
+    if scenario.probability_matrix is None:
+        return int(scenario.grid_size**2)
+    return int(np.count_nonzero(scenario.probability_matrix.values))
+
+
+DRIFTING_MAP = Ensemble(
+    "starts in a cell of probability_matrix and drifts with the datum", tracks, count
+)

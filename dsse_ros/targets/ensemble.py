@@ -8,6 +8,7 @@ model with another seed, so that beliefs and persons cannot diverge.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
@@ -48,16 +49,23 @@ class TracksOf(Protocol):
         ...
 
 
+def requested(scenario: Any) -> int:
+    """Return the number of tracks that a `ResolvedScenario` requests."""
+    return int(scenario.particles)
+
+
 class Ensemble(NamedTuple):
     """A target model that is an ensemble.
 
     Attributes:
         doc: Motion of a person, as a phrase without a subject.
         tracks: Function that draws the tracks.
+        count: Function that returns how many there will be for a `ResolvedScenario`, or more.
     """
 
     doc: str
     tracks: TracksOf
+    count: Callable[[Any], int] = requested
 
 
 def check_tracks(tracks: Tracks, steps: int) -> None:

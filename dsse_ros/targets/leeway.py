@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from dsse_ros.targets import constant_drift
-from dsse_ros.targets.ensemble import Ensemble, Tracks
+from dsse_ros.targets.ensemble import Ensemble, Tracks, requested
 
 
 def tracks(scenario: Any, steps: int, rng: np.random.Generator, count: int) -> Tracks:
@@ -25,4 +25,10 @@ def tracks(scenario: Any, steps: int, rng: np.random.Generator, count: int) -> T
     return Tracks(positions, np.full(number, 1.0 / number))
 
 
-LEEWAY = Ensemble("drifts with wind and current as the object of the incident does", tracks)
+def count(scenario: Any) -> int:
+    """Return the number of tracks; those of another model are as many as there are."""
+    given = None if scenario.incident is None else scenario.incident.given
+    return requested(scenario) if given is None else int(given.lats_deg.shape[1])
+
+
+LEEWAY = Ensemble("drifts with wind and current as the object of the incident does", tracks, count)

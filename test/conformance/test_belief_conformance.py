@@ -18,13 +18,17 @@ from dsse_ros.step.looks import Looked
 from dsse_ros.targets.registry import TARGET_MODELS
 
 SCENARIO = Scenario(grid_size=11, timestep_limit=40, pre_search_minutes=1.0, vector=(0.3, 0.2))
+WEST = [[-24.05, -46.18], [-24.05, -46.1622], [-24.02, -46.1622], [-24.02, -46.18]]
+"""The grid's six western columns: persons drift out of them."""
 
 
+@pytest.mark.parametrize("area", [None, WEST], ids=["grid", "area"])
 @pytest.mark.parametrize("rules", ["paper", "v1", "v2"])
 @pytest.mark.parametrize("model", TARGET_MODELS)
-def test_the_beliefs_of_the_package_keep_their_promises(rules: str, model: str) -> None:
+def test_the_beliefs_of_the_package_keep_their_promises(rules: str, model: str, area: Any) -> None:
     chosen = profile(rules).override(person_motion=model)
-    belief_test(forecast_for(SCENARIO, chosen, horizon=4, drift_samples=8).belief())
+    scenario = SCENARIO.override(area=area)
+    belief_test(forecast_for(scenario, chosen, horizon=4, drift_samples=8).belief())
 
 
 class _Forgetful(Belief):

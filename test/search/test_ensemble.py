@@ -5,7 +5,9 @@
 from __future__ import annotations
 
 import copy
+import gc
 import pickle
+import weakref
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +25,7 @@ from dsse_ros.scenario.rules import profile
 from dsse_ros.scenario.scenario import Scenario
 from dsse_ros.search import Snapshot, SnapshotError, parallel_env, vector_env
 from dsse_ros.search.world import World
+from dsse_ros.step import sea_tracks
 from dsse_ros.step.looks import Looked
 from dsse_ros.step.sea_tracks import LARGEST_BYTES, tracks_of
 from dsse_ros.targets.ensemble import Ensemble, Tracks
@@ -259,6 +262,36 @@ def test_what_would_take_too_much_memory_is_refused() -> None:
     with pytest.raises(FieldError, match=f"at most {LARGEST_BYTES >> 20} MiB") as raised:
         parallel_env(rules="v2", **(PLACE | {"timestep_limit": 10**8}))
     assert "\n" not in str(raised.value) and "person_motion constant_drift" in str(raised.value)
+
+
+def test_the_memory_limit_counts_the_tracks_that_there_are(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sea_tracks, "LARGEST_BYTES", 1 << 20)
+    fields = {"timestep_limit": 30, "particles": 10, "rules": "v2"}
+    parallel_env(**fields, person_motion="drifting_map", probability_matrix=np.eye(40))
+    with pytest.raises(FieldError, match="^tracks and maps of .* 1 MiB, got 4900 particles, 32 st"):
+        parallel_env(**fields, person_motion="drifting_map", probability_matrix=np.ones((70, 70)))
+
+
+def test_tracks_are_shared_while_something_uses_them_and_then_forgotten(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    env = parallel_env(rules="v2", **PLACE)
+    assert env.world.ensemble is not None
+    size = env.world.ensemble.tracks.nbytes
+    monkeypatch.setattr(sea_tracks, "KEPT_BYTES", size * 5 // 2)
+
+    def tracks_for(seed: int) -> Any:
+        env = parallel_env(rules="v2", ensemble_seed=seed, **PLACE)
+        assert env.world.ensemble is not None
+        return weakref.ref(env.world.ensemble.tracks)
+
+    used = parallel_env(rules="v2", ensemble_seed=0, observe="belief", **PLACE)
+    of_all = [tracks_for(seed) for seed in range(6)]
+    gc.collect()
+    assert [tracks() is not None for tracks in of_all] == [True, *[False] * 3, True, True]
+    # In use, and the most recent: neither is drawn again.
+    assert tracks_for(0)() is of_all[0]() and tracks_for(5)() is of_all[5]()
+    del used
 
 
 def test_an_ensemble_of_its_own_number_of_tracks_is_followed(

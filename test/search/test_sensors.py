@@ -22,8 +22,12 @@ from dsse_ros.planners.registry import PLANNER_NAMES, planner_for
 from dsse_ros.report.metrics import effort
 from dsse_ros.report.record import read_csv
 from dsse_ros.scenario.fields import FieldError
+from dsse_ros.scenario.scenario import scenario_and_rules
 from dsse_ros.search import HOLD, parallel_env, vector_env
+from dsse_ros.search.world import World
+from dsse_ros.search.world_beliefs import WorldBeliefs
 from dsse_ros.sensors.registry import SENSORS
+from dsse_ros.targets.registry import TARGET_MODELS
 from msg_adapters.frames import GridFrame
 from msg_adapters.step_report import finds_of, step_report_from_message, step_report_message
 
@@ -95,6 +99,43 @@ def test_the_planner_knows_from_its_infos_what_the_simulation_knows() -> None:
         observations, _, _, _, infos = env.step(actions)
         steps += 1
     assert steps > 3
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("motion", TARGET_MODELS)
+@pytest.mark.parametrize("rules", ["paper", "v1", "v2"])
+def test_nobody_is_found_off_the_grid_or_in_an_excluded_cell_and_pos_counts_nobody_there(
+    rules: str, motion: str
+) -> None:
+    west = [[-24.05, -46.18], [-24.05, -46.16], [-24.02, -46.16], [-24.02, -46.18]]
+    scenario, chosen = scenario_and_rules(
+        None, rules, area=west, grid_size=12, vector=(0.4, -0.3), person_initial_position=(5, 2),
+        drones_positions=[(5, 0)], sensor=FIELDS["sensor"], person_motion=motion, sigma=1.5,
+    )  # fmt: skip
+    world, generator = World(scenario, chosen, 500), np.random.default_rng(1)
+    beliefs, found = WorldBeliefs(world), np.zeros(500, bool)
+    world.seed(3)
+    world.reset()
+    beliefs.reset()
+    assert world.area is not None
+    beyond = 0
+    for _ in range(25):
+        actions = generator.integers(0, len(chosen.actions), (500, 1)).astype(np.int8)
+        before, alive = world.persons[:, 0].copy(), ~world.worlds["done"]
+        beliefs.before_step(actions)
+        world.step(actions)
+        beliefs.after_step()
+        x, y = before["x"], before["y"]
+        inside = (x >= 0) & (x < 12) & (y >= 0) & (y < 12)
+        inside[inside] = world.area[y[inside], x[inside]]
+        finds = alive & world.found[:, 0]
+        assert not (finds & ~inside).any()
+        found |= finds
+        beyond += int((~inside).sum())
+    assert (beyond > 0) == (motion in ("constant_drift", "leeway", "drifting_map"))
+    assert found.mean() > 0.05
+    off = found - beliefs.pos
+    assert abs(off.mean()) < 4 * off.std() / 500**0.5
 
 
 @pytest.mark.parametrize("planner", sorted(set(PLANNER_NAMES) - {"astar", "onnx"}))
