@@ -23,7 +23,8 @@ class Transition(NamedTuple):
     Attributes:
         env: The worlds.
         before: Observations before the step.
-        cells: (B, N, 2) int64, the true cells (x, y) of the drones before the step.
+        cells: (B, N, 2) int64, the true cells (x, y) of the drones after their actions, from which
+            they looked.
         actions: (B, N) int8, the actions that the drones did, by the rules' numbers; -1 for
             nothing. With faults they may differ from the commands.
         after: Observations after the step, before any world is reset.
@@ -85,12 +86,8 @@ def searched_probability(step: Transition) -> NDArray[np.float64]:
     env, probability = step.env, step.before["probability"]
     grid, looks = probability.shape[-1], env.world.looks
     worlds, drones = step.actions.shape
-    moves = np.array([*env.rules.action_set.moves, (0, 0)])
-    ends = step.cells + moves[np.where(step.actions < len(moves) - 1, step.actions, -1)]
-    inside = ((ends >= 0) & (ends < grid)).all(axis=-1, keepdims=True)
-    cells = np.where(inside, ends, step.cells).reshape(-1, 2)
     of_all = looks._replace(kind=np.tile(looks.kind, worlds))
-    slots, rows, looked = of_all.at(step.actions.ravel(), cells)
+    slots, rows, looked = of_all.at(step.actions.ravel(), step.cells.reshape(-1, 2))
     seen = ((looked >= 0) & (looked < grid)).all(axis=1)
     slots, looked, pods = slots[seen], looked[seen], looks.pods[rows[seen]].mean(axis=1)
     place = (slots // drones * grid + looked[:, 1]) * grid + looked[:, 0]
@@ -177,8 +174,6 @@ class DroneSlots:
         """
         joint = self._joint_action(actions)
         before, out = self._observations, self._out
-        drones = self.env.world.drones
-        cells = np.stack([drones["x"], drones["y"]], axis=-1)
         self._observations, rewards, terminated, truncated, infos = self.env.step(joint)
         over = infos["over"]
         ended = (terminated | truncated) & ~out
@@ -189,6 +184,8 @@ class DroneSlots:
             did = joint if self.env.world.faults is None else infos["action"]
             did = np.where(self.acting.reshape(out.shape), did, np.int8(HOLD))
             after, terminal = self._observations, ended & ~out_of_time
+            drones = self.env.world.drones
+            cells = np.stack([drones["x"], drones["y"]], axis=-1)
             rewards = self._reward(Transition(self.env, before, cells, did, after, over, terminal))
         rewards = np.where(out, 0.0, rewards)
         self._out = (terminated | truncated) & ~over[:, None]

@@ -87,6 +87,8 @@ def reported(**fields: Any) -> Reported:
 
 CLOSE = {"drones_positions": [(3, 4), (3, 5), (2, 4)]}
 """Drones that meet, where the person is."""
+BESIDE = [[-24.05, -46.18], [-24.05, -46.1649], [-24.02, -46.1649], [-24.02, -46.18]]
+"""The four western columns of the grid: moves to the east are held up beside the person."""
 
 
 @pytest.mark.parametrize(
@@ -99,8 +101,11 @@ CLOSE = {"drones_positions": [(3, 4), (3, 5), (2, 4)]}
         {"stuck_rate": 0.2, "stuck_steps": 3},
         {"loss_rate": 0.05, "false_alarm_rate": 0.3},
         {"battery_move": 6.0, "relief_steps": 2},
+        {"sensor": "flown_over"},
+        {"sensor": "flown_over", "area": BESIDE},
+        {"person_motion": "constant_drift", "area": BESIDE, "sensor": "flown_over"},
     ],
-    ids=lambda fields: next(iter(fields), "no faults"),
+    ids=lambda fields: "-".join(fields) or "no faults",
 )
 def test_what_drones_have_searched_adds_up_to_the_probability_of_success(
     fields: dict[str, Any],
@@ -149,7 +154,8 @@ def test_what_drones_did_is_not_what_they_were_commanded() -> None:
     for number in (8, 2, 8):
         slots.step(np.full(slots.num_slots, number))
     assert [step.actions[0].tolist() for step in steps] == [[-1] * 3, [8] * 3, [2] * 3]
-    assert all(np.array_equal(step.cells, starts) for step in steps)
+    ends = [starts, starts, starts - (0, 1)]
+    assert all(np.array_equal(step.cells, end) for step, end in zip(steps, ends, strict=True))
     assert any((step.before["positions"] != step.cells).any() for step in steps)
     # The first command, a search, was done in the second step: where the drones were.
     searched = steps[1]
