@@ -19,6 +19,7 @@ from dsse_ros.mission.scenario_files import find_scenario
 from dsse_ros.planners import load_planner
 from dsse_ros.scenario.definition import SearchDefinition
 from dsse_ros.scenario.fields import check_all, check_known, field, shown, specs
+from dsse_ros.scenario.identity import identity_of, plain
 from dsse_ros.scenario.rules import AUTO
 from dsse_ros.scenario.scenario import FILES, ResolvedScenario, scenario_and_rules
 from dsse_ros.scenario.yaml_file import read_yaml
@@ -54,6 +55,14 @@ class PlannerEntry:
         if not isinstance(self.options, Mapping):
             raise FieldError(f"options must be names and values, got {shown(self.options)}")
         check_known("the options", [k for k in self.options if not isinstance(k, str)], ())
+        for name, value in self.options.items():
+            try:
+                plain(value)
+            except (TypeError, ValueError):
+                raise FieldError(
+                    f"option {name} must be a number, a text, an array, or lists or mappings of "
+                    f"them, got {shown(value)}"
+                ) from None
 
 
 @dataclass(frozen=True)
@@ -214,15 +223,14 @@ class Campaign:
             "scenarios": [
                 {
                     "name": case.name,
-                    "scenario": dataclasses.asdict(case.scenario),
                     "cells": _digest_of_area(case.scenario),
-                    "rules": dataclasses.asdict(case.rules),
+                    **identity_of(case.scenario, case.rules),
                 }
                 for case in self.cases
             ],
         }
-        plain: dict[str, Any] = json.loads(json.dumps(given, default=repr))
-        return plain
+        definition: dict[str, Any] = plain(given)
+        return definition
 
     @property
     def digest(self) -> str:

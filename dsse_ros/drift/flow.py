@@ -9,11 +9,14 @@ that it blows from, a current by the direction that it flows toward.
 from __future__ import annotations
 
 import csv
+import hashlib
 import math
 import os
+from collections.abc import Iterable
 from dataclasses import dataclass
 from datetime import datetime, timezone
-from typing import Literal, NamedTuple
+from functools import cached_property
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -54,13 +57,15 @@ class Flow:
         return FlowArrays(self.times_s, self.lats_deg, self.lons_deg, self.east_mps, self.north_mps)
 
     def __eq__(self, other: object) -> bool:
-        return isinstance(other, Flow) and self._bytes() == other._bytes()
+        return isinstance(other, Flow) and self.sha256 == other.sha256
 
     def __hash__(self) -> int:
-        return hash(self._bytes())
+        return hash(self.sha256)
 
-    def _bytes(self) -> tuple[tuple[tuple[int, ...], bytes], ...]:
-        return tuple((array.shape, array.tobytes()) for array in self.arrays)
+    @cached_property
+    def sha256(self) -> str:
+        """Digest of the arrays; flows with the same one are equal, whatever their source."""
+        return digest_of(self.arrays)
 
     def covered(self) -> str:
         """Return the times and the area that it covers, for messages."""
@@ -72,6 +77,15 @@ class Flow:
                 ends = (f"{abs(v):.4f} {low if v < 0 else high}" for v in (axis[0], axis[-1]))
                 parts.append(" to ".join(ends))
         return ", ".join(parts)
+
+
+def digest_of(arrays: Iterable[NDArray[Any]]) -> str:
+    """Return the SHA-256 of arrays, with their shapes and types."""
+    digest = hashlib.sha256()
+    for array in arrays:
+        digest.update(repr((array.shape, array.dtype.str)).encode())
+        digest.update(np.ascontiguousarray(array).data)
+    return digest.hexdigest()
 
 
 class FlowArrays(NamedTuple):

@@ -7,11 +7,13 @@ from __future__ import annotations
 import base64
 import os
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from dsse_ros.drift.flow import digest_of
 from dsse_ros.drift.track_files import read_tracks
 from dsse_ros.scenario.fields import FieldError, shown
 
@@ -31,13 +33,15 @@ class GivenTracks:
     lons_deg: NDArray[np.float32]
 
     def __eq__(self, other: object) -> bool:
-        return isinstance(other, GivenTracks) and self._bytes() == other._bytes()
+        return isinstance(other, GivenTracks) and self.sha256 == other.sha256
 
     def __hash__(self) -> int:
-        return hash(self._bytes())
+        return hash(self.sha256)
 
-    def _bytes(self) -> tuple[bytes, ...]:
-        return self.times_s.tobytes(), self.lats_deg.tobytes(), self.lons_deg.tobytes()
+    @cached_property
+    def sha256(self) -> str:
+        """Digest of the arrays; tracks with the same one are equal."""
+        return digest_of((self.times_s, self.lats_deg, self.lons_deg))
 
     def to_dict(self) -> dict[str, Any]:
         """Return times as numbers, and positions row by row, little-endian, in base64."""

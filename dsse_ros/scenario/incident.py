@@ -10,9 +10,8 @@ from __future__ import annotations
 import contextlib
 import json
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache
 from typing import Any, NamedTuple, get_args
 
 import numpy as np
@@ -34,7 +33,8 @@ from dsse_ros.drift.tracks import Drift, DriftTracks, Sighting, drift_tracks
 from dsse_ros.scenario.area import Area
 from dsse_ros.scenario.fields import FieldError, Spec, check_known, shown
 from dsse_ros.scenario.given_tracks import GivenTracks
-from dsse_ros.scenario.incident_flow import flow_dict, mapping, read_flow
+from dsse_ros.scenario.incident_flow import flow_dict, flow_identity, mapping, read_flow
+from dsse_ros.scenario.while_alive import while_alive
 
 LONGEST_SEARCH_S = 6 * 3600.0
 """Time after the start of a search for which wind and current are read from files."""
@@ -144,14 +144,24 @@ class Incident:
 
     def to_dict(self) -> dict[str, Any]:
         """Return the fields of an equal incident, without names of files, for JSON."""
+        return self._fields(flow_dict, GivenTracks.to_dict)
+
+    @property
+    def identity(self) -> dict[str, Any]:
+        """The fields of `to_dict` with digests of flows and tracks; equal for equal incidents."""
+        return self._fields(flow_identity, lambda tracks: tracks.sha256)
+
+    def _fields(
+        self, of_flow: Callable[[Flow, Uncertainty], Any], of_tracks: Callable[[GivenTracks], Any]
+    ) -> dict[str, Any]:
         search = {
             "search_start": utc(self.search_start_s),
             "base": None if self.base is None else list(self.base),
             "laid": None if self.laid is None else self.laid._asdict(),
         }
         if self.given is not None:
-            return {"tracks": self.given.to_dict(), **search}
-        return self._law() | {
+            return {"tracks": of_tracks(self.given), **search}
+        return self._law(of_flow) | {
             **search,
             "seen": [
                 {
@@ -162,15 +172,15 @@ class Incident:
                 for one in self.sightings
             ],
             "shore": None if self.land is None else json.loads(self.land.to_geojson()),
-            "truth": None if self.truth is None else self.truth._law(),
+            "truth": None if self.truth is None else self.truth._law(of_flow),
         }  # fmt: skip
 
-    def _law(self) -> dict[str, Any]:
+    def _law(self, of_flow: Callable[[Flow, Uncertainty], Any]) -> dict[str, Any]:
         """Return the fields that state how the object drifts, for JSON."""
         return {
             "object": self.key,
-            "wind": flow_dict(self.wind, self.wind_error),
-            "current": flow_dict(self.current, self.current_error),
+            "wind": of_flow(self.wind, self.wind_error),
+            "current": of_flow(self.current, self.current_error),
             "jibing": self.jibing,
             "positive_crosswind": self.positive_crosswind,
         }
@@ -427,20 +437,31 @@ def _time(name: str, value: Any) -> float:
         ) from None
 
 
-@lru_cache(maxsize=4)
+@while_alive
 def _shore(land: Area, box: Box) -> Shore:
-    """Return the shore of the land within a box."""
-    points = [point for polygon in land.polygons for point in polygon[0]]
-    lats, lons = np.array(points).T
-    # Bring the land to the half turn on either side of the box.
-    centre = (box.west_deg + box.east_deg) / 2
-    turns = 360 * round((centre - float(lons.mean())) / 360)
-    south, north = max(box.south_deg, lats.min()), min(box.north_deg, lats.max())
-    west, east = max(box.west_deg, lons.min() + turns), min(box.east_deg, lons.max() + turns)
+    """Return the shore of the land within a box, which may lie across the antimeridian."""
+    south, north, west, east = np.array([*_boxes(land, box)]).T
+    south_deg, north_deg = max(box.south_deg, south.min()), min(box.north_deg, north.max())
+    west_deg, east_deg = max(box.west_deg, west.min()), min(box.east_deg, east.max())
     contains = land.prepared()
 
     def is_land(lat: NDArray[np.float64], lon: NDArray[np.float64]) -> NDArray[np.bool_]:
-        return contains(lat, lon - turns)
+        return contains(lat, lon - 360.0 * np.round(lon / 360.0))
 
     # A box without land has a raster of one cell.
-    return shore_of(is_land, Box(south, max(north, south), west, max(east, west)))
+    return shore_of(
+        is_land, Box(south_deg, max(north_deg, south_deg), west_deg, max(east_deg, west_deg))
+    )
+
+
+def _boxes(land: Area, box: Box) -> Iterator[Box]:
+    """Yield the boxes of polygons, each turned around the Earth to where it is near a box."""
+    centre = (box.west_deg + box.east_deg) / 2
+    for outline, *_ in land.polygons:
+        lats, lons = np.array(outline).T
+        west, east = float(lons.min()), float(lons.max())
+        near = 360 * round((centre - (west + east) / 2) / 360)
+        for turn in (near - 360, near, near + 360):
+            # A polygon around a pole may be on both sides.
+            if turn == near or (west + turn < box.east_deg and east + turn > box.west_deg):
+                yield Box(float(lats.min()), float(lats.max()), west + turn, east + turn)

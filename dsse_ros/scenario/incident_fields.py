@@ -20,9 +20,9 @@ if TYPE_CHECKING:
     from dsse_ros.scenario.scenario import Scenario
 
 OF_INCIDENT = (
-    "vector", "current_speed", "current_toward", "person_initial_position", "sigma", "sigma_x",
-    "sigma_y", "dispersion_inc", "pre_search_minutes", "probability_matrix",
-    "transition_probabilities",
+    "origin_lat", "origin_lon", "vector", "current_speed", "current_toward",
+    "person_initial_position", "sigma", "sigma_x", "sigma_y", "dispersion_inc",
+    "pre_search_minutes", "probability_matrix", "transition_probabilities",
 )  # fmt: skip
 """Fields that an incident determines or has no use for."""
 
@@ -59,7 +59,9 @@ def on_incident_grid(scenario: Scenario, rules: Rules) -> Scenario:
     if rules.person_motion != "leeway":
         raise FieldError(f"incident must come with rules sea, got {rules.profile}")
     for name in OF_INCIDENT:
-        if getattr(scenario, name) not in (None, 0.0):
+        # Not to drift before the search is what an incident has anyway.
+        nothing = 0.0 if name == "pre_search_minutes" else None
+        if getattr(scenario, name) != nothing:
             raise FieldError(f"{name} must not be given with an incident, which determines it")
     cell, speeds = scenario.cell_m, scenario.speeds
     stated = None

@@ -80,7 +80,16 @@ def flow_dict(flow: Flow, law: Uncertainty) -> dict[str, Any]:
         numbers = getattr(flow, name).ravel().tolist()
         # JSON has no NaN.
         values[name] = [None if math.isnan(number) else number for number in numbers]
-    values |= {"source": flow.source, "error": law.std_mps}
+    return values | {"source": flow.source} | _error_dict(law)
+
+
+def flow_identity(flow: Flow, law: Uncertainty) -> dict[str, Any]:
+    """Return the digest of a flow and its uncertainty for JSON."""
+    return {"sha256": flow.sha256} | _error_dict(law)
+
+
+def _error_dict(law: Uncertainty) -> dict[str, float]:
+    values = {"error": law.std_mps}
     if math.isfinite(law.correlation_s):
         values["correlation_minutes"] = law.correlation_s / 60
     return values

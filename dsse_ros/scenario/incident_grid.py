@@ -5,7 +5,6 @@
 from __future__ import annotations
 
 import math
-from functools import lru_cache
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -16,6 +15,7 @@ from dsse_ros.scenario.fields import FieldError
 from dsse_ros.scenario.geodesy import mean_lon, surface_to_geodetic, through_ecef
 from dsse_ros.scenario.incident import Incident, Laid
 from dsse_ros.scenario.limits import MAX_SIDE
+from dsse_ros.scenario.while_alive import while_alive
 
 if TYPE_CHECKING:
     from dsse_ros.scenario.geodesy import Origin
@@ -50,7 +50,7 @@ class IncidentGrid(NamedTuple):
     laid: Laid
 
 
-@lru_cache(maxsize=8)
+@while_alive
 def lay_grid(
     incident: Incident, *, cell_m: float, alt_m: float, grid_size: int | None, steps: int,
     step_s: float, speed_mps: float, seed: int,

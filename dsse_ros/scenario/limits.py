@@ -1,6 +1,6 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""Size limits for grids from a file, a message or a parameter."""
+"""Limits and defaults of grids from a file, a message or a parameter."""
 
 from __future__ import annotations
 
@@ -12,6 +12,8 @@ MAX_SIDE = 10_000
 """Cells along a side of the largest possible grid, the limit of a scenario's `grid_size`."""
 LARGEST_GRID_CELLS = 4_000_000
 """Cells of the largest grid allocated without an explicit request for a larger one."""
+DEFAULT_ORIGIN_DEG = (-24.04, -46.17)
+"""Latitude and longitude of a grid for which none are given, off Santos (DSSE 1.1.9)."""
 MAX_ID = 2**32 - 1
 """Largest run_id and mission: uint32 in the reports."""
 

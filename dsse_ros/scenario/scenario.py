@@ -27,6 +27,7 @@ from dsse_ros.scenario.fault_fields import FaultFields, hold_up
 from dsse_ros.scenario.fields import FieldError, Spec, check_all, check_known, field, specs
 from dsse_ros.scenario.incident import Incident
 from dsse_ros.scenario.incident_fields import IncidentFields, on_incident_grid
+from dsse_ros.scenario.limits import DEFAULT_ORIGIN_DEG
 from dsse_ros.scenario.markov_chain_fields import MarkovChainFields
 from dsse_ros.scenario.probability_matrix import ProbabilityMatrix
 from dsse_ros.scenario.rules import Rules, profile
@@ -34,12 +35,8 @@ from dsse_ros.scenario.searcher_fields import SearcherFields
 from dsse_ros.scenario.sensor_fields import SensorFields
 from dsse_ros.scenario.transition_probabilities import TransitionProbabilities
 from dsse_ros.scenario.yaml_file import read_yaml
-from dsse_ros.sensors.camera import footprint_m
+from dsse_ros.sensors.camera import PAPER_FIELD_OF_VIEW_DEG, footprint_m
 from dsse_ros.targets.registry import MOTIONS
-
-PAPER_FIELD_OF_VIEW_DEG = 2 * math.degrees(math.atan2(65, 120))
-"""A camera that sees 130 m x 130 m = 16900 m^2 from 120 m (paper, section "Environment and the real
-world")."""
 
 MAX_PRE_SEARCH_STEPS = 1_000_000
 
@@ -60,13 +57,13 @@ class Scenario(
     """
 
     name: str = field("str", "Name of the place, for users.", "")
-    origin_lat: float = field(
-        "float", "WGS84 latitude of the grid's south-west corner.", -24.04, low=-90, high=90,
-        unit="deg",
+    origin_lat: float | None = field(
+        "float", "WGS84 latitude of the grid's south-west corner; by default -24.04.", None,
+        low=-90, high=90, unit="deg",
     )  # fmt: skip
-    origin_lon: float = field(
-        "float", "WGS84 longitude of the grid's south-west corner.", -46.17, low=-180, high=180,
-        unit="deg",
+    origin_lon: float | None = field(
+        "float", "WGS84 longitude of the grid's south-west corner; by default -46.17.", None,
+        low=-180, high=180, unit="deg",
     )  # fmt: skip
     origin_alt: float = field(
         "float", "Ellipsoidal height of the sea at the origin.", 0.0, low=-500, high=9000, unit="m"
@@ -239,7 +236,9 @@ class Scenario(
         if on_grid is not self:
             return dataclasses.replace(on_grid.resolve(rules), stated=self)
         grid, cell = self.grid_of(rules)
-        origin = (self.origin_lat, self.origin_lon, self.origin_alt)
+        lat = DEFAULT_ORIGIN_DEG[0] if self.origin_lat is None else self.origin_lat
+        lon = DEFAULT_ORIGIN_DEG[1] if self.origin_lon is None else self.origin_lon
+        origin = (lat, lon, self.origin_alt)
         if self.probability_matrix is not None:
             self.probability_matrix.check_place(grid, cell, origin)
         self.check_transitions(rules, grid)
@@ -262,6 +261,8 @@ class Scenario(
         if rules.person_scatter and rules.person_motion in MOTIONS:
             check_scatter(self.person_amount, person, grid, rules.person_scatter, mask)
         derived = {
+            "origin_lat": lat,
+            "origin_lon": lon,
             "grid_size": grid,
             "zone_size": None,
             "cell_size": cell,
@@ -368,6 +369,8 @@ class ResolvedScenario(Scenario):
             rules that the scenario was resolved with.
     """
 
+    origin_lat: float
+    origin_lon: float
     grid_size: int
     cell_size: float
     num_drones: int

@@ -5,7 +5,6 @@
 from __future__ import annotations
 
 import math
-from functools import lru_cache
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -16,6 +15,7 @@ from dsse_ros.drift.kernels import read_flow
 from dsse_ros.scenario.area import Area, cell_centre
 from dsse_ros.scenario.geodesy import Origin, surface_to_geodetic
 from dsse_ros.scenario.incident_grid import metres_from
+from dsse_ros.scenario.while_alive import while_alive
 
 if TYPE_CHECKING:
     from dsse_ros.scenario.incident import Incident
@@ -148,7 +148,7 @@ def _velocity(flow: Flow, lat_deg: float, lon_deg: float, time_s: float) -> Velo
     return None if math.isnan(east) else (east, north)
 
 
-@lru_cache(maxsize=4)
+@while_alive
 def _rings(land: Area, origin: Origin) -> tuple[NDArray[np.float64], ...]:
     return tuple(
         np.stack(metres_from(origin, *np.array(ring, np.float64).T), axis=1)

@@ -5,7 +5,6 @@
 from __future__ import annotations
 
 import dataclasses
-import json
 import os
 from collections import deque
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -17,17 +16,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dsse_ros.compiled.overloads import specialized
-from dsse_ros.scenario.area import Area
-from dsse_ros.scenario.given_array import GivenArray
-from dsse_ros.scenario.incident import Incident
+from dsse_ros.scenario.identity import identity_of
 from dsse_ros.scenario.rules import Rules
-from dsse_ros.scenario.scenario import SPECS, Scenario
+from dsse_ros.scenario.scenario import Scenario
 from dsse_ros.search.coverage import Coverage
 from dsse_ros.search.ensemble import WorldEnsemble
 from dsse_ros.search.faults import Faults
 from dsse_ros.search.rebound import Rebound
 from dsse_ros.search.snapshot import Snapshot, SnapshotError
-from dsse_ros.searchers.registry import DEFAULT
 from dsse_ros.step import kernels
 from dsse_ros.step.constants import area_of, constants_of, transitions_of
 from dsse_ros.step.looks import looks_of
@@ -49,13 +45,6 @@ def word_of_seed(seed: int) -> np.uint64:
     """Return the state that a seed, an integer >= 0, gives the generator of a world."""
     word: np.uint64 = np.random.SeedSequence(seed).generate_state(1, np.uint64)[0]
     return word
-
-
-def _plain(value: Area | Incident | GivenArray) -> Any:
-    """Return a value of a scenario for JSON, without the file that it came from."""
-    if isinstance(value, Incident):
-        return value.to_dict()
-    return value.sha256 if isinstance(value, GivenArray) else dataclasses.asdict(value)
 
 
 class World(Rebound):
@@ -477,16 +466,4 @@ class World(Rebound):
 
     @cached_property
     def _identity(self) -> dict[str, Any]:
-        parts = {
-            "scenario": {name: getattr(self.scenario, name) for name in SPECS},
-            "rules": dataclasses.asdict(self.rules),
-        }
-        if set(self.scenario.searchers) != {DEFAULT}:
-            names = dict.fromkeys(self.scenario.searchers)
-            parts["searchers"] = {
-                name: dataclasses.asdict(dataclasses.replace(kind, doc=""))
-                for name, kind in zip(names, self.scenario.kinds, strict=True)
-            }
-        # Convert through JSON, because a snapshot file has lists for tuples.
-        identity: dict[str, Any] = json.loads(json.dumps(parts, default=_plain))
-        return identity
+        return identity_of(self.scenario, self.rules)

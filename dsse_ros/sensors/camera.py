@@ -19,6 +19,9 @@ from dsse_ros.sensors.lateral_range import beside, strip
 from dsse_ros.sensors.sensor import Look, Sensor, looks_with
 from dsse_ros.sensors.sweep_width import WEATHER_FACTORS
 
+PAPER_FIELD_OF_VIEW_DEG = 2 * math.degrees(math.atan2(65, 120))
+"""A camera that sees 130 m x 130 m = 16900 m^2 from 120 m (paper, section "Environment and the real
+world")."""
 MAX_POD = 0.91
 MAX_WIDTH = 7.0
 """Greatest width of the footprint in cells, for which the looks of a search suffice."""

@@ -4,13 +4,17 @@
 
 from __future__ import annotations
 
+import dataclasses
+from datetime import datetime, timedelta, timezone
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
-from dsse_ros.campaign.config import Campaign, CampaignSettings
+from dsse_ros.campaign.config import Campaign, CampaignSettings, PlannerEntry
 from dsse_ros.campaign.engines import ENGINES
 from dsse_ros.scenario.fields import specs
 from dsse_ros.search import FieldError
@@ -71,6 +75,50 @@ def test_only_what_decides_the_results_makes_another_campaign() -> None:
     scenario = {**SMALL["scenarios"][0], "cell_size": 99}
     for changed in ({"seed": 1}, {"scenarios": [scenario]}, {"planners": ["sweep"]}):
         assert Campaign.from_dict({**SMALL, **changed}).digest != one.digest
+
+
+MINUTES = 1500
+"""Length of a table of wind; of longer arrays than 1000, NumPy prints the ends only."""
+
+
+def wind_with_a_gust(path: Path, at: int) -> Path:
+    start = datetime(2026, 1, 17, 12, tzinfo=timezone.utc)
+    times = [start + timedelta(minutes=n) for n in range(MINUTES)]
+    rows = [f"{time.isoformat()},{9 if n == at else 5},270" for n, time in enumerate(times)]
+    path.write_text("\n".join(["time,speed_mps,from", *rows]) + "\n")
+    return path
+
+
+@given(at=st.lists(st.integers(0, MINUTES - 1), min_size=2, max_size=2, unique=True))
+@settings(max_examples=10)
+def test_two_winds_are_two_campaigns_wherever_they_differ(
+    at: list[int], tmp_path_factory: pytest.TempPathFactory
+) -> None:
+    folder = tmp_path_factory.mktemp("winds")
+    incident = {
+        "object": "PIW-1", "search_start": "2026-01-17T14:00Z",
+        "seen": {"lat": -24.0, "lon": -46.0, "time": "2026-01-17T13:00Z"},
+    }  # fmt: skip
+    digests = []
+    for number, gust in enumerate((*at, at[0])):
+        wind = {"file": str(wind_with_a_gust(folder / f"{number}.csv", gust))}
+        # A grid that was laid does not depend on the wind.
+        laid = {"begins_s": 1768658400.0, "inside": 1.0, "stranded": 0.0}
+        case = {"incident": {**incident, "wind": wind, "laid": laid}, "grid_size": 20}
+        digests.append(Campaign.from_dict({**SMALL, "scenarios": [case]}).digest)
+    assert digests[0] == digests[2] != digests[1]
+
+
+def test_two_arrays_are_two_options_and_what_json_lacks_is_refused() -> None:
+    campaign, digests = Campaign.from_dict(SMALL), []
+    for place in (3, 700, 700):
+        cells = np.zeros(2000)
+        cells[place] = 1.0
+        entry = PlannerEntry("greedy", options={"cells": cells})
+        digests.append(dataclasses.replace(campaign, planners=(entry,)).digest)
+    assert digests[0] != digests[1] == digests[2]
+    with pytest.raises(FieldError, match="^option width must be a number, .*, got <object"):
+        PlannerEntry("greedy", options={"width": object()})
 
 
 def test_paths_start_from_the_folder_of_the_file(tmp_path: Path) -> None:

@@ -4,7 +4,9 @@
 
 from __future__ import annotations
 
+import gc
 import json
+import weakref
 from pathlib import Path
 from typing import Any
 
@@ -12,8 +14,18 @@ import numpy as np
 import pytest
 
 from dsse_ros.belief.beliefs import forecast_for
+from dsse_ros.drift.tracks import drift_tracks
 from dsse_ros.scenario.incident import Incident, names_files
-from dsse_ros.search import FieldError, Scenario, World, parallel_env, profile
+from dsse_ros.scenario.incident_fields import OF_INCIDENT
+from dsse_ros.search import (
+    FieldError,
+    Scenario,
+    Snapshot,
+    SnapshotError,
+    World,
+    parallel_env,
+    profile,
+)
 from dsse_ros.step.sea_tracks import tracks_of
 
 KAYAK = Path(__file__).resolve().parents[2] / "config" / "kayak.yaml"
@@ -139,6 +151,60 @@ def test_stranded_persons_lie_on_the_grid_and_stay_there() -> None:
     ).mean() > 0.99
 
 
+def cut_at_the_antimeridian(west: float, east: float) -> dict[str, Any]:
+    """Return land between longitudes that may exceed 180, cut as RFC 7946 (3.1.9) has it."""
+    parts = [(west, min(east, 180.0)), (max(west, 180.0), east)]
+    return {
+        "type": "MultiPolygon",
+        "coordinates": [
+            [[(lon - turn, lat) for lon, lat in ring]]
+            for (low, high), turn in zip(parts, (0.0, 360.0), strict=True)
+            if low < high
+            for ring in [[(low, -25), (high, -25), (high, -23), (low, -23), (low, -25)]]
+        ],
+    }
+
+
+def test_the_grid_of_an_incident_is_laid_once_and_forgotten_with_it(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    laid = []
+
+    def drift(*arguments: Any, **options: Any) -> Any:
+        laid.append(1)
+        return drift_tracks(*arguments, **options)
+
+    monkeypatch.setattr("dsse_ros.scenario.incident.drift_tracks", drift)
+    first, equal = (scenario(jibing=0.031) for _ in range(2))
+    for one in (first, first, equal):
+        one.resolve(SEA)
+    assert len(laid) == 1
+    alive = weakref.ref(first.incident)
+    del first, equal, one
+    gc.collect()
+    assert alive() is None
+
+
+@pytest.mark.parametrize("turned", [0.0, 360.0], ids=["east", "west"])
+@pytest.mark.parametrize("lon", [170.0, 179.93, 179.944, 179.98, 180.02, 185.0])
+def test_objects_strand_across_the_antimeridian_as_elsewhere(lon: float, turned: float) -> None:
+    def stranded(seen_lon: float, land: dict[str, Any]) -> float:
+        current = {"toward": 90, "speed": 1.0}
+        seen = {**SEEN, "lon": seen_lon}
+        incident = Incident.of({**FIELDS, "seen": [seen], "current": current, "shore": land})
+        times = incident.search_start_s + np.array([0.0, 1800.0])
+        tracks = incident.tracks(times, 2000, np.random.default_rng(0))
+        return float(tracks.stranded[-1].mean())
+
+    elsewhere = stranded(-46.0, cut_at_the_antimeridian(-45.943, -45.9))
+    assert 0.2 < elsewhere < 0.8
+    shore = cut_at_the_antimeridian(lon + 0.057, lon + 0.1)
+    # Land in their lee and far away changes nothing.
+    for west, east in ((lon - 0.1, lon - 0.05), (20.0, 21.0)):
+        shore["coordinates"] += cut_at_the_antimeridian(west, east)["coordinates"]
+    assert stranded(lon - turned, shore) == pytest.approx(elsewhere, abs=0.03)
+
+
 def test_a_snapshot_of_an_incident_is_restored() -> None:
     env = parallel_env(scenario(), rules="sea")
     env.reset(seed=1)
@@ -147,6 +213,27 @@ def test_a_snapshot_of_an_incident_is_restored() -> None:
     env.step(dict.fromkeys(env.agents, 0))
     env.restore(snapshot)
     assert env.world.state_bytes() == before
+
+
+def test_a_snapshot_has_the_digest_of_a_flow_and_fits_no_other_flow() -> None:
+    times = Incident.of(FIELDS).search_start_s + 3600.0 * np.arange(-2, 8)
+    axes = {"lats_deg": np.linspace(-25, -23, 40), "lons_deg": np.linspace(-47, -45, 40)}
+
+    def current(east_mps: float) -> dict[str, Any]:
+        values = np.full(10 * 40 * 40, 0.2)
+        values[8000] = east_mps
+        return {
+            "times_s": times.tolist(), "east_mps": values.tolist(),
+            "north_mps": (0 * values).tolist(), "source": f"{east_mps}.nc",
+            **{name: axis.tolist() for name, axis in axes.items()},
+        }  # fmt: skip
+
+    worlds = [World(scenario(current=current(east)), SEA) for east in (0.2, 0.2, 0.2001)]
+    snapshot = worlds[0].snapshot()
+    assert len(json.dumps(snapshot.identity)) < 10_000
+    worlds[1].restore(Snapshot.from_bytes(snapshot.to_bytes()))
+    with pytest.raises(SnapshotError, match="^the snapshot is of a different scenario: incident"):
+        worlds[2].restore(snapshot)
 
 
 @pytest.mark.parametrize(
@@ -188,11 +275,27 @@ def test_an_incident_is_a_mapping(value: Any) -> None:
 def test_other_rules_and_fields_that_the_incident_determines_are_refused() -> None:
     with pytest.raises(FieldError, match="incident must come with rules sea, got paper"):
         scenario().resolve(profile("paper"))
-    with pytest.raises(FieldError, match="vector must not be given with an incident"):
-        scenario().override(vector=(1.0, 0.0)).resolve(SEA)
     env = parallel_env(scenario(), rules="sea")
     with pytest.raises(FieldError, match="vector must not be an option of a reset"):
         env.reset(seed=1, options={"vector": (1.0, 0.0)})
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        *[(name, 0.0) for name in ("origin_lat", "origin_lon", "current_speed", "current_toward")],
+        *[(name, 1.0) for name in ("sigma", "sigma_x", "sigma_y", "pre_search_minutes")],
+        ("origin_lat", -24.04), ("vector", (0.0, 0.0)), ("person_initial_position", (0, 0)),
+        ("dispersion_inc", 0.0), ("probability_matrix", np.ones((4, 4))),
+        ("transition_probabilities", np.eye(16)),
+    ],
+)  # fmt: skip
+def test_every_field_that_an_incident_determines_is_refused_by_its_name(
+    name: str, value: Any
+) -> None:
+    assert name in OF_INCIDENT
+    with pytest.raises(FieldError, match=f"^{name} must not be given with an incident, which"):
+        scenario().override(**{name: value}).resolve(SEA)
 
 
 def test_wind_that_ends_before_the_search_is_refused_in_a_line(tmp_path: Path) -> None:
