@@ -13,8 +13,8 @@ from typing import Any
 import dsse_ros.compat as v2
 from dsse_ros.compat import v1, wrappers
 from dsse_ros.compat.coverage import CoverageMatrix
+from dsse_ros.compat.drifting import Person, ProbabilityMatrix
 from dsse_ros.compat.published import DroneData
-from dsse_ros.compat.search import Person, ProbabilityMatrix
 
 COLOURS = {"RED": (255, 0, 0), "GREEN": (0, 255, 0), "BLACK": (0, 0, 0)}
 

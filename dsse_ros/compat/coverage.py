@@ -11,8 +11,10 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
-from dsse_ros.compat.published import Cell, DroneData, Infos, SwarmEnv
+from dsse_ros.compat.published import Cell, DroneData, Infos
 from dsse_ros.compat.search import NAMES
+from dsse_ros.compat.swarm import SwarmEnv
+from dsse_ros.scenario.fields import Spec
 from dsse_ros.scenario.rules import Rules, profile
 from dsse_ros.scenario.scenario import Scenario
 from dsse_ros.search.parallel_env import SearchEnv
@@ -21,12 +23,24 @@ Observations = dict[str, tuple[Cell, NDArray[np.float64]]]
 
 
 class CoverageMatrix:
-    """The remaining probability: a visit removes that of its cell."""
+    """The remaining probability: a visit removes that of its cell. It is read-only."""
 
     def __init__(self, search: SearchEnv) -> None:
         coverage = search.world.coverage
         assert coverage is not None
-        self.original_map, self.probability_map = coverage.poc, coverage.left[0]
+        self._maps = coverage.poc.view(), coverage.left[0]
+        for values in self._maps:
+            values.setflags(write=False)
+
+    @property
+    def original_map(self) -> NDArray[np.float64]:
+        """The matrix without any visits, (G, G) float64 as [y, x]."""
+        return self._maps[0]
+
+    @property
+    def probability_map(self) -> NDArray[np.float64]:
+        """The matrix (G, G) float64 as [y, x]; visits change it."""
+        return self._maps[1]
 
     def get_matrix(self) -> NDArray[np.float64]:
         """Return the matrix (G, G) float64 as [y, x]; visits change it."""
@@ -113,21 +127,43 @@ class CoverageDroneSwarmSearch(SwarmEnv):
             self.possible_agents,
             spaces.Tuple((spaces.MultiDiscrete([g, g]), spaces.Box(0, 1, (g, g), np.float64))),
         )
-        self.all_states = {(x, y) for x in range(g) for y in range(g)}
+        self._keep_spaces()
 
     def _rules(self) -> Rules:
-        rewards = self.reward_scheme
+        rewards, matrix = self.reward_scheme, self._matrix
+        scale = done = 1.0
+        if matrix is not None:
+            # The step scales both by the cells to cover, and the other by the drones.
+            cells = self._cells_to_cover
+            scale = rewards["reward_poc"] / cells
+            done = rewards["done"] / (cells / self._search.world.num_drones)
         return profile(
             "coverage",
             move=rewards["default"],
             leave_grid=rewards["default"],
             time_out=rewards["exceed_timestep"],
             cover=rewards["search_cell"],
+            cover_scale=scale,
+            cover_all=done,
+            cover_all_bonus=done,
         )
 
-    def _make(self, rules: Rules) -> None:
-        super()._make(rules)
-        self.probability_matrix = CoverageMatrix(self._search)
+    def _make(self) -> None:
+        self._matrix: CoverageMatrix | None = None
+        super()._make()
+        self._matrix = CoverageMatrix(self._search)
+
+    @property
+    def probability_matrix(self) -> CoverageMatrix:
+        """The remaining probability."""
+        assert self._matrix is not None
+        return self._matrix
+
+    @property
+    def all_states(self) -> frozenset[Cell]:
+        """All cells (x, y)."""
+        line = range(self.grid_size)
+        return frozenset((x, y) for x in line for y in line)
 
     def reset(
         self, seed: int | None = None, options: Mapping[str, Any] | None = None
@@ -145,10 +181,12 @@ class CoverageDroneSwarmSearch(SwarmEnv):
         cells = self._cells_to_cover
         self.reward_scheme["done"] = cells / len(self.agents)
         self.reward_scheme["reward_poc"] = cells
-        self.agents_positions[:] = self._cells()
         observations = self.create_observations()
         self._show()
         return observations, self._infos()
+
+    def _settings(self) -> tuple[Any, ...]:
+        return (self.drone.pod, *self.agents, *super()._settings())
 
     def _infos(self) -> Infos:
         metrics = {name: of[0].item() for name, of in self._search.world.coverage_metrics().items()}
@@ -165,28 +203,40 @@ class CoverageDroneSwarmSearch(SwarmEnv):
         return int(np.count_nonzero(self.probability_matrix.original_map))
 
     @property
-    def seen_states(self) -> set[Cell]:
+    def seen_states(self) -> frozenset[Cell]:
         """Cells (x, y) that are covered."""
         return _cells_where(
             self.probability_matrix.original_map > self.probability_matrix.probability_map
         )
 
     @property
-    def not_seen_states(self) -> set[Cell]:
+    def not_seen_states(self) -> frozenset[Cell]:
         """Cells (x, y) left to cover."""
         return _cells_where(self.probability_matrix.probability_map > 0)
 
     @property
     def repeated_coverage(self) -> int:
-        """Number of visits of cells that were already covered."""
-        coverage = self._search.world.coverage
-        assert coverage is not None
-        return int(coverage.records["repeated"][0])
+        """Number of visits of cells that were already covered; it can be set."""
+        return int(self._records["repeated"][0])
+
+    @repeated_coverage.setter
+    def repeated_coverage(self, value: int) -> None:
+        self._records["repeated"] = Spec("int", "", low=0).check("repeated_coverage", value)
 
     @property
     def cumm_pos(self) -> float:
-        """Probability of the covered cells times the probability of detection."""
-        return float(self._search.world.coverage_metrics()["pos"][0])
+        """Probability of the covered cells times the probability of detection; it can be set."""
+        return float(self._records["pos"][0])
+
+    @cumm_pos.setter
+    def cumm_pos(self, value: float) -> None:
+        self._records["pos"] = Spec("float", "").check("cumm_pos", value)
+
+    @property
+    def _records(self) -> NDArray[np.void]:
+        coverage = self._search.world.coverage
+        assert coverage is not None
+        return coverage.records
 
     @property
     def probability(self) -> NDArray[np.float64]:
@@ -199,5 +249,5 @@ class CoverageDroneSwarmSearch(SwarmEnv):
         self.probability_matrix.save_state(path)
 
 
-def _cells_where(where: NDArray[np.bool_]) -> set[Cell]:
-    return {(x, y) for y, x in np.argwhere(where).tolist()}
+def _cells_where(where: NDArray[np.bool_]) -> frozenset[Cell]:
+    return frozenset((x, y) for y, x in np.argwhere(where).tolist())

@@ -6,27 +6,34 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Collection, Iterable, Mapping
+from dataclasses import dataclass
 from operator import is_
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
-from pettingzoo import ParallelEnv
 
-from dsse_ros.compat.arguments import joint_action, with_names
+from dsse_ros.compat.arguments import with_names
 from dsse_ros.compat.pygame_window import PygameWindow
 from dsse_ros.scenario.cell_checks import check_cell, check_positions
 from dsse_ros.scenario.fields import FieldError, Spec, shown
 from dsse_ros.scenario.rules import Rules
 from dsse_ros.scenario.scenario import SPECS, Scenario
-from dsse_ros.search.agent_spaces import AgentSpaces
 from dsse_ros.search.parallel_env import SearchEnv
+from dsse_ros.search.rebound import Rebound
+from dsse_ros.step.constants import constants_of
 from dsse_ros.view import rendering
 
 Cell = tuple[int, int]
 Infos = dict[str, dict[str, Any]]
 RENDER_MODE = Spec("str", "How a mission is shown.", choices=("ansi", "human"))
 FPS = Spec("float", "Pictures per second in the mode human.", above=0)
+TIMESTEP = Spec("int", "Steps done in a mission.", low=0, high=2**40)
+OF_REWARDS = (
+    "move", "leave_grid", "collision", "search_below", "find", "find_bonus", "time_out", "cover",
+    "cover_scale", "cover_all", "cover_all_bonus",
+)  # fmt: skip
+"""Constants of the step that follow from `reward_scheme`, which the packages read in each step."""
 INNER_METHODS = (
     "build_movement_matrix", "calculate_simulation_time_step", "compute_infos",
     "create_persons_set", "create_random_positions_person", "default_drones_positions", "draw",
@@ -37,12 +44,24 @@ INNER_METHODS = (
 """Methods that the packages call in `reset` and `step`, and that are not called here."""
 
 
-class DroneData(NamedTuple):
-    """The drones: how many, their speed in m/s, their probability of detection."""
+@dataclass
+class DroneData:
+    """The drones: how many, their speed in m/s, their probability of detection.
+
+    Only `pod` can be changed with effect, as in DSSE 1.1.9, at any time.
+
+    Raises:
+        FieldError: If a value is not allowed.
+    """
 
     amount: int
     speed: float
-    pod: float
+    pod: float = 1
+
+    def __post_init__(self) -> None:
+        SPECS["num_drones"].check("amount", self.amount)
+        SPECS["drone_speed"].check("speed", self.speed)
+        SPECS["probability_of_detection"].check("pod", self.pod)
 
 
 def no_rewards(agents: Iterable[str]) -> dict[str, float]:
@@ -50,11 +69,14 @@ def no_rewards(agents: Iterable[str]) -> dict[str, float]:
     return {**dict.fromkeys(agents, 0), "total": 0}
 
 
-class PublishedEnv:
+class PublishedEnv(Rebound):
     """A search under published names.
+
+    What a script sets takes effect when the packages read it: in each step or in a reset.
 
     Attributes:
         render_mode: `ansi` or `human`.
+        timestep_limit: Maximum number of steps of a mission.
         possible_agents: Names of all drones.
         agents: Names of the drones in the search; none before the first reset.
         timestep: Number of steps done, None before the first reset.
@@ -65,11 +87,16 @@ class PublishedEnv:
 
     _names: ClassVar[Mapping[str, str]]
     """Fields of the scenario by published argument, where the names differ."""
+    _read_in_reset: ClassVar[Mapping[str, str]] = {}
+    """Fields of the scenario by the attribute that a reset reads."""
 
     render_mode: str
     possible_agents: list[str]
     agents: list[str]
     timestep: int | None
+    timestep_limit: int
+    grid_size: int
+    reward_scheme: Any
 
     def __init_subclass__(cls, **options: Any) -> None:
         super().__init_subclass__(**options)
@@ -92,7 +119,7 @@ class PublishedEnv:
         self._window: rendering.Viewer | PygameWindow | None = None
         self._placed: list[Any] = []
         self._scenario = with_names(self._names, scenario)
-        self._make(self._rules())
+        self._make()
         self.possible_agents = self._search.possible_agents
         self.agents = []
         self.timestep = None
@@ -101,27 +128,109 @@ class PublishedEnv:
         """Return the rules with the rewards as they are now."""
         raise NotImplementedError
 
-    def _make(self, rules: Rules) -> None:
+    def _make(self) -> None:
         # In the mode rgb_array a search keeps what a picture shows, and shows nothing by itself.
-        mode = "rgb_array" if self.render_mode == "human" else None
+        mode, rules = "rgb_array" if self.render_mode == "human" else None, self._rules()
         self._search = with_names(self._names, lambda: SearchEnv(self._scenario, rules, mode))
+        self._made_of = self._attributes()
+        self._applied: tuple[Any, ...] = ()
+        self._begun = self._over = False
+        self._steps_done = 0
+        self._rebind()
 
-    def _start(self, seed: int | None, options: Mapping[str, Any]) -> None:
-        """Start a mission, with the rewards as they are now.
+    def _bind(self) -> None:
+        """Create the views on the world's arrays."""
+        world = self._search.world
+        self._x, self._y = world.drones["x"][0], world.drones["y"][0]
+        self._of_step = world.rewards[0], world.terminated[0], world.truncated[0]
+        self._multipliers = world.persons["pod_multiplier"]
+        self._num_missing = world.worlds["num_missing"]
+
+    def _attributes(self) -> list[Any]:
+        """Return what a new search is made of, as values that stay as they are."""
+        given = [getattr(self, name, None) for name in self._read_in_reset]
+        frozen = [tuple(v) if isinstance(v, list | tuple | np.ndarray) else v for v in given]
+        return [self.render_mode == "human", *frozen]
+
+    def _follow_attributes(self) -> None:
+        """Make the search again if a script has changed what it is made of.
 
         Raises:
-            FieldError: If the seed or an option is not allowed, or two drones start in one cell.
+            FieldError: If an attribute is not allowed; the search stays as it is.
         """
+        if self._attributes() == self._made_of:
+            return
+        fields = {field: getattr(self, name) for name, field in self._read_in_reset.items()}
+        before = self._scenario, self._search
+        self._scenario = with_names(self._names, lambda: before[0].override(**fields))
+        try:
+            self._make()
+        except FieldError:
+            self._scenario, self._search = before
+            raise
+        # The new search continues the random numbers of the old one.
+        self._search.world.worlds["rng"] = before[1].world.worlds["rng"]
+
+    def _start(self, seed: int | None, options: Mapping[str, Any]) -> None:
+        """Start a mission with the attributes as they are now.
+
+        Raises:
+            FieldError: If the seed, an option or an attribute is not allowed, or two drones start
+                in one cell.
+        """
+        self._follow_attributes()
         self._check_apart(options.get("drones_positions"))
-        rules = self._rules()
-        if rules != self._search.rules:
-            # The new search continues the random numbers of the old one.
-            state = self._search.world.worlds["rng"].copy()
-            self._make(rules)
-            self._search.world.worlds["rng"] = state
+        self._reset_search(seed, options)
+        self.agents = list(self.possible_agents)
+        self.timestep = self._steps_done = 0
+        self._begun, self._over, self._applied = True, False, ()
+
+    def _reset_search(self, seed: int | None, options: Mapping[str, Any]) -> None:
         self._search.reset(seed, options)
-        self.agents = self.possible_agents.copy()
-        self.timestep = 0
+
+    def _settings(self) -> tuple[Any, ...]:
+        """Return what a script may have set and a step reads, to see whether it has."""
+        return (*self.reward_scheme.values(), self._over, self.timestep_limit, self.grid_size)
+
+    def _take_over(self) -> None:
+        """Bring what a script has set into the world.
+
+        Raises:
+            FieldError: If a value is not allowed, or needs a reset first.
+        """
+        world = self._search.world
+        if self.grid_size != world.grid_size:
+            raise FieldError(
+                f"grid_size must be {world.grid_size} until the next reset, got "
+                f"{shown(self.grid_size)}"
+            )
+        limit = SPECS["timestep_limit"].check("timestep_limit", self.timestep_limit)
+        constants = constants_of(self._search.scenario, self._rules())
+        for name in OF_REWARDS:
+            world.constants[name] = constants[name]
+        world.constants["timestep_limit"] = limit
+
+    def _advance(self, joint: NDArray[np.int8]) -> None:
+        """Advance the search by the drones' actions, with all that a script has set.
+
+        Raises:
+            FieldError: As `_take_over`; the mission stays as it is.
+        """
+        now = self._settings()
+        if now != self._applied:
+            self._take_over()
+            self._applied = now
+        self._place_drones(self._published_cells())
+        if self.timestep != self._steps_done:
+            self._steps_done = TIMESTEP.check("timestep", self.timestep)
+            self._search.world.worlds["t"] = self._steps_done
+        self._search.advance(joint)
+        self._steps_done += 1
+        self.timestep = self._steps_done
+
+    def _published_cells(self) -> Collection[Any]:
+        """Return the cells of all drones as `agents_positions` has them."""
+        raise NotImplementedError
 
     def _check_apart(self, cells: Any) -> None:
         """Raise unless the drones start in different cells, as the packages demand of each task.
@@ -131,52 +240,52 @@ class PublishedEnv:
         """
         if cells is not None:
             checked = SPECS["drones_positions"].check("drones_positions", cells)
-            grid, count = len(self._search.probability), len(self.possible_agents)
+            grid, count = len(self._search.probability), self._search.world.num_drones
             check_positions(checked, grid, count, None, apart=True)
 
-    def _check_started(self) -> int:
-        """Return the steps that are done.
+    def _check_started(self) -> None:
+        """Raise unless there was a reset.
 
         Raises:
-            FieldError: If there was no reset.
+            FieldError: If there was none.
         """
-        if self.timestep is None:
+        if not self._begun:
             raise FieldError("Please reset the env before interacting with it")
-        return self.timestep
 
     def _outcome(
         self, agents: list[str]
     ) -> tuple[dict[str, float], dict[str, bool], dict[str, bool]]:
-        """Return rewards, terminations and truncations of the last step."""
-        world = self._search.world
-        rewards, terminations, truncations = (
-            dict(zip(agents, of_world[0].tolist(), strict=True))
-            for of_world in (world.rewards, world.terminated, world.truncated)
+        """Return rewards, terminations and truncations of the first drones in the last step."""
+        rewards, terminations, truncations = self._of_step
+        return (
+            dict(zip(agents, rewards.tolist(), strict=False)),
+            dict(zip(agents, terminations.tolist(), strict=False)),
+            dict(zip(agents, truncations.tolist(), strict=False)),
         )
-        return rewards, terminations, truncations
 
     def _cells(self) -> list[Any]:
         """Return the cells (x, y) of all drones, and remember that they are published."""
-        self._placed = list(map(tuple, self._search.positions.tolist()))
+        self._placed = list(zip(self._x.tolist(), self._y.tolist(), strict=True))
         return self._placed
 
     def _place_drones(self, cells: Collection[Any]) -> None:
         """Move the drones whose cells the script has replaced in `agents_positions`.
 
         Raises:
-            FieldError: If there is not one cell on the grid for each drone.
+            FieldError: If there is not one cell on the grid for each drone that has an agent.
         """
         if len(cells) == len(self._placed) and all(map(is_, cells, self._placed)):
             return
-        checked = SPECS["drones_positions"].check("agents_positions", list(cells))
-        if len(checked) != len(self._placed):
+        if len(cells) != len(self._placed):
             raise FieldError(
                 f"agents_positions must be {len(self._placed)} cells, one per drone, got "
                 f"{shown(cells)}"
             )
+        acting = list(cells)[: len(self.agents)]
+        checked = SPECS["drones_positions"].check("agents_positions", acting)
         for cell in checked:
             check_cell("agents_positions", cell, len(self._search.probability))
-        drones = self._search.world.drones[0]
+        drones = self._search.world.drones[0, : len(acting)]
         drones["x"], drones["y"] = np.transpose(checked)
 
     def _show(self) -> None:
@@ -195,8 +304,8 @@ class PublishedEnv:
 
     @property
     def rules(self) -> Rules:
-        """The rules of the search, with the rewards of the last reset."""
-        return self._search.rules
+        """The rules of the search, with the rewards as they are now."""
+        return self._rules()
 
     def get_agents(self) -> list[str]:
         """Return the names of all drones."""
@@ -221,80 +330,3 @@ class PublishedEnv:
         if self._window is not None:
             self._window.close()
             self._window = None
-
-
-class SwarmEnv(AgentSpaces, PublishedEnv, ParallelEnv[str, Any, int]):
-    """The common base of the two environments of DSSE 1.1.9.
-
-    Attributes:
-        grid_size: Cells along each axis.
-        agents_positions: Cells (x, y) of all drones, (None, None) before the first reset. A cell
-            that is replaced moves its drone in the next step.
-    """
-
-    grid_size: int
-    agents_positions: list[Any]
-
-    def _publish(self, drone: DroneData, cell_size: float, timestep_limit: int) -> None:
-        """Set the attributes that both environments publish."""
-        self.drone = drone
-        self.probability_of_detection = drone.pod
-        self.cell_size = cell_size
-        self.timestep_limit = timestep_limit
-        self.time_step_relation = self.calculate_simulation_time_step(drone.speed, cell_size)
-        self.agents_positions = [(None, None)] * drone.amount
-        self.action_spaces = self._search.action_spaces
-
-    def step(
-        self, actions: Mapping[str, int]
-    ) -> tuple[dict[str, Any], dict[str, float], dict[str, bool], dict[str, bool], Infos]:
-        """Advance the mission by one step.
-
-        Raises:
-            ValueError: If there was no reset, or an action is missing or not allowed; the mission
-                stays as it is.
-        """
-        steps_done, agents = self._check_started(), self.agents
-        if not agents:
-            return {}, {}, {}, {}, {}
-        numbers = joint_action(actions, agents, len(self._search.rules.actions))
-        self._place_drones(self.agents_positions)
-        self._search.advance(np.array(numbers, np.int8))
-        self.timestep = steps_done + 1
-        self.agents_positions[:] = self._cells()
-        outcome, infos = self._outcome(agents), self._infos()
-        observations = self.create_observations()
-        self._show()
-        self.agents = self._search.agents.copy()
-        return observations, *outcome, infos
-
-    def create_observations(self) -> dict[str, Any]:
-        """Return the observation of each agent; called once per reset and step.
-
-        A subclass can override it. The persons and the map have already moved.
-        """
-        probability = self.probability
-        return {
-            agent: (cell, probability)
-            for agent, cell in zip(self.agents, self.agents_positions, strict=True)
-        }
-
-    def _infos(self) -> Infos:
-        """Return the info of each agent."""
-        raise NotImplementedError
-
-    @property
-    def probability(self) -> NDArray[Any]:
-        """The map as agents observe it, (G, G) as [y, x]."""
-        raise NotImplementedError
-
-    def is_valid_position(self, position: Cell) -> bool:
-        """Return whether a cell (x, y) is on the grid."""
-        return all(0 <= value < self.grid_size for value in position)
-
-    @staticmethod
-    def calculate_simulation_time_step(
-        drone_max_speed: float, cell_size: float, wind_resistance: float = 0.0
-    ) -> float:
-        """Return the duration of one step in seconds: cell size over speed."""
-        return cell_size / (drone_max_speed - wind_resistance)

@@ -11,10 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dsse_ros.compat.constants import Actions, Reward
-from dsse_ros.compat.published import Cell, DroneData, Infos, SwarmEnv, no_rewards
+from dsse_ros.compat.drifting import Person, ProbabilityMatrix
+from dsse_ros.compat.published import Cell, DroneData, Infos, no_rewards
+from dsse_ros.compat.swarm import SwarmEnv
+from dsse_ros.scenario.cell_checks import check_cell
+from dsse_ros.scenario.fields import FieldError, Spec, shown
 from dsse_ros.scenario.rules import Rules, profile
-from dsse_ros.scenario.scenario import Scenario
-from dsse_ros.search.parallel_env import SearchEnv
+from dsse_ros.scenario.scenario import MAX_PRE_SEARCH_STEPS, SPECS, Scenario
 
 Observations = dict[str, tuple[Cell, NDArray[np.float32]]]
 
@@ -27,69 +30,12 @@ NAMES = {
 """Fields of the scenario by published argument, where the names differ."""
 
 
-class Person:
-    """A person who has not been found yet.
-
-    Attributes:
-        index: Number of the person.
-    """
-
-    def __init__(self, index: int, record: Any) -> None:
-        self.index = index
-        self._record = record
-
-    def __hash__(self) -> int:
-        return hash(self.index)
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, Person) and self.index == other.index
-
-    @property
-    def x(self) -> int:
-        """Column of the person's cell; it can be set."""
-        return int(self._record["x"])
-
-    @x.setter
-    def x(self, value: int) -> None:
-        self._record["x"] = value
-
-    @property
-    def y(self) -> int:
-        """Row of the person's cell; it can be set."""
-        return int(self._record["y"])
-
-    @y.setter
-    def y(self, value: int) -> None:
-        self._record["y"] = value
-
-    def get_position(self) -> Cell:
-        """Return the cell (x, y)."""
-        return self.x, self.y
-
-    def get_mult(self) -> float:
-        """Return the factor on the probability of detection."""
-        return float(self._record["pod_multiplier"])
-
-    def set_mult(self, mult: float) -> None:
-        """Set the factor on the probability of detection for this mission."""
-        self._record["pod_multiplier"] = mult
-
-
-class ProbabilityMatrix:
-    """The map of a search."""
-
-    def __init__(self, search: SearchEnv) -> None:
-        self._world = search.world
-
-    def get_matrix(self) -> NDArray[np.float32]:
-        """Return the map (G, G) float32 as [y, x] of the last observation."""
-        return self._world.maps[0]
-
-    @property
-    def supposed_position(self) -> tuple[int, int]:
-        """Cell of the datum as (row, column)."""
-        world = self._world.worlds[0]
-        return int(world["datum_y"]), int(world["datum_x"])
+PRE_RENDER_STEPS = Spec("int", "Steps before a mission.", low=0, high=MAX_PRE_SEARCH_STEPS)
+TIME_STEP = Spec("float", "Duration of a step.", above=0, unit="s")
+_OF_DATUM = (
+    "datum_x", "datum_y", "circle_x", "circle_y", "remainder_x", "remainder_y", "scale",
+)  # fmt: skip
+"""State of the map in `kernels.WORLDS`."""
 
 
 class DroneSwarmSearch(SwarmEnv):
@@ -104,6 +50,13 @@ class DroneSwarmSearch(SwarmEnv):
 
     metadata = {"name": "DroneSwarmSearchV0"}
     _names = NAMES
+    _read_in_reset = {
+        "grid_size": "grid_size",
+        "dispersion_inc": "dispersion_inc",
+        "dispersion_start": "sigma",
+        "person_amount": "person_amount",
+        "person_initial_position": "person_initial_position",
+    }
     possible_actions = set(Actions)
     reward_scheme = Reward(
         default=0.0,
@@ -133,6 +86,11 @@ class DroneSwarmSearch(SwarmEnv):
         grid_cell_size: float = 130,
         fps: float = 5,
     ) -> None:
+        self.grid_size = grid_size
+        self.dispersion_inc = dispersion_inc
+        self.dispersion_start = dispersion_start
+        self.person_amount = person_amount
+        self.person_initial_position = person_initial_position
         self._set_up(
             render_mode,
             lambda: Scenario(
@@ -151,18 +109,16 @@ class DroneSwarmSearch(SwarmEnv):
             ),
             fps,
         )
-        self.grid_size = grid_size
         drone = DroneData(drone_amount, drone_speed, probability_of_detection)
         self._publish(drone, grid_cell_size, timestep_limit)
         self.vector = vector
-        self.dispersion_inc = dispersion_inc
-        self.dispersion_start = dispersion_start
-        self.person_amount = person_amount
-        self.person_initial_position = person_initial_position
         self.disaster_position = person_initial_position
-        self.probability_matrix: ProbabilityMatrix | None = None
+        self._probability_matrix: ProbabilityMatrix | None = None
+        self._search.world.persons["x"], self._search.world.persons["y"] = person_initial_position
+        self._meet_persons()
         self.pre_render_steps = self._search.scenario.pre_search_steps
         self.observation_spaces = self._search.observation_spaces
+        self._keep_spaces()
         self.rewards_sum = no_rewards(self.possible_agents)
 
     def _rules(self) -> Rules:
@@ -202,27 +158,99 @@ class DroneSwarmSearch(SwarmEnv):
         }
         self._start(None if seed is None else int(seed), start)
         self.vector = vector
-        self.probability_matrix = ProbabilityMatrix(self._search)
-        records = self._search.world.persons[0]
-        self._persons = [Person(i, records[i]) for i in range(len(records))]
-        self.rewards_sum = no_rewards(self.possible_agents)
-        self.agents_positions[:] = self._cells()
+        self._probability_matrix = ProbabilityMatrix(self._search.world, self.time_step_relation)
+        self._meet_persons()
+        self.rewards_sum = no_rewards(self.agents)
         observations = self.create_observations()
         self._show()
         return observations, self._infos()
+
+    def _meet_persons(self) -> None:
+        world = self._search.world
+        self._persons = [
+            Person(i, world, self.time_step_relation, self.cell_size)
+            for i in range(world.persons.shape[1])
+        ]
+        self.persons_set: Any = set(self._persons)
+
+    def _reset_search(self, seed: int | None, options: Mapping[str, Any]) -> None:
+        """Reset the search; the map may drift from another cell than that of the persons.
+
+        Raises:
+            FieldError: If an option or an attribute is not allowed.
+        """
+        search = self._search
+        read = {
+            "cell_size": SPECS["cell_size"].check("cell_size", self.cell_size),
+            "step_duration_s": TIME_STEP.check("time_step_relation", self.time_step_relation),
+            "pre_search_steps": PRE_RENDER_STEPS.check("pre_render_steps", self.pre_render_steps),
+        }
+        disaster = SPECS["person_initial_position"].check(
+            "disaster_position", self.disaster_position
+        )
+        check_cell("disaster_position", disaster, search.world.grid_size)
+        apart = disaster != search.scenario.person_initial_position
+        if apart and self.pre_render_steps:
+            raise FieldError(
+                "disaster_position must be person_initial_position with pre_render_steps, got "
+                f"{shown(disaster)}"
+            )
+        constants = search.world.constants
+        for name, value in read.items():
+            constants[name] = value
+        search.reset(seed, options)
+        if apart:
+            # In the step of a reset nobody moves yet, so this map is that of persons from there.
+            there = search.snapshot()
+            search.reset(None, {**options, "person_initial_position": disaster})
+            for name in _OF_DATUM:
+                there.arrays["worlds"][name] = search.world.worlds[name]
+            search.restore(there)
+
+    def _settings(self) -> tuple[Any, ...]:
+        # Without super() and nested calls, because it is a tenth of a step.
+        return (
+            self.reward_scheme, self.drone.pod, self.timestep_limit, self.grid_size, self._over,
+            len(self.rewards_sum), self._multipliers.tobytes(), *self.agents,
+            *map(id, self.persons_set),
+        )  # fmt: skip
+
+    def _take_over(self) -> None:
+        """Bring what a script has set into the world, see `SwarmEnv._take_over`.
+
+        Raises:
+            FieldError: As there.
+        """
+        super()._take_over()
+        world, left = self._search.world, set(self.persons_set)
+        unknown = [agent for agent in self.agents if agent not in self.rewards_sum]
+        if unknown:
+            raise FieldError(f"agents must be among those of the reset, got {unknown[0]!r}")
+        if not left or not left.issubset(self._persons):
+            raise FieldError("persons_set must have one or more of the persons of the reset")
+        world.persons["found"] = [person not in left for person in self._persons]
+        world.worlds["num_missing"] = len(left)
+        pod = world.constants["probability_of_detection"]
+        world.looks.pods[...] = np.minimum(self._multipliers * pod, 1.0)
 
     def step(
         self, actions: Mapping[str, int]
     ) -> tuple[Observations, dict[str, float], dict[str, bool], dict[str, bool], Infos]:
         """Advance the mission by one step, as `SwarmEnv` says."""
+        late = self._begun and self.timestep >= self.timestep_limit  # type: ignore[operator]
         done = super().step(actions)
-        for agent, reward in done[1].items():
+        # The package does not add the rewards of steps after the limit.
+        for agent, reward in () if late else done[1].items():
             self.rewards_sum[agent] += reward
         return done
 
     def _infos(self) -> Infos:
-        found = bool(self._search.world.worlds["num_missing"][0] == 0)
-        return {agent: {"Found": found} for agent in self.agents}
+        (num_missing,) = self._num_missing.tolist()
+        if num_missing < len(self.persons_set):
+            found = self._search.world.persons["found"][0].tolist()
+            for person in [person for person in self.persons_set if found[person.index]]:
+                self.persons_set.remove(person)
+        return {agent: {"Found": num_missing == 0} for agent in self.agents}
 
     @property
     def probability(self) -> NDArray[np.float32]:
@@ -230,12 +258,9 @@ class DroneSwarmSearch(SwarmEnv):
         return self._search.world.maps[0]
 
     @property
-    def persons_set(self) -> set[Person]:
-        """Persons who have not been found yet."""
-        if self.timestep is None:
-            return set()
-        found = self._search.world.persons["found"][0].tolist()
-        return {person for person in self._persons if not found[person.index]}
+    def probability_matrix(self) -> ProbabilityMatrix | None:
+        """The map; None before the first reset."""
+        return self._probability_matrix
 
     def get_persons(self) -> set[Person]:
         """Return the persons who have not been found yet."""

@@ -11,8 +11,9 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
+from dsse_ros.compat.drifting import ProbabilityMatrix
 from dsse_ros.compat.published import PublishedEnv, no_rewards
-from dsse_ros.compat.search import ProbabilityMatrix
+from dsse_ros.scenario.fields import Spec
 from dsse_ros.scenario.rules import Rules, profile
 from dsse_ros.scenario.scenario import Scenario
 from dsse_ros.search.world import HOLD
@@ -34,6 +35,11 @@ class DroneSwarmSearch(PublishedEnv):
 
     metadata: dict[str, Any] = {}
     _names = {"n_drones": "num_drones", "disperse_constant": "sigma"}
+    _read_in_reset = {
+        "grid_size": "grid_size",
+        "person_initial_position": "person_initial_position",
+        "disperse_constant": "sigma",
+    }
 
     def __init__(
         self,
@@ -86,9 +92,12 @@ class DroneSwarmSearch(PublishedEnv):
             find_bonus=rewards["search_and_find"],
         )
 
-    def _make(self, rules: Rules) -> None:
-        super()._make(rules)
-        self.probability_matrix = ProbabilityMatrix(self._search)
+    def _make(self) -> None:
+        super()._make()
+        self.probability_matrix = ProbabilityMatrix(self._search.world)
+
+    def _published_cells(self) -> list[Any]:
+        return list(self.agents_positions.values())
 
     def reset(
         self,
@@ -128,7 +137,7 @@ class DroneSwarmSearch(PublishedEnv):
         Raises:
             ValueError: If there was no reset, or an action is missing; the mission stays as it is.
         """
-        steps_done = self._check_started()
+        self._check_started()
         missing = [agent for agent in self.agents if agent not in actions]
         if missing:
             raise ValueError(f"Missing action for {missing[0]}")
@@ -136,15 +145,19 @@ class DroneSwarmSearch(PublishedEnv):
         world = search.world
         over = bool(world.worlds["done"][0])
         if not over:
-            self._place_drones(list(self.agents_positions.values()))
+            sums = [self.rewards_sum[agent] for agent in agents]
+            world.drones["episode_return"] = sums
             known = range(len(search.rules.actions))
-            joint = [actions[a] if actions[a] in known else HOLD for a in agents]
-            search.advance(np.array(joint, np.int8))
-            self.timestep = steps_done + 1
+            joint = [
+                actions[a] if a in self.agents and actions[a] in known else HOLD for a in agents
+            ]
+            self._advance(np.array(joint, np.int8))
             self._note_positions()
         rewards, terminations, truncations = self._outcome(agents)
+        for agent in {*agents} - {*self.agents}:
+            del rewards[agent], terminations[agent], truncations[agent]
         if over:
-            rewards = dict.fromkeys(agents, 0.0)
+            rewards = dict.fromkeys(rewards, 0.0)
         for agent, reward in rewards.items():
             self.rewards_sum[agent] += reward
         rewards["total_reward"] = sum(rewards.values())
@@ -169,13 +182,25 @@ class DroneSwarmSearch(PublishedEnv):
 
     @property
     def person_x(self) -> int:
-        """Column of the person's cell."""
+        """Column of the person's cell; it can be set."""
         return int(self._search.world.persons["x"][0, 0])
+
+    @person_x.setter
+    def person_x(self, value: int) -> None:
+        self._search.world.persons["x"] = self._line.check("person_x", value)
 
     @property
     def person_y(self) -> int:
-        """Row of the person's cell."""
+        """Row of the person's cell; it can be set."""
         return int(self._search.world.persons["y"][0, 0])
+
+    @person_y.setter
+    def person_y(self, value: int) -> None:
+        self._search.world.persons["y"] = self._line.check("person_y", value)
+
+    @property
+    def _line(self) -> Spec:
+        return Spec("int", "", low=0, high=self._search.world.grid_size - 1)
 
     def observation_space(self, agent: str) -> spaces.MultiDiscrete:
         """Return the space of a cell, as published: the map is not in it."""

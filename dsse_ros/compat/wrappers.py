@@ -6,6 +6,9 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from dsse_ros.search.wrappers import (
     ALL_POSITIONS,
     FLATTENED,
@@ -13,6 +16,7 @@ from dsse_ros.search.wrappers import (
     DiscountedObservations,
     EncodedObservations,
     RetainedPositions,
+    SeenDiscount,
     top_cells,
 )
 
@@ -56,20 +60,37 @@ class TopNProbsWrapper(EncodedObservations):
 
     @property
     def n_positions(self) -> int:
-        """Number of the most probable cells."""
+        """Number of the most probable cells; it can be set, and the spaces stay as they are."""
         return self._count
+
+    @n_positions.setter
+    def n_positions(self, count: int) -> None:
+        self.encoding, self._count = top_cells(count), count
 
 
 class CommunicationWrapper(DiscountedObservations):
     """Agents observe less probability where drones have been recently."""
 
     def __init__(self, env: Any, n_steps: int = 20) -> None:
-        super().__init__(env, n_steps)
+        super().__init__(env, n_steps, all_seen=True)
 
     @property
     def n_steps(self) -> int:
-        """Steps until a cell counts in full again."""
+        """Steps until a cell counts in full again; it can be set."""
         return self._seen.n_steps
+
+    @n_steps.setter
+    def n_steps(self, count: int) -> None:
+        self._seen.n_steps = SeenDiscount(count).n_steps
+
+    @property
+    def passed_map(self) -> NDArray[np.float64]:
+        """(G, G) float64, the step in which a drone was last in each cell; it can be set."""
+        return self._seen.last_seen
+
+    @passed_map.setter
+    def passed_map(self, steps: Any) -> None:
+        self._seen.last_seen[:] = steps
 
 
 class RetainDronePosWrapper(RetainedPositions):

@@ -164,20 +164,27 @@ class SeenDiscount:
 
     Args:
         n_steps: Steps until a cell counts in full again.
+        all_seen: Whether a mission starts as if all cells had just been flown over (DSSE 1.1.9).
 
     Raises:
         FieldError: If n_steps is not an integer >= 1.
     """
 
-    def __init__(self, n_steps: int = 20) -> None:
+    def __init__(self, n_steps: int = 20, *, all_seen: bool = False) -> None:
         self.n_steps = Spec("int", "", low=1).check("n_steps", n_steps)
+        self._never = 0.0 if all_seen else -np.inf
         self._last_seen = np.zeros(0)
+
+    @property
+    def last_seen(self) -> Array:
+        """(..., G, G) float64, the step in which each cell was flown over last, -inf for never."""
+        return self._last_seen[..., 1:-1, 1:-1]
 
     def reset(self, probability: Array) -> None:
         """Forget all visits; later maps (..., G, G) have the shape of this one."""
         *batch, grid, _ = probability.shape
         # The table has a margin for drones just outside the grid.
-        self._last_seen = np.zeros((*batch, grid + 2, grid + 2))
+        self._last_seen = np.full((*batch, grid + 2, grid + 2), self._never)
 
     def see(self, positions: Array, steps: Array | int) -> None:
         """Record the cells (..., N, 2) after that many steps.
@@ -189,13 +196,13 @@ class SeenDiscount:
         seen = self._last_seen.reshape(-1, side, side)
         cells = positions.reshape(len(seen), -1, 2) + 1
         step = np.broadcast_to(steps, len(seen))
-        seen[seen >= step[:, None, None]] = 0.0
+        seen[seen >= step[:, None, None]] = self._never
         seen[np.arange(len(seen))[:, None], cells[..., 1], cells[..., 0]] = step[:, None]
 
     def discount(self, probability: Array, steps: Array | int) -> Array:
         """Return the lowered maps (..., G, G) after that many steps; unchanged at step 0."""
         now = np.asarray(steps)
-        factor = now[..., None, None] - self._last_seen[..., 1:-1, 1:-1]
+        factor = now[..., None, None] - self.last_seen
         factor /= self.n_steps
         np.minimum(factor, 1.0, out=factor)
         factor[now == 0] = 1.0
@@ -289,16 +296,20 @@ class DiscountedObservations(_ChangedObservations):
     Args:
         env: A search, or a wrapper whose observations are tuples that end in the map.
         n_steps: Steps until a cell counts in full again.
+        all_seen: See `SeenDiscount`.
     """
 
-    def __init__(self, env: ParallelEnv[str, Any, int], n_steps: int = 20) -> None:
+    def __init__(
+        self, env: ParallelEnv[str, Any, int], n_steps: int = 20, *, all_seen: bool = False
+    ) -> None:
         super().__init__(env)
         self._search: Any = env.unwrapped
-        self._seen = SeenDiscount(n_steps)
+        self._seen = SeenDiscount(n_steps, all_seen=all_seen)
 
     def _begin(self, observations: dict[str, Any]) -> dict[str, Any]:
         *_, probability = next(iter(observations.values()))
         self._seen.reset(probability)
+        self._seen.see(self._search.positions, 0)
         return observations
 
     def _change(self, observations: dict[str, Any]) -> dict[str, Any]:

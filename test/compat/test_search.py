@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import copy
 import json
 from pathlib import Path
 from typing import Any
@@ -68,14 +69,15 @@ def test_a_seed_counts() -> None:
     assert play(3) == play(3) != play(4)
 
 
-def test_rewards_that_were_replaced_count_from_the_next_reset() -> None:
+def test_rewards_that_were_replaced_count_from_the_next_step() -> None:
     env = DroneSwarmSearch(grid_size=3, timestep_limit=2)
-    env.reward_scheme = Reward(-1.0, -5.0, -7.0, 0, 0, 1)
     env.reset()
+    env.unwrapped.reward_scheme = Reward(-1.0, -5.0, -7.0, 0, 0, 1)
     assert env.step({"drone0": Actions.LEFT.value})[1] == {"drone0": -5.0}
     assert env.step({"drone0": Actions.RIGHT.value})[1] == {"drone0": -1.0}
     assert env.step({"drone0": Actions.RIGHT.value})[1] == {"drone0": -7.0}
-    assert env.rewards_sum == {"drone0": -13.0, "total": 0}
+    # As in the package, without the steps after the limit.
+    assert env.rewards_sum == {"drone0": -6.0, "total": 0}
 
 
 def test_a_search_that_finds_nobody_earns_the_default() -> None:
@@ -133,6 +135,21 @@ def test_a_cell_that_cannot_be_assigned_is_refused(cells: Any) -> None:
     with pytest.raises(ValueError, match=r"^agents_positions must .*, got "):
         env.step({"drone0": 1})
     assert env.timestep == 0 and env.positions.tolist() == [[0, 0]]
+
+
+def test_a_copy_goes_its_own_way() -> None:
+    env = DroneSwarmSearch(grid_size=9, drone_amount=2, person_amount=2)
+    env.reset(seed=4)
+    env.step({"drone0": 1, "drone1": 1})
+    twin = copy.deepcopy(env)
+    for person in twin.get_persons():
+        person.set_mult(0)
+    actions = {"drone0": Actions.SEARCH.value, "drone1": 1}
+    for one in (env, twin):
+        for person in one.get_persons():
+            person.x, person.y = one.agents_positions[0]
+    assert env.step(actions)[1]["drone0"] > 1.0 and len(env.get_persons()) == 1
+    assert twin.step(actions)[1]["drone0"] == 0.0 and len(twin.get_persons()) == 2
 
 
 def test_drones_that_start_in_the_same_cell_are_refused() -> None:

@@ -35,11 +35,45 @@ def test_leaving_the_grid_ends_the_mission_and_later_steps_change_nothing() -> N
     assert (env.agents_positions, env.rewards_sum["total"]) == (positions, total)
 
 
-def test_rewards_that_were_replaced_count_from_the_next_reset() -> None:
+def test_rewards_that_were_replaced_count_from_the_next_step() -> None:
     env = DroneSwarmSearch()
     env.reward_scheme["default"] = 7
     env.reset()
     assert env.step({"drone0": 1})[1]["drone0"] == 7
+
+
+def test_what_a_script_sets_counts_as_in_the_package() -> None:
+    env = DroneSwarmSearch(grid_size=6, n_drones=2, timestep_limit=9)
+    env.reset(seed=1, drones_positions=[(1, 1), (4, 4)])
+    env.step({"drone0": 1, "drone1": 0})
+    env.reward_scheme.update(default=2, search_and_find=50)
+    assert env.step({"drone0": 1, "drone1": 0})[1] == {"drone0": 2, "drone1": 2, "total_reward": 4}
+    env.agents = ["drone1"]
+    positions = dict(env.agents_positions)
+    _, rewards, *_ = env.step({"drone1": 3})
+    assert rewards == {"drone1": 2, "total_reward": 2}
+    assert env.agents_positions["drone0"] == positions["drone0"]
+    env.agents = ["drone0", "drone1"]
+    env.person_x, env.person_y = env.agents_positions["drone1"]
+    env.timestep = 3
+    _, rewards, *_, infos = env.step({"drone0": 2, "drone1": 4})
+    assert infos["Found"] and rewards["drone1"] == 50 + 50 * (1 - 3 / 9)
+    env.reset(drones_positions=[(1, 1), (4, 4)])
+    env.timestep_limit, env.timestep, env.rewards_sum["drone0"] = 3, 4, 11
+    # Out of time, a drone gives back what it has earned, and pays.
+    assert env.step({"drone0": 1, "drone1": 0})[1]["drone0"] == -11 - 100000
+
+
+def test_what_a_script_sets_counts_from_the_next_reset() -> None:
+    env = DroneSwarmSearch(grid_size=6)
+    env.reset()
+    env.grid_size, env.person_initial_position, env.disperse_constant = 9, [7, 2], 1.5
+    with pytest.raises(ValueError, match=r"^grid_size must be 6 until the next reset, got 9$"):
+        env.step({"drone0": 1})
+    env.reset(vector=(0, 0))
+    matrix = env.probability_matrix.get_matrix()
+    assert matrix.shape == (9, 9) and env.probability_matrix.supposed_position == (2, 7)
+    assert matrix[2, 7] == matrix.max() and matrix[2, 8] < 0.9 * matrix[2, 7]
 
 
 def test_a_cell_that_a_script_assigns_moves_the_drone() -> None:

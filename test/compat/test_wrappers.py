@@ -70,7 +70,7 @@ def test_top_cells_of_the_packages_map_are_the_packages_up_to_ties() -> None:
 
 def test_a_discount_of_the_packages_map_is_the_packages_bit_for_bit() -> None:
     for _, arrays in EPISODES:
-        seen = native.SeenDiscount(META["n_steps"])
+        seen = native.SeenDiscount(META["n_steps"], all_seen=True)
         for step, (cells, probability) in enumerate(
             zip(arrays["retain"], arrays["retain_map"], strict=True)
         ):
@@ -195,9 +195,23 @@ def test_what_the_coverage_task_observes_through_wrappers_lies_in_its_spaces(
 
 
 def test_wrappers_have_the_published_attributes() -> None:
-    env = DroneSwarmSearch(grid_size=6, drone_amount=2)
-    assert wrappers.TopNProbsWrapper(env, 7).n_positions == 7
-    assert wrappers.CommunicationWrapper(env, 9).n_steps == 9
+    fields = {"vector": (0, 0), "person_initial_position": (5, 5), "dispersion_start": 9}
+    env = DroneSwarmSearch(grid_size=6, drone_amount=2, **fields)
+    top = wrappers.TopNProbsWrapper(env, 7)
+    assert top.n_positions == 7
+    top.n_positions = 2
+    assert top.reset()[0]["drone0"].shape == (8,)
+    seen = wrappers.CommunicationWrapper(env, 9)
+    assert seen.n_steps == 9
+    seen.reset()
+    seen.n_steps = 4
+    actions = {"drone0": 8, "drone1": 8}
+    seen.step(actions)
+    seen.passed_map[1, 1] = 1
+    for step, share in ((2, 0.25), (3, 0.5)):
+        lowered = seen.step(actions)[0]["drone0"][1] / env.probability
+        assert lowered[1, 1] == pytest.approx(share, abs=1e-6)
+        assert lowered[3, 3] == pytest.approx(step / 4, abs=1e-6) and lowered[0, 0] == 0
     retained = wrappers.RetainDronePosWrapper(env, [(1, 1), (2, 2)])
     assert retained.drone_positions == [(1, 1), (2, 2)]
     retained.drone_positions = [(3, 3), (4, 4)]

@@ -11,6 +11,7 @@ import argparse
 import os
 from pathlib import Path
 
+import oracle_attributes
 import oracle_coverage
 import oracle_v1
 import oracle_v2
@@ -29,7 +30,7 @@ def main() -> None:
     prefix, oracle = {"0.1.13": ("v1", oracle_v1), "1.1.9": ("v2", oracle_v2)}[arguments.version]
     source = {
         what: provenance(arguments.version, arguments.wheel, what)
-        for what in ("maps", "episodes", "person", "drift", "wrappers", "coverage")
+        for what in ("maps", "episodes", "person", "drift", "wrappers", "coverage", "attributes")
     }
     out = arguments.directory
     out.mkdir(parents=True, exist_ok=True)
@@ -49,6 +50,7 @@ def main() -> None:
         oracle_coverage.allow_without_opendrift()
         played = [oracle_coverage.play(script) for script in oracle_coverage.scripts()]
         write_json(out / "v2_coverage.json", source["coverage"], "episodes", played)
+        oracle_attributes.write(out / "v2_attributes.json.gz", source["attributes"])
 
 
 if __name__ == "__main__":

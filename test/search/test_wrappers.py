@@ -8,6 +8,8 @@ from typing import Any
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from dsse_ros.search import FieldError, parallel_env, vector_env
 from dsse_ros.search.wrappers import (
@@ -118,6 +120,26 @@ def test_a_grid_of_fewer_cells_than_are_asked_for_has_all_of_them() -> None:
         assert env.observation_space(agent).contains(observed)
         best = {tuple(cell) for cell in observed[4:].reshape(-1, 2).tolist()}
         assert best == {(x, y) for x in range(3) for y in range(3)}
+
+
+@given(
+    walk=st.lists(st.tuples(st.integers(0, 4), st.integers(0, 4)), min_size=1, max_size=12),
+    n_steps=st.integers(1, 6),
+)
+def test_cells_keep_their_probability_but_those_just_flown_over(
+    walk: list[tuple[int, int]], n_steps: int
+) -> None:
+    seen, probability = SeenDiscount(n_steps), np.full((5, 5), 0.04, np.float32)
+    seen.reset(probability)
+    for step, cell in enumerate(walk):
+        seen.see(np.array([cell]), step)
+    kept = seen.discount(probability, len(walk) - 1) / 0.04
+    for x in range(5):
+        for y in range(5):
+            visits = [step for step, cell in enumerate(walk) if cell == (x, y)]
+            ago = len(walk) - 1 - visits[-1] if visits else n_steps
+            expected = 1.0 if len(walk) == 1 else min(ago / n_steps, 1.0)
+            assert kept[y, x] == pytest.approx(expected, abs=1e-6)
 
 
 def test_what_was_seen_in_a_mission_that_was_left_does_not_count_in_the_one_gone_back_to() -> None:
