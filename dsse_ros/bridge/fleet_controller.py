@@ -319,8 +319,10 @@ class FleetController(SearchListener):
     def _next_order(self, i: int, now_s: float) -> Order | None:
         """Return the order that is due for a vehicle."""
         follower, vehicle = self.followers[i], self._vehicles[i]
-        state, outcome = vehicle.state, vehicle.outcome
-        return follower.advance(state, outcome, now_s, vehicle.trouble, self._clearance(i))
+        state, outcome, trouble = vehicle.state, vehicle.outcome, vehicle.trouble
+        if not (trouble or state.connected):
+            trouble = f"nothing from system {vehicle.system_id} on {vehicle.connection}"
+        return follower.advance(state, outcome, now_s, trouble, self._clearance(i))
 
     def _clearance(self, i: int) -> Clearance:
         """Return what the other vehicles and the search allow a vehicle to do."""

@@ -55,7 +55,7 @@ class VehicleSettings(ControllerSettings):
     """A vehicle, how it is reached and how it is flown.
 
     Attributes:
-        connection: As pymavlink has it: see `link.parse_connection`.
+        connection: See `link.parse_connection`; whatever its form, the name of the link.
         system_id: The vehicle's.
         own_system_id: Ours.
         signing_key_file: 32 bytes or 64 hexadecimal digits that nobody else can read; empty to
@@ -72,7 +72,7 @@ class VehicleSettings(ControllerSettings):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        parse_connection(self.connection)
+        object.__setattr__(self, "connection", parse_connection(self.connection).name)
         check_number("system_id", self.system_id, 1, 255)
         check_number("own_system_id", self.own_system_id, 1, 255)
         if self.system_id == self.own_system_id:
@@ -191,6 +191,11 @@ class Vehicle:
     def system_id(self) -> int:
         """Its system id."""
         return self.settings.system_id
+
+    @property
+    def connection(self) -> str:
+        """Its connection string."""
+        return self.settings.connection
 
     @property
     def snapshot(self) -> VehicleSnapshot:

@@ -18,6 +18,8 @@ import termios
 import tty
 from abc import ABC, abstractmethod
 from collections import Counter
+from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 Peer = tuple[str, int] | None
@@ -27,8 +29,12 @@ _MAX_READS = 32
 _MAX_STREAM_READ = 1 << 14
 _MAX_UNSENT = 1 << 16
 _PEER_SILENT_S = 5.0
-_FORM = re.compile(r"(udpin|udpout|udp|tcp|tcpin):([^:]*):(\d+)")
-_DEFAULT_BAUD = 57600
+_SOCKET = re.compile(r"(udpin|udpout|udp|tcpin|tcpout|tcp):(?://)?([^:/@?\s]*):(\d+)", re.ASCII)
+_KINDS = {"udp": "udpin", "tcpout": "tcp"}
+# What follows a comma is a rate; what follows a colon only if it is a number, as in a path of
+# /dev/serial/by-path there are others.
+_SERIAL = re.compile(r"(?:serial:(?://)?)?(/[^/,?][^,?]*?)(?:,(.*)|:(\d+))?", re.ASCII)
+_DEFAULT_BAUD = "57600"
 _B = re.compile(r"B([1-9]\d*)")
 _RATES = sorted((found[1] for found in map(_B.fullmatch, dir(termios)) if found), key=int)
 
@@ -40,7 +46,7 @@ class Link(ABC):
         name: The connection string.
 
     Attributes:
-        name: The connection string.
+        name: The connection string, as `KIND:HOST:PORT` or `/dev/DEVICE,BAUD`.
         datagram: Whether bytes come in whole frames.
         connecting: Whether a connection is being made; it may still be refused.
         counts: `wrong_address`: datagrams dropped because another address is the vehicle's;
@@ -110,26 +116,24 @@ def parse_connection(name: str) -> Link:
 
     Args:
         name: `udpin:HOST:PORT` (or `udp:`) listens, `udpout:HOST:PORT` sends first;
-            `tcp:HOST:PORT` is a client, `tcpin:HOST:PORT` a server of one client; `/dev/...` or
-            `serial:/dev/...` is a serial line, followed by `,BAUD` if not 57600. The default
-            host is this machine.
+            `tcp:HOST:PORT` (or `tcpout:`) is a client, `tcpin:HOST:PORT` a server of one client;
+            `/dev/...` or `serial:/dev/...` is a serial line, followed by `,BAUD` or `:BAUD` if not
+            57600. The default host is this machine. The kind may be followed by `//`, as in
+            the URLs of MAVSDK and mavros.
 
     Raises:
         ValueError: If it is not a connection string.
     """
-    match = _FORM.fullmatch(name)
-    if match:
-        kind, address = match[1], (match[2] or "127.0.0.1", int(match[3]))
-        if not 0 < address[1] < 1 << 16:
+    if match := _SOCKET.fullmatch(name):
+        kind, host, port = _KINDS.get(match[1], match[1]), match[2] or "127.0.0.1", int(match[3])
+        if not 0 < port < 1 << 16:
             raise ValueError(f"connection must have a port from 1 to 65535, got {name!r}")
-        if kind.startswith("udp"):
-            return _UdpLink(name, address, listens=kind != "udpout")
-        return _TcpLink(name, address) if kind == "tcp" else _TcpInLink(name, address)
-    path, _, baud = name.removeprefix("serial:").partition(",")
-    if path.startswith("/"):
-        if baud and baud not in _RATES:
+        return _SOCKET_LINKS[kind](f"{kind}:{host}:{port}", (host, port))
+    if match := _SERIAL.fullmatch(name):
+        path, baud = match[1], match[2] or match[3] or _DEFAULT_BAUD
+        if baud not in _RATES:
             raise ValueError(f"connection must have a rate of {', '.join(_RATES)}, got {name!r}")
-        return _SerialLink(name, path, int(baud or _DEFAULT_BAUD))
+        return _SerialLink(f"{path},{baud}", path, int(baud))
     raise ValueError(
         "connection must be udpin:HOST:PORT, udpout:HOST:PORT, tcp:HOST:PORT, tcpin:HOST:PORT or "
         f"/dev/DEVICE,BAUD, got {name!r}"
@@ -327,3 +331,11 @@ class _SerialLink(_StreamLink):
         except termios.error as error:
             self.close()
             raise OSError(error.args[0], f"no serial line: {self._path}") from error
+
+
+_SOCKET_LINKS: dict[str, Callable[[str, tuple[str, int]], Link]] = {
+    "udpin": partial(_UdpLink, listens=True),
+    "udpout": partial(_UdpLink, listens=False),
+    "tcp": _TcpLink,
+    "tcpin": _TcpInLink,
+}

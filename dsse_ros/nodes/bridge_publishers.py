@@ -213,7 +213,7 @@ def _summary(
     if refused:
         return "error", f"refused: {refused}"
     if not state.connected:
-        return "stale", vehicle.trouble or "no heartbeat"
+        return "stale", vehicle.trouble or blocked or f"no heartbeat on {vehicle.connection}"
     if vehicle.state.problem:
         return "error", vehicle.state.problem
     if blocked:

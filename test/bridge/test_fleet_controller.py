@@ -237,7 +237,8 @@ def test_after_a_silence_a_vehicle_goes_on_or_is_left_on_its_own_way_home(
         up_m.append(flight.vehicle.craft.up_m)
     lost = fleet.controller.followers[0].lost
     if seconds > 30.0:
-        assert lost == "link lost: no heartbeat for 30 s"
+        where = "nothing from system 1 on udpin:127.0.0.1:14541"
+        assert lost == f"link lost: no heartbeat for 30 s: {where}"
         assert not flight.setpoints() or all(
             now_s < since_s or not isinstance(message, SetPositionTarget)
             for now_s, message in flight.sent
@@ -249,6 +250,18 @@ def test_after_a_silence_a_vehicle_goes_on_or_is_left_on_its_own_way_home(
         assert not lost
         fleet.fly(search, 1)
         fleet.until(lambda: fleet.arrived(search))
+
+
+def test_a_vehicle_that_is_never_heard_is_waited_for_and_lost_by_its_connection() -> None:
+    fleet = VirtualFleet(1, "ardupilot", join_timeout=30.0)
+    fleet.flights[0]._put = lambda data, *, to_vehicle: None  # type: ignore[method-assign]
+    fleet.simulate(7)
+    fleet.wait(10.0)
+    where = "nothing from system 1 on udpin:127.0.0.1:14541"
+    follower = fleet.controller.followers[0]
+    assert follower.blocked == f"no heartbeat: {where}"
+    fleet.wait(30.0)
+    assert follower.lost == f"no heartbeat within 30 s: {where}"
 
 
 @both

@@ -156,6 +156,7 @@ class VirtualVehicle:
 
     def __init__(self, flight: VirtualFlight, system_id: int) -> None:
         self.flight, self.system_id, self.trouble = flight, system_id, ""
+        self.connection = f"udpin:127.0.0.1:{14540 + system_id}"
 
     @property
     def state(self) -> VehicleState:

@@ -12,6 +12,8 @@ import tty
 from collections.abc import Iterator
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from dsse_ros.mavlink.link import Link, parse_connection
 
@@ -180,7 +182,10 @@ def test_tcpin_serves_a_client() -> None:
     link.close()
 
 
-@pytest.mark.parametrize("form", ["{}", "{},115200", "serial:{},57600"])
+@pytest.mark.parametrize(
+    "form",
+    ["{}", "{},115200", "{}:57600", "serial:{},57600", "serial:{}:57600", "serial://{}:115200"],
+)
 def test_a_serial_line_carries_bytes_as_they_are(form: str) -> None:
     ours, theirs = os.openpty()
     tty.setraw(ours)
@@ -217,7 +222,15 @@ def test_what_is_no_serial_line_is_refused() -> None:
         "udpin:127.0.0.1:70000",
         "udp:127.0.0.1:port",
         "mcast:",
+        "udp:///dev/ttyS0:57600",
+        "udp://:14540@127.0.0.1:14557",
+        "udp://0.0.0.0:14540/?ids=1",
+        "udp-b://:14540",
+        "udp://127.0.0.1",
+        "serial://ttyACM0:57600",
+        "serial:///dev/ttyACM0:57600?ids=1,240",
         "/dev/ttyS0,12345",
+        "/dev/ttyS0:12345",
         "/dev/ttyS0,0",
         "/dev/ttyS0,RKINT",
         "/dev/ttyS0,057600",
@@ -228,3 +241,46 @@ def test_what_is_no_serial_line_is_refused() -> None:
 def test_a_connection_that_names_nothing_is_refused(name: str) -> None:
     with pytest.raises(ValueError, match="^connection must .*, got "):
         parse_connection(name)
+
+
+@given(
+    kind=st.sampled_from(["udp", "udpin", "udpout", "tcp", "tcpout", "tcpin"]),
+    host=st.sampled_from(["", "0.0.0.0", "127.0.0.1", "192.168.1.10", "companion.local"]),
+    port=st.integers(1, 65535),
+)
+def test_a_url_is_the_connection_of_the_same_kind_host_and_port(
+    kind: str, host: str, port: int
+) -> None:
+    link, same = (
+        parse_connection(f"{kind}://{host}:{port}"),
+        parse_connection(f"{kind}:{host}:{port}"),
+    )
+    assert type(link) is type(same) and link.name == same.name
+    first = {"udp": "udpin", "tcpout": "tcp"}.get(kind, kind)
+    assert link.name == f"{first}:{host or '127.0.0.1'}:{port}"
+    assert parse_connection(link.name).name == link.name
+
+
+@given(
+    path=st.sampled_from(
+        ["/dev/ttyACM0", "/dev/serial/by-path/pci-0000:00:14.0-usb-0:1:1.0", "/dev/pts/3"]
+    ),
+    rate=st.sampled_from(["", "9600", "57600", "921600"]),
+    form=st.sampled_from(["{}", "serial:{}", "serial://{}"]),
+    mark=st.sampled_from(",:"),
+)
+def test_a_serial_line_has_one_name_in_all_forms(
+    path: str, rate: str, form: str, mark: str
+) -> None:
+    name = form.format(f"{path}{mark}{rate}" if rate else path)
+    assert parse_connection(name).name == f"{path},{rate or 57600}"
+
+
+def test_a_url_listens_where_a_vehicle_on_this_machine_sends(peer: socket.socket) -> None:
+    for host in ("", "0.0.0.0"):
+        port = free_port()
+        link = parse_connection(f"udp://{host}:{port}")
+        link.open()
+        peer.sendto(b"hello", ("127.0.0.1", port))
+        assert receive(link, 5) == b"hello"
+        link.close()
