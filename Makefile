@@ -50,7 +50,7 @@ TESTS_OF_COVERAGE := $(addprefix test/,belief bridge cli compat compiled conform
 	$(addprefix nodes/test_,bad_input.py client_commands.py lost_drones.py step_modes.py))
 
 MISSION = $(if $(SCENARIO),--scenario '$(SCENARIO)') $(if $(RULES),--rules '$(RULES)') $(if $(PLANNER),--planner '$(PLANNER)') $(if $(MODEL),--model '$(MODEL)') \
-	$(if $(DRONES),--drones '$(DRONES)') $(if $(SEED),--seed '$(SEED)') $(if $(OUT),--out '$(OUT)')
+	$(if $(NUM_DRONES),--num-drones '$(NUM_DRONES)') $(if $(SEED),--seed '$(SEED)') $(if $(OUT),--out '$(OUT)')
 RATE_OF = $(if $(RATE),--rate '$(RATE)')
 MOVIE_OF = $(if $(MOVIE),--movie '$(MOVIE)')
 
@@ -60,6 +60,25 @@ export AMENT_PREFIX_PATH := $(CURDIR)/$(VENV)$(if $(AMENT_PREFIX_PATH),:$(AMENT_
 unexport PYTHONDONTWRITEBYTECODE
 # Left over from another environment of wheels, it would keep ours from finding its libraries.
 unexport _ROS_WHEELS_BOOTSTRAP_COMPLETE
+# The wheels have Fast DDS only.
+ifeq ($(SOURCED),)
+unexport RMW_IMPLEMENTATION
+endif
+
+# Make ignores variables that it does not know: the help of the targets lists theirs.
+GOALS := $(or $(MAKECMDGOALS),help)
+OF_ALL := DISTRO PYTHON SOURCED VENV
+GIVEN := $(filter-out $(OF_ALL),$(foreach name,$(.VARIABLES),$(if $(filter command,$(origin $(name))),$(name))))
+ifneq ($(GIVEN),)
+OPTIONS := $(OF_ALL) $(shell awk -F: -v goals=' $(GOALS) ' 'index(goals, " " $$1 " ") && /## / { \
+	while (match($$0, /[A-Z_]+=/)) { print substr($$0, RSTART, RLENGTH - 1); $$0 = substr($$0, RSTART + RLENGTH) } }' Makefile)
+UNKNOWN := $(firstword $(filter-out $(OPTIONS),$(GIVEN)))
+ifneq ($(UNKNOWN),)
+NEAREST := $(shell $(PYTHON) -c 'import difflib, sys; print(*difflib.get_close_matches(sys.argv[1].upper(), sys.argv[2:], 1))' \
+	'$(UNKNOWN)' $(OPTIONS) 2>/dev/null)
+$(error $(UNKNOWN) is not an option of make $(GOALS); $(if $(NEAREST),did you mean $(NEAREST)?,known are $(sort $(OPTIONS))))
+endif
+endif
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
@@ -70,10 +89,10 @@ help: ## List the targets
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/\1 \2/p' $(MAKEFILE_LIST) | while read -r target text; do \
 		printf 'make %-11s %s\n' "$$target" "$$text"; done
 
-sim: $(VENV)/$(if $(VIEW),.view,.sim) ## Fly a mission: SCENARIO=file RULES=name PLANNER=name DRONES=n SEED=n OUT=folder MOVIE=file RATE=steps/s VIEW=1
+sim: $(VENV)/$(if $(VIEW),.view,.sim) ## Fly a mission: SCENARIO=file RULES=name PLANNER=name MODEL=file NUM_DRONES=n SEED=n OUT=folder MOVIE=file RATE=steps/s VIEW=1
 	@$(BIN)/run_mission $(MISSION) $(RATE_OF) $(MOVIE_OF) $(if $(VIEW),--view)
 
-sitl-demo: $(VENV)/.sim ## Fly a search with three simulated autopilots: PLANNER=name SEED=n OUT=folder
+sitl-demo: $(VENV)/.sim ## Fly a search with three simulated autopilots: SCENARIO=file RULES=name PLANNER=name MODEL=file NUM_DRONES=n SEED=n OUT=folder
 	@$(BIN)/python test/flight/sitl_demo.py $(MISSION)
 
 campaign: $(VENV)/.campaign ## Play a campaign and report it: CONFIG=file OUT=folder
@@ -187,8 +206,8 @@ $(VENV)/.sim $(VENV)/.view $(VENV)/.campaign $(VENV)/.test $(VENV)/.quality $(VE
 	@echo 'Installing the package'
 	$(if $(filter requirements.lock,$?),@$(PIP_INSTALL) $(LOCKED) requirements.lock)
 	@rm -rf $(VENV)/build && mkdir $(VENV)/build
-	@printf '[%s]\n%s = $(CURDIR)/$(VENV)/build\n' build build_base egg_info egg_base > $(VENV)/build/cfg
-	@DIST_EXTRA_CONFIG=$(CURDIR)/$(VENV)/build/cfg $(PIP_INSTALL) --no-build-isolation \
+	@printf '[%s]\n%s = %s\n' build build_base "$$PWD/$(VENV)/build" egg_info egg_base "$$PWD/$(VENV)/build" > $(VENV)/build/cfg
+	@DIST_EXTRA_CONFIG="$$PWD/$(VENV)/build/cfg" $(PIP_INSTALL) --no-build-isolation \
 		$(CONSTRAINTS) $(if $(TO_RESOLVE),'.[$(EXTRAS)]',--no-deps .)
 	@touch $@
 

@@ -1,6 +1,6 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""How to install optional dependencies; this module imports none of them."""
+"""Where optional dependencies and pages come from; this module imports none of them."""
 
 from __future__ import annotations
 
@@ -15,6 +15,11 @@ from urllib.parse import unquote, urlsplit
 def pip_install(extra: str) -> str:
     """Return the command that installs an extra of this package for the running Python."""
     return f"{shlex.quote(sys.executable)} -m pip install '{_clone()}[{extra}]'"
+
+
+def page(name: str) -> str:
+    """Return the path of a page of the documentation, which is not installed."""
+    return f"{_clone()}/docs/{name}"
 
 
 def _clone() -> str:

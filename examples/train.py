@@ -14,11 +14,30 @@ from __future__ import annotations
 
 import argparse
 import csv
+import importlib
 import os
 import signal
+import sys
 import time
 from pathlib import Path
 from typing import Any
+
+
+def parse() -> argparse.Namespace:
+    """Return the options of the command line."""
+    parser = argparse.ArgumentParser(description="Train a policy, or go on from a checkpoint.")
+    parser.add_argument("--out", type=Path, default=Path("out/train"), help="folder of the results")
+    parser.add_argument("--steps", type=float, default=1.2e6, help="of drones, in all")
+    parser.add_argument("--check-every", type=float, default=1e5, help="steps between checkpoints")
+    return parser.parse_args()
+
+
+if __name__ == "__main__":
+    OPTIONS = parse()
+    try:
+        importlib.import_module("dsse_ros.training")
+    except ImportError as error:
+        sys.exit(f"train.py: {error}")
 
 import numpy as np
 import torch
@@ -249,15 +268,5 @@ def train(out: Path, total: int, check_every: int) -> None:
         model.learn(left, callback=Progress(out, total, check_every), reset_num_timesteps=False)
 
 
-def main() -> None:
-    """Train with the options of the command line."""
-    parser = argparse.ArgumentParser(description="Train a policy, or go on from a checkpoint.")
-    parser.add_argument("--out", type=Path, default=Path("out/train"), help="folder of the results")
-    parser.add_argument("--steps", type=float, default=1.2e6, help="of drones, in all")
-    parser.add_argument("--check-every", type=float, default=1e5, help="steps between checkpoints")
-    arguments = parser.parse_args()
-    train(arguments.out, round(arguments.steps), round(arguments.check_every))
-
-
 if __name__ == "__main__":
-    main()
+    train(OPTIONS.out, round(OPTIONS.steps), round(OPTIONS.check_every))

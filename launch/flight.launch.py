@@ -3,10 +3,9 @@
 """A search that vehicles fly: simulation, planner and bridge; the vehicles run elsewhere."""
 
 from launch import LaunchContext, LaunchDescription
-from launch.actions import OpaqueFunction
 from launch_ros.actions import Node
 
-from dsse_ros.nodes.launching import argument, mission_arguments, mission_nodes, node
+from dsse_ros.nodes.launching import argument, description, mission_arguments, mission_nodes, node
 
 ARGUMENTS = [
     argument("mode", "What the vehicles fly: guided, mission or export."),
@@ -31,4 +30,4 @@ def nodes(context: LaunchContext) -> list[Node]:
 
 def generate_launch_description() -> LaunchDescription:
     """Declare the arguments, then start the nodes."""
-    return LaunchDescription([*mission_arguments(), *ARGUMENTS, OpaqueFunction(function=nodes)])
+    return description(__file__, [*mission_arguments(), *ARGUMENTS], nodes)

@@ -3,10 +3,9 @@
 """A mission: the simulation, a planner and, with `rviz:=true`, RViz."""
 
 from launch import LaunchContext, LaunchDescription
-from launch.actions import OpaqueFunction
 from launch_ros.actions import Node
 
-from dsse_ros.nodes.launching import mission_arguments, mission_nodes
+from dsse_ros.nodes.launching import description, mission_arguments, mission_nodes
 
 
 def nodes(context: LaunchContext) -> list[Node]:
@@ -16,4 +15,4 @@ def nodes(context: LaunchContext) -> list[Node]:
 
 def generate_launch_description() -> LaunchDescription:
     """Declare the arguments, then start the nodes."""
-    return LaunchDescription([*mission_arguments(), OpaqueFunction(function=nodes)])
+    return description(__file__, mission_arguments(), nodes)

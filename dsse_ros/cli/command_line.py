@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import argparse
 import math
+import re
 import sys
 from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
@@ -13,7 +14,7 @@ from typing import Any, NoReturn
 
 from dsse_ros.mission.scenario_files import find_scenario
 from dsse_ros.nodes.settings import (
-    FORMER_NAMES,
+    FULL_NAMES,
     PROFILE,
     SCENARIO_FILE,
     SHORT_NAMES,
@@ -28,7 +29,7 @@ from dsse_ros.runtime.ros_arguments import (
     typed_names,
     without_prefix,
 )
-from dsse_ros.scenario.fields import Spec
+from dsse_ros.scenario.fields import Spec, check_known, shown
 from dsse_ros.scenario.rules import AUTO
 from dsse_ros.scenario.scenario import ResolvedScenario
 from dsse_ros.search import PROFILES, FieldError, Rules, Scenario, profile
@@ -41,7 +42,7 @@ _OF_SEARCH = {
     "planner": ("planner", Spec("str", "", choices=PLANNER_NAMES)),
     "model": ("model", Spec("str", "")),
     "planner_options": ("planner_options", Spec("names", "")),
-    "scenario.num_drones": ("drones", SIM_PARAMETERS["scenario.num_drones"]),
+    "scenario.num_drones": ("num_drones", SIM_PARAMETERS["scenario.num_drones"]),
     "seed": ("seed", Spec("int", "", low=0, high=MAX_SEED)),
 }
 """Parameters of the nodes that are options of a program: name and values of the option."""
@@ -50,6 +51,11 @@ _FIELDS = {name: spec for name, spec in SIM_PARAMETERS.items() if "." in name}
 
 class Parser(argparse.ArgumentParser):
     """Parser with one-line errors, which shows the default of each argument."""
+
+    def __init__(self, **options: Any) -> None:
+        super().__init__(**options)
+        # For argparse, `-24.0,-46.4` would be an option, as it is no number.
+        self._negative_number_matcher = re.compile(r"-\.?\d")
 
     def add(self, flag: str, **options: Any) -> None:
         """Add an argument, as `add_argument` does."""
@@ -66,7 +72,7 @@ class Parser(argparse.ArgumentParser):
         self.add("--model", help="ONNX file of the planner onnx, by default that of this package")
         options = "options of the planner, such as heading=45 for sweep"
         self.add("--planner-options", nargs="+", default=(), metavar="NAME=VALUE", help=options)
-        self.add("--drones", type=int, help="number of drones, by default the scenario's")
+        self.add("--num-drones", type=int, help="number of drones, by default the scenario's")
         seeded = "random seed of the map, the persons and the planner"
         self.add("--seed", type=int, default=0, help=seeded)
 
@@ -93,7 +99,7 @@ class Parser(argparse.ArgumentParser):
         try:
             given = _overrides(ros) if ros else {}
             what = f"the parameters of {self.prog}"
-            given = known_parameters(what, given, known, typed_names(ros), FORMER_NAMES)
+            given = known_parameters(what, given, known, typed_names(ros), FULL_NAMES)
             for short_or_full, value in given.items():
                 name = SHORT_NAMES.get(short_or_full, short_or_full)
                 if name in options:
@@ -105,6 +111,18 @@ class Parser(argparse.ArgumentParser):
             self.error(str(error))
         self.set_defaults(fields=fields, ros=ros, **defaults)
         return self.parse_args(own)
+
+    def parse_args(self, args: Any = None, namespace: Any = None) -> Any:
+        """Return the arguments; refuse an unknown one with the nearest option."""
+        arguments, unknown = self.parse_known_args(args, namespace)
+        if unknown:
+            names = [name.partition("=")[0] for name in unknown if name.startswith("--")]
+            try:
+                check_known(f"the options of {self.prog}", names, self._option_string_actions)
+            except FieldError as error:
+                self.error(str(error))
+            self.error(f"{shown(unknown[0])} is not an argument of {self.prog}")
+        return arguments
 
     def error(self, message: str) -> NoReturn:
         """Leave the program with that line."""
@@ -133,7 +151,7 @@ def search_of(arguments: argparse.Namespace) -> tuple[Path, ResolvedScenario, Ru
         raise FieldError(f"seed must be from 0 to 2^62, got {arguments.seed}")
     of_scenario = without_prefix("scenario.", arguments.fields)
     path = find_scenario(arguments.scenario)
-    scenario = Scenario.from_yaml(path).override(**of_scenario, num_drones=arguments.drones)
+    scenario = Scenario.from_yaml(path).override(**of_scenario, num_drones=arguments.num_drones)
     rules = profile(
         scenario.rules_of(arguments.rules), **without_prefix("rules.", arguments.fields)
     )

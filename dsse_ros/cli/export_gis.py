@@ -22,7 +22,6 @@ from dsse_ros.report.record import chosen_steps
 from dsse_ros.report.replay import forecast_for
 from dsse_ros.runtime.exit_codes import fail
 from dsse_ros.search import HOLD, FieldError, SearchEnv
-from dsse_ros.search.compiler import announced
 from msg_adapters.frames import scenario_frame
 
 MAPS = 2
@@ -88,16 +87,15 @@ def main(argv: list[str] | None = None) -> int:
     arguments = parse(argv)
     try:
         make_folder("out", arguments.out)
-        with announced(lambda line: print(line, file=sys.stderr, flush=True)):
-            if arguments.file is None:
-                arguments.scenario = arguments.scenario or "santos"
-                arguments.file = arguments.out / "mission.csv"
-                record_search(arguments, arguments.file)
-                arguments.scenario = None
-            missions, bag = read(arguments)
-            record = choose(missions, arguments.mission)
-            wanted = chosen_steps(record, arguments.steps or (), MAPS)
-            shown = pictures(record, wanted, forecast_for(record, None), bag)
+        if arguments.file is None:
+            arguments.scenario = arguments.scenario or "santos"
+            arguments.file = arguments.out / "mission.csv"
+            record_search(arguments, arguments.file)
+            arguments.scenario = None
+        missions, bag = read(arguments)
+        record = choose(missions, arguments.mission)
+        wanted = chosen_steps(record, arguments.steps or (), MAPS)
+        shown = pictures(record, wanted, forecast_for(record, None), bag)
     except FieldError as error:
         return fail("export_gis", error)
     except ImportError as error:

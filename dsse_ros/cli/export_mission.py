@@ -117,9 +117,7 @@ def main(argv: list[str] | None = None) -> int:
             missions, result = {"drone0": mission}, "\n".join(of_pattern.summary(mission)) + "\n"
         else:
             check_no_pattern(arguments)
-            env = prepared_env(
-                scenario, rules, lambda line: print(line, file=sys.stderr, flush=True)
-            )
+            env = prepared_env(scenario, rules)
             names = env.possible_agents
             frames = layers(scenario_frame(env.scenario), settings, len(names))
             cells, searched, found = play(

@@ -17,7 +17,6 @@ from dsse_ros.runtime.exit_codes import FAILED, fail
 from dsse_ros.runtime.ros_arguments import split_ros_arguments
 from dsse_ros.scenario.limits import LARGEST_GRID_CELLS
 from dsse_ros.search import FieldError
-from dsse_ros.search.compiler import announced
 
 
 def line(mission: ReplayedMission) -> str:
@@ -81,12 +80,11 @@ def main(argv: Sequence[str] | None = None) -> int:
     replayed = different = 0
     notes: list[str] = []
     try:
-        with announced(lambda text: print(text, file=sys.stderr, flush=True)):
-            bag = Replay(read_bag(arguments.bag, notes.append), arguments.max_cells)
-            for mission in bag.missions():
-                print(line(mission), flush=True)
-                replayed += bool(mission.compared)
-                different += bool(mission.difference)
+        bag = Replay(read_bag(arguments.bag, notes.append), arguments.max_cells)
+        for mission in bag.missions():
+            print(line(mission), flush=True)
+            replayed += bool(mission.compared)
+            different += bool(mission.difference)
     except FieldError as error:
         return fail("replay", error)
     for note in filter(None, [line_of_rest(bag.not_compared), *notes]):

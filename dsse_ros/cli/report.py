@@ -28,7 +28,6 @@ from dsse_ros.report.report import Report
 from dsse_ros.runtime.exit_codes import fail
 from dsse_ros.scenario.rules import AUTO
 from dsse_ros.search import PROFILES, FieldError
-from dsse_ros.search.compiler import announced
 from dsse_ros.view.rendering import MissionView
 
 
@@ -76,14 +75,13 @@ def main(argv: list[str] | None = None) -> int:
         missions, bag = read(arguments)
         at = missions.index(choose(missions, arguments.mission))
         wanted = chosen_steps(missions[at], arguments.steps or ())
-        with announced(lambda line: print(line, file=sys.stderr, flush=True)):
-            forecast: TargetForecast | None = None
-            missions = [with_coverage(one) for one in missions]
-            for i, one in enumerate(progress(missions, "POS")):
-                if one.pos is None and (forecast := forecast_for(one, forecast)) is not None:
-                    missions[i] = replace(one, pos=follow_belief(one, forecast)[0])
-            record = missions[at]
-            shown = pictures(record, wanted, forecast_for(record, forecast), bag)
+        forecast: TargetForecast | None = None
+        missions = [with_coverage(one) for one in missions]
+        for i, one in enumerate(progress(missions, "POS")):
+            if one.pos is None and (forecast := forecast_for(one, forecast)) is not None:
+                missions[i] = replace(one, pos=follow_belief(one, forecast)[0])
+        record = missions[at]
+        shown = pictures(record, wanted, forecast_for(record, forecast), bag)
         make_folder("out", arguments.out)
     except FieldError as error:
         return fail("report", error)

@@ -56,7 +56,7 @@ from dsse_ros.runtime.run_node import init_ros, leave_ros, spinning
 from dsse_ros.scenario.fields import specs
 from dsse_ros.scenario.scenario import ResolvedScenario
 from dsse_ros.search import FieldError, Rules
-from dsse_ros.search.compiler import COMPILING
+from dsse_ros.search.compiler import progress
 from dsse_ros.view.movie import check_movie, save_movie
 from dsse_ros.view.rendering import MissionView, save_picture
 from msg_adapters.images import image_to_probability
@@ -71,6 +71,7 @@ _PLANNER_NAMES = (*specs(PlannerSettings), *OF_EVERY_NODE)
 _DASHBOARD_NAMES = (*specs(DashboardSettings), *OF_EVERY_NODE)
 RATE, VIEW_RATE = 20.0, 3.0
 """Maximum steps per second, without and with the page: people follow three."""
+_TAIL_BYTES = 4096
 STOP_S = 10.0
 """Wall time a process has to end after it was interrupted."""
 
@@ -205,10 +206,11 @@ def ros_for(parameters: Collection[str], ros: Sequence[str]) -> list[str]:
     return kept
 
 
-def compiling(log: Path) -> bool:
-    """Return whether the last line of a node's log announces the compiler."""
-    _, announced, after = log.read_text(errors="replace").rpartition(COMPILING)
-    return bool(announced) and not after.strip()
+def compiling(log: Path) -> str:
+    """Return what a node compiles, from the end of its log; empty for nothing."""
+    with log.open("rb") as file:
+        file.seek(max(0, log.stat().st_size - _TAIL_BYTES))
+        return progress(file.read().decode(errors="replace"))
 
 
 @contextlib.contextmanager
@@ -291,8 +293,8 @@ def fly(
         "step_rate": float(arguments.rate), "record_file": str(out / "mission.csv"),
         "publish_belief": belief,
     }  # fmt: skip
-    if arguments.drones is not None:
-        sim["scenario.num_drones"] = arguments.drones
+    if arguments.num_drones is not None:
+        sim["scenario.num_drones"] = arguments.num_drones
     planner = {"planner": arguments.planner, "seed": arguments.seed, "model": arguments.model or ""}
     if arguments.planner_options:
         planner["planner_options"] = list(arguments.planner_options)
@@ -303,13 +305,12 @@ def fly(
     bar = tqdm(
         total=scenario.timestep_limit, unit="step", file=sys.stdout, dynamic_ncols=True,
         mininterval=0.1 if sys.stdout.isatty() else 2.0,
-        bar_format="step {n_fmt}/{total_fmt} |{bar:20}| {elapsed} {desc}",
+        bar_format="step {n_fmt}/{total_fmt} |{bar:20}| {elapsed} {desc}", desc="starting sim_node",
     )  # fmt: skip
     last_step_s = time.monotonic()
-    sim_compiles = planner_compiles = False
 
     def watch(name: str, child: subprocess.Popen[bytes], log: Path) -> None:
-        nonlocal last_step_s, sim_compiles
+        nonlocal last_step_s
         executor.spin_once(timeout_sec=0.1)
         if page.stop.wanted:
             raise KeyboardInterrupt
@@ -319,11 +320,11 @@ def fly(
             bar.set_description_str(watcher.line(), refresh=False)
             # The step that detects the timeout is one more than the limit.
             bar.update(min(watcher.step, bar.total) - bar.n)
-        if watcher.step < 0 and compiling(sim_log):
-            if not sim_compiles:
-                bar.write(COMPILING)
-            sim_compiles = True
+        if work := compiling(log):
             last_step_s = time.monotonic()
+            bar.set_description_str(work, refresh=False)
+            # Its timer moves too.
+            bar.update(0)
         if time.monotonic() - last_step_s > SILENCE_S:
             raise MissionFailed(f"no step within {SILENCE_S:g} s; see {sim_log}")
         if watcher.foreign or watcher.count_publishers("step_report") > 1:
@@ -339,13 +340,8 @@ def fly(
             watch("sim_node", sim_process, sim_log)
         with process("planner_node", planner, planner_log, planner_ros) as planner_process:
             while not watcher.done:
-                watch("sim_node", sim_process, sim_log)
-                check_running(planner_process, "planner_node", planner_log)
-                if compiling(planner_log):
-                    last_step_s = time.monotonic()
-                    if not planner_compiles:
-                        bar.write(f"planner {arguments.planner}: {COMPILING}")
-                    planner_compiles = True
+                watch("planner_node", planner_process, planner_log)
+                check_running(sim_process, "sim_node", sim_log)
             # Closing the bar shows it.
             bar.set_description_str(watcher.line(), refresh=False)
             bar.close()

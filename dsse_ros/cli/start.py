@@ -10,7 +10,9 @@ from __future__ import annotations
 import importlib
 import sys
 from functools import partial
+from io import TextIOWrapper
 
+from dsse_ros.cli.node_help import is_wanted, node_help
 from dsse_ros.extras import pip_install
 from dsse_ros.runtime.exit_codes import MISSING
 from dsse_ros.runtime.interrupts import leave_on_signals
@@ -40,15 +42,30 @@ _ROS = ("rclpy", "rpyutils", "ament_index_python")
 def start(module: str) -> int:
     """Run a program, a module of `dsse_ros` with a `main`; returns its exit code.
 
-    Until the program handles signals itself, Ctrl-C ends the process at once with code 130, even
-    while something is compiled.
+    Until the program handles signals itself, Ctrl-C ends the process at once, even while something
+    is compiled: a node with code 0 as later, others with 130.
     """
-    leave_on_signals()
+    is_node = module.startswith("nodes.")
+    leave_on_signals(code=0 if is_node else None)
+    if isinstance(sys.stdout, TextIOWrapper):
+        # The terminal may lack a letter of a scenario's name.
+        sys.stdout.reconfigure(errors="replace")
+    name = module.rpartition(".")[2]
+    if is_node and is_wanted(sys.argv[1:]):
+        print(node_help(name, sys.argv[0]))
+        return 0
     try:
         program = importlib.import_module(f"dsse_ros.{module}")
     except ImportError as error:
-        return not_found(module.rpartition(".")[2], error)
-    code: int = program.main()
+        return not_found(name, error)
+    if is_node:
+        # Nodes log what they compile.
+        code: int = program.main()
+        return code
+    from dsse_ros.search.compiler import announced_on_stderr
+
+    with announced_on_stderr():
+        code = program.main()
     return code
 
 

@@ -11,6 +11,7 @@ from importlib.util import find_spec
 from pathlib import Path
 
 from dsse_ros.compat.aliases import VERSIONS, install_aliases
+from dsse_ros.search.compiler import announced_on_stderr
 
 
 def main() -> None:
@@ -28,6 +29,12 @@ def main() -> None:
     )
     parser.add_argument("script", nargs=argparse.REMAINDER, help="a Python file, its arguments")
     given = parser.parse_args()
+    with announced_on_stderr():
+        _run(parser, given)
+
+
+def _run(parser: argparse.ArgumentParser, given: argparse.Namespace) -> None:
+    """Run the script or module."""
     sys.argv = given.script if given.module is None else given.module
     name = sys.argv[0] if sys.argv else ""
     if given.module is not None:

@@ -70,6 +70,36 @@ def awaited(mission: Mission, scheduler: StepScheduler, late: Sequence[int]) -> 
     return f"waiting for {' and '.join(shown)}" if shown else ""
 
 
+def reasons_without_commands(
+    mission: Mission, publishers: Mapping[str, int], of_all: Sequence[str]
+) -> str:
+    """Return why drones have no command for the next step, from the publishers of its topics.
+
+    Args:
+        mission: The mission.
+        publishers: Number of publishers by topic: `<drone>/<name>`, or one of `of_all`.
+        of_all: The topics that command all drones.
+    """
+    topics: dict[str, list[str]] = {}
+    for topic in publishers:
+        topics.setdefault(topic.partition("/")[0], []).append(topic)
+    silent: list[str] = []
+    heard: list[str] = []
+    for i in mission.missing:
+        own = topics[mission.env.possible_agents[i]]
+        active = [topic for topic in (*of_all, *own) if publishers[topic]]
+        (heard if active else silent).append((active or own)[0])
+    causes = []
+    if silent:
+        causes.append(f"no publisher on {' or '.join([*of_all, *_first(silent)])}")
+    if heard:
+        causes.append(
+            f"a publisher on {', '.join(_first(list(dict.fromkeys(heard))))}, but no command for "
+            f"step {mission.result.step} since it was discovered"
+        )
+    return "; ".join(causes)
+
+
 def health(
     mission: Mission,
     scheduler: StepScheduler,
@@ -185,5 +215,10 @@ def _of_faults(mission: Mission) -> dict[str, object]:
 
 
 def _some_names(mission: Mission, drones: Sequence[int]) -> str:
-    more = len(drones) - _MOST_NAMES
-    return names(mission, drones[:_MOST_NAMES]) + (f" and {more} more" if more > 0 else "")
+    return ", ".join(_first([mission.env.possible_agents[i] for i in drones]))
+
+
+def _first(texts: Sequence[str]) -> list[str]:
+    """Return the first `_MOST_NAMES` texts; the last of them counts the others."""
+    kept, more = list(texts[:_MOST_NAMES]), len(texts) - _MOST_NAMES
+    return [*kept[:-1], f"{kept[-1]} and {more} more"] if more > 0 else kept

@@ -8,20 +8,21 @@ The nodes check the values. Arguments that are not given leave the choice to the
 from __future__ import annotations
 
 import signal
-from collections.abc import Mapping, Sequence
+import sys
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from ament_index_python.packages import get_package_prefix, get_package_share_directory
-from launch import LaunchContext
-from launch.actions import DeclareLaunchArgument, Shutdown
+from launch import LaunchContext, LaunchDescription
+from launch.actions import DeclareLaunchArgument, OpaqueFunction, Shutdown
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 
+from dsse_ros.scenario.fields import check_known
+
 _BOOL = ["true", "false"]
 _WATCHERS = ("recorder", "foxglove_viewer", "rviz2")
-_INTERRUPTED = (-signal.SIGINT, 128 + signal.SIGINT)
-"""Codes of nodes that Ctrl-C has reached before launch."""
 _FAILURE = "dsse_ros_failure"
 
 
@@ -32,6 +33,35 @@ def argument(
     return DeclareLaunchArgument(
         name, default_value=default, description=description, choices=list(choices) or None
     )
+
+
+def description(
+    file: str,
+    arguments: Sequence[DeclareLaunchArgument],
+    nodes: Callable[[LaunchContext], list[Node]],
+) -> LaunchDescription:
+    """Return what a launch file describes: its arguments, then its nodes.
+
+    Args:
+        file: The launch file, started by `ros2 launch` or included by another.
+        arguments: Its arguments; others are refused, as launch ignores them.
+        nodes: Returns its nodes.
+    """
+
+    def checked(context: LaunchContext) -> list[Node]:
+        if _is_started(file):
+            given = [word.partition(":=")[0] for word in context.argv]
+            check_known("the launch arguments", given, [one.name for one in arguments])
+        return nodes(context)
+
+    return LaunchDescription([*arguments, OpaqueFunction(function=checked)])
+
+
+def _is_started(file: str) -> bool:
+    """Return whether the command line names this file, not one that includes it."""
+    words = [word for word in sys.argv if ":=" not in word]
+    named = "dsse_ros" in words and Path(file).name in words
+    return named or Path(file).resolve() in [Path(word).resolve() for word in words]
 
 
 def mission_arguments() -> list[DeclareLaunchArgument]:
@@ -164,7 +194,8 @@ def _end(event: Any, context: LaunchContext) -> Shutdown | None:
 
 def _note_failure(event: Any, context: LaunchContext) -> None:
     """Keep the failure of a node for the end of the launch."""
-    if event.returncode not in (0, *_INTERRUPTED) and not context.is_shutdown:
+    # Ctrl-C can reach a process before Python has begun to handle it.
+    if event.returncode not in (0, -signal.SIGINT) and not context.is_shutdown:
         failure = f"{event.process_name} ended with code {event.returncode}"
         context.extend_globals({_FAILURE: failure})
 

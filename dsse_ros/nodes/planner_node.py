@@ -146,7 +146,7 @@ class PlannerNode(AlarmNode):
         answer = None
         if live.any():
             try:
-                with announced(self._on_compiler):
+                with announced(self._on_compiler, f"planner {self.settings.planner}"):
                     if last is None or step[:2] != last[:2] or step[2] < last[2]:
                         self._planner, self._late = self._make_planner(observed.info), None
                     actions = self._decide(observed)

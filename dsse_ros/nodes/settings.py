@@ -183,11 +183,19 @@ SIM_PARAMETERS: Mapping[str, Spec] = {
 }
 """All parameters of `sim_node`: its settings, and the groups `scenario.` and `rules.`."""
 
-SHORT_NAMES = {"scenario": SCENARIO_FILE, "rules": PROFILE}
-"""Accepted on the command line too."""
+SHORT_NAMES = {
+    "scenario": SCENARIO_FILE,
+    "rules": PROFILE,
+    "num_drones": "scenario.num_drones",
+}
+"""Accepted too: the names of options and launch arguments."""
 
-FORMER_NAMES = {name.partition(".")[2]: name for name in (*_SCENARIO, *_RULES)}
-"""Names of the fields without their group, as parameters had them; refused with the new name."""
+FULL_NAMES = {
+    name.partition(".")[2]: name
+    for name in (*_SCENARIO, *_RULES)
+    if name not in SHORT_NAMES.values()
+}
+"""Names of the fields without their group; refused with the full name."""
 
 
 @dataclass(frozen=True, kw_only=True)

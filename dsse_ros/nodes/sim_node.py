@@ -39,6 +39,7 @@ from dsse_ros.nodes.sim_parameters import (
     read_parameters,
     timing,
 )
+from dsse_ros.nodes.waiting_log import JOINT_ACTION, WaitingLog
 from dsse_ros.runtime.parameters import check_changes, check_flat
 from dsse_ros.runtime.qos import COMMANDS, RELIABLE, Endpoints
 from dsse_ros.runtime.run_node import AlarmNode, run_node
@@ -90,6 +91,7 @@ class SimNode(AlarmNode):
         self.state = SimulationState.PLAYING
         self.timeouts = 0
         self._idle = False
+        self._waiting_log = WaitingLog(self, self.mission)
         self._wall_clock = Clock()
         self._scheduler = StepScheduler(
             timing(settings, env.scenario.step_duration_s), time.monotonic()
@@ -144,10 +146,11 @@ class SimNode(AlarmNode):
             endpoints.subscription(kind, topic, callback, RELIABLE)
 
         def command(kind: Any, topic: str, take: Callable[[Any], bool]) -> None:
+            self._waiting_log.topics.append(topic)
             endpoints.subscription(kind, topic, partial(self._on_command, take), COMMANDS)
 
         commands = self._commands
-        command(Int32MultiArray, "joint_action", commands.joint_action)
+        command(Int32MultiArray, JOINT_ACTION, commands.joint_action)
         for i, name in enumerate(self.mission.env.possible_agents):
             command(String, f"{name}/cmd_action_name", partial(commands.action_name, i))
             command(PoseStamped, f"{name}/command_pose", partial(commands.goal, i))
@@ -332,15 +335,13 @@ class SimNode(AlarmNode):
         self._arm()
 
     def _on_idle(self) -> None:
-        """Repeat the time for late joiners, and log once what the step waits for."""
+        """Repeat the time for late joiners, and log what the step waits for."""
         self.publishers_.repeat_time()
-        if not self._idle and self.settings.step_mode == "lockstep" and self._awaited():
-            self.get_logger().info(f"step {self.mission.result.step}: {self._awaited()}")
+        if self.settings.step_mode == "lockstep":
+            awaited = status.awaited(self.mission, self._scheduler, self._late())
+            self._waiting_log.log(awaited, first=not self._idle)
         self._idle = True
         self._idle_alarm.set(IDLE_S)
-
-    def _awaited(self) -> str:
-        return status.awaited(self.mission, self._scheduler, self._late())
 
     # Commands and vehicles
 

@@ -14,7 +14,7 @@ from dsse_ros.drift.flow import utc
 from dsse_ros.mission.scenario_files import find_scenario
 from dsse_ros.mission.step_scheduler import Timing
 from dsse_ros.nodes.settings import (
-    FORMER_NAMES,
+    FULL_NAMES,
     PROFILE,
     RUN_TIME_SETTINGS,
     SCENARIO_FILE,
@@ -31,7 +31,7 @@ from dsse_ros.scenario.limits import MAX_ID, check_cells
 from dsse_ros.scenario.rules import AUTO
 from dsse_ros.scenario.scenario import ResolvedScenario
 from dsse_ros.search import FieldError, Rules, Scenario, SearchEnv, profile
-from dsse_ros.search.compiler import prepared_env
+from dsse_ros.search.compiler import announced, prepared_env
 from msg_adapters.frames import GridFrame, scenario_frame
 
 OF_TIMING = {"step_mode", "step_rate", "real_time_factor", "odom_rate", "command_timeout"}
@@ -44,7 +44,7 @@ def read_parameters(node: AlarmNode) -> tuple[SimSettings, SearchEnv, Endpoints]
     Raises:
         FieldError: If a parameter or the scenario is not allowed.
     """
-    taken, qos = node.take_overrides({**SIM_PARAMETERS, **SHORT_NAMES}, FORMER_NAMES)
+    taken, qos = node.take_overrides({**SIM_PARAMETERS, **SHORT_NAMES}, FULL_NAMES)
     given = {SHORT_NAMES.get(name, name): value for name, value in taken.items()}
     for name, value in given.items():
         spec = SIM_PARAMETERS[name]
@@ -59,8 +59,10 @@ def read_parameters(node: AlarmNode) -> tuple[SimSettings, SearchEnv, Endpoints]
             f"publish_belief must be false with rules {rules.profile}, which have no persons, "
             "got true"
         )
-    _check_size(settings, scenario, rules)
-    env = prepared_env(scenario, rules, node.get_logger().info, has_belief=settings.has_belief)
+    log = node.get_logger().info
+    with announced(lambda line: log(f"{line}; topics and services appear when it is done")):
+        _check_size(settings, scenario, rules)
+        env = prepared_env(scenario, rules, has_belief=settings.has_belief)
     _log_incident(node, env.scenario)
     values = {
         **vars(settings),

@@ -22,6 +22,7 @@ _GRACE_S = 0.2
 
 _leaving = threading.RLock()
 _clean_up: list[Callable[[], object]] = []
+_code: int | None = None
 _watched = False
 
 
@@ -45,8 +46,8 @@ def on_signals(handler: Handler | signal.Handlers) -> None:
         signal.signal(number, handler)
 
 
-def leave_on_signals(*clean_up: Callable[[], object]) -> None:
-    """Make these signals end the process at once, with the shell's exit code for the signal.
+def leave_on_signals(*clean_up: Callable[[], object], code: int | None = None) -> None:
+    """Make these signals end the process at once.
 
     Python runs a handler only after the main thread has returned from C, and LLVM may optimise one
     function for seconds, so a thread watches too. Raising would not work: Numba can swallow
@@ -54,9 +55,11 @@ def leave_on_signals(*clean_up: Callable[[], object]) -> None:
 
     Args:
         clean_up: Called before the exit; may raise.
+        code: Exit code; None for the shell's code of the signal.
     """
-    global _watched
+    global _code, _watched
     _clean_up[:] = clean_up
+    _code = code
     if not _watched:
         _watched = True
         read, write = os.pipe()
@@ -82,4 +85,4 @@ def _leave(number: int, frame: FrameType | None) -> None:
     for clean_up in _clean_up:
         with contextlib.suppress(Exception):
             clean_up()
-    os._exit(128 + number)
+    os._exit(128 + number if _code is None else _code)

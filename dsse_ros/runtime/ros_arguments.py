@@ -8,7 +8,7 @@ from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from types import MappingProxyType
 from typing import Any
 
-from dsse_ros.scenario.fields import FieldError, Spec, check_known
+from dsse_ros.scenario.fields import Spec, check_known
 
 OF_EVERY_NODE = ("use_sim_time", "start_type_description_service")
 """Parameters that every ROS 2 node has."""
@@ -59,7 +59,7 @@ def known_parameters(
     given: Mapping[str, Any],
     known: Collection[str],
     typed: Collection[str],
-    former: Mapping[str, str] = NO_NAMES,
+    full_names: Mapping[str, str] = NO_NAMES,
 ) -> dict[str, Any]:
     """Return those of the given parameters that are known; a file may have those of other nodes.
 
@@ -69,7 +69,7 @@ def known_parameters(
         known: The known names.
         typed: Names that are not from a file. Those, and all with a prefix of known names, must be
             known.
-        former: Names that are no longer allowed, with those that replace them.
+        full_names: Names without their group, with the full ones; never allowed.
 
     Raises:
         FieldError: If a name is not allowed.
@@ -77,12 +77,10 @@ def known_parameters(
     prefixes = {name.partition(".")[0] for name in known if "." in name}
     kept = {}
     for name, value in given.items():
-        if name in former:
-            raise FieldError(f"parameter {name} is now {former[name]}")
         if name in known:
             kept[name] = value
-        elif name in typed or name.partition(".")[0] in prefixes:
-            check_known(what, [name], sorted(known), former)
+        elif name in full_names or name in typed or name.partition(".")[0] in prefixes:
+            check_known(what, [name], sorted(known), full_names)
     return kept
 
 

@@ -112,7 +112,7 @@ class AlarmNode(Node):
         return super().declare_parameters(namespace, declared, ignore_override)
 
     def take_overrides(
-        self, known: Collection[str], former: Mapping[str, str] = NO_NAMES
+        self, known: Collection[str], full_names: Mapping[str, str] = NO_NAMES
     ) -> tuple[dict[str, Any], dict[str, Any]]:
         """Return the parameters and the QoS overrides that the node was started with.
 
@@ -124,7 +124,7 @@ class AlarmNode(Node):
         given = overrides(self)
         qos = {name: given.pop(name) for name in list(given) if name.startswith(QOS_PREFIX)}
         what = f"the parameters of {self.get_name()}"
-        kept = known_parameters(what, given, known, self.typed_names, former)
+        kept = known_parameters(what, given, known, self.typed_names, full_names)
         if others := given.keys() - kept.keys():
             self.get_logger().info(
                 f"no parameters of {self.get_name()}, left to other nodes: "
@@ -160,7 +160,7 @@ def run_node(name: str, make_node: Callable[[], AlarmNode], argv: list[str] | No
     executor: Executor | None = None
     stop = Stop()
     try:
-        leave_on_signals(_destroy_nodes)
+        leave_on_signals(_destroy_nodes, code=0)
         with _as_field_error():
             _init([name, *(sys.argv[1:] if argv is None else argv)])
             node = make_node()

@@ -212,7 +212,10 @@ def check_all(instance: Any, cls: type | None = None) -> None:
 
 
 def check_known(
-    what: str, names: Iterable[Any], known: Iterable[str], former: Mapping[str, str] | None = None
+    what: str,
+    names: Iterable[Any],
+    known: Iterable[str],
+    full_names: Mapping[str, str] | None = None,
 ) -> None:
     """Raise for the first name that is not a known field, and suggest the nearest known one.
 
@@ -220,19 +223,19 @@ def check_known(
         what: What the fields are of, for the error.
         names: The names to check.
         known: The known names.
-        former: Names that are no longer known, with those that replace them.
+        full_names: Names without their group, with the full ones to suggest.
 
     Raises:
         FieldError: If a name is unknown.
     """
-    known, former = sorted(set(known)), former or {}
+    known, full_names = sorted(set(known)), full_names or {}
     for name in names:
         if name not in known:
             # A key of YAML need not be a string.
-            to_match = [*known, *former]
+            to_match = [*known, *full_names]
             near = difflib.get_close_matches(name, to_match, n=1) if isinstance(name, str) else []
             hint = (
-                f"did you mean {former.get(near[0], near[0])}?"
+                f"did you mean {full_names.get(near[0], near[0])}?"
                 if near
                 else f"known are {', '.join(known)}"
             )

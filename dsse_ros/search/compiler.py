@@ -4,8 +4,12 @@
 
 from __future__ import annotations
 
+import math
+import re
+import sys
+import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from typing import Any
 
 import numpy as np
@@ -17,39 +21,70 @@ from dsse_ros.search.parallel_env import SearchEnv
 from dsse_ros.search.world import HOLD
 from dsse_ros.search.world_beliefs import WorldBeliefs
 
-COMPILING = "compiling the search, once after an installation; it takes 10 s, or a few times that"
-"""Logged before the compiler starts; not logged if its cache is complete."""
+COMPILING = ", once after an installation, in 10 s to a minute"
+"""Of the line that is logged before the compiler starts, if its cache is not complete."""
+_REPORT_S = 1.0
+"""Wall time between two lines of the compiler's progress."""
+_LINES = re.compile(r"\b(compiling .+?)(?:: (\d+) functions)?(?:[,;] .*)?$")
 
 
 class _Announcer(event.Listener):
-    def __init__(self, announce: Callable[[str], object]) -> None:
+    """Counts what is compiled of this package."""
+
+    def __init__(self, what: str, announce: Callable[[str], object]) -> None:
+        self._what = what
         self._announce = announce
-        self._has_announced = False
+        self._functions = 0
+        self._due_s = -math.inf
+
+    def _is_ours(self, event: Any) -> bool:
+        function: Any = event.data["dispatcher"].py_func
+        return str(function.__module__).startswith("dsse_ros.")
 
     def on_start(self, event: Any) -> None:
-        if not self._has_announced:
-            self._announce(COMPILING)
-        self._has_announced = True
+        if self._is_ours(event) and self._due_s == -math.inf:
+            self._announce(f"compiling {self._what}{COMPILING}")
+            self._due_s = time.monotonic() + _REPORT_S
 
     def on_end(self, event: Any) -> None:
-        """Ignore the end."""
+        self._functions += self._is_ours(event)
+        if time.monotonic() >= self._due_s > -math.inf:
+            self._announce(f"compiling {self._what}: {self._functions} functions")
+            self._due_s = time.monotonic() + _REPORT_S
 
 
 @contextmanager
-def announced(announce: Callable[[str], object]) -> Iterator[None]:
-    """Announce the compiler when it first starts work during the block.
+def announced(announce: Callable[[str], object], what: str = "the search") -> Iterator[None]:
+    """Announce the compiler when it first starts work during the block, and its progress.
 
     Args:
-        announce: Called with `COMPILING` at that moment.
+        announce: Called with a line at that moment, and every second while it works.
+        what: What is compiled.
     """
-    with event.install_listener("numba:compile", _Announcer(announce)):
+    with event.install_listener("numba:compile", _Announcer(what, announce)):
         yield
+
+
+def announced_on_stderr() -> AbstractContextManager[None]:
+    """Announce the compiler on standard error."""
+    return announced(lambda line: print(line, file=sys.stderr, flush=True))
+
+
+def progress(log: str) -> str:
+    """Return what is being compiled, with the number of functions; empty for nothing.
+
+    Args:
+        log: Log of a process; its last line counts.
+    """
+    found = _LINES.search(log.rstrip().rpartition("\n")[2])
+    if found is None:
+        return ""
+    return found[1] if found[2] is None else f"{found[1]}: {found[2]} functions"
 
 
 def prepared_env(
     scenario: Scenario,
     rules: Rules,
-    announce: Callable[[str], object],
     *,
     has_belief: Callable[[int], bool] = lambda grid_size: False,
 ) -> SearchEnv:
@@ -58,7 +93,6 @@ def prepared_env(
     Args:
         scenario: Of the environment.
         rules: Of the environment.
-        announce: Called with `COMPILING` if the compiler has work to do.
         has_belief: Called with the size of the grid; returns whether to prepare a belief too.
 
     Raises:
@@ -67,15 +101,14 @@ def prepared_env(
     # Refuse bad input before the slow compilation.
     grid_size = scenario.resolve(rules).grid_size
     with_belief = not rules.covers and has_belief(grid_size)
-    with announced(announce):
-        env = SearchEnv(scenario, rules)
-        env.reset(seed=0)
-        hold = np.full(env.world.num_drones, HOLD, np.int8)
-        beliefs = WorldBeliefs(env.world) if with_belief else None
-        if beliefs is not None:
-            beliefs.before_step(hold[None])
-        env.advance(hold)
-        if beliefs is not None:
-            beliefs.after_step()
-            beliefs.write()
+    env = SearchEnv(scenario, rules)
+    env.reset(seed=0)
+    hold = np.full(env.world.num_drones, HOLD, np.int8)
+    beliefs = WorldBeliefs(env.world) if with_belief else None
+    if beliefs is not None:
+        beliefs.before_step(hold[None])
+    env.advance(hold)
+    if beliefs is not None:
+        beliefs.after_step()
+        beliefs.write()
     return env

@@ -69,7 +69,7 @@ def test_every_drone_gets_a_mission_with_all_its_searches(tmp_path: Path) -> Non
 def test_the_flight_is_as_asked_for(tmp_path: Path) -> None:
     export(
         "--scenario", "sitl", "--out", tmp_path, "--autopilot", "px4", "--search-altitude", "20",
-        "--search-hold", "2.5", "--home=-24.05,-46.18,3", "--drones", "1",
+        "--search-hold", "2.5", "--home=-24.05,-46.18,3", "--num-drones", "1",
     )  # fmt: skip
     plan = mission_reader.plan((tmp_path / "drone0.plan").read_text())
     items = mission_reader.waypoints((tmp_path / "drone0.waypoints").read_text())
@@ -119,7 +119,7 @@ def test_the_program_ends_with_one_line_and_code_2(arguments: tuple[str, ...], l
         (("--search-hold", "-1"), "search_hold must be a finite number >= 0"),
         (("--seed", "-1"), "seed must be from 0"),
         (("--planner", "nobody"), "--planner"),
-        (("--drones", "0"), "num_drones must be an integer >= 1"),
+        (("--num-drones", "0"), "num_drones must be an integer >= 1"),
         (("--out", "/dev/null/here"), "out: '/dev/null/here'"),
     ],
 )

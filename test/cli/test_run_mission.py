@@ -255,9 +255,9 @@ def test_a_simulation_that_refuses_to_start_is_quoted(tmp_path: Path) -> None:
     [
         (["--scenario", "atlantis"], "scenario: 'atlantis' is not a file"),
         (["--scenario", "{file}"], "did you mean sigma?"),
-        (["--drones", "0"], "num_drones must be an integer >= 1"),
-        (["--drones", "401"], "at most 400"),
-        (["--drones", "many"], "--drones"),
+        (["--num-drones", "0"], "num_drones must be an integer >= 1"),
+        (["--num-drones", "401"], "at most 400"),
+        (["--num-drones", "many"], "--num-drones"),
         (["--seed", "-1"], "seed must be from 0"),
         (["--seed", str(2**63)], "seed"),
         (["--rate", "nan"], "rate must be a finite number"),
@@ -268,9 +268,14 @@ def test_a_simulation_that_refuses_to_start_is_quoted(tmp_path: Path) -> None:
         (["--movie", "mission.avi"], "movie must end in .gif or .mp4"),
         (["--movie", "{file}/mission.gif"], "movie: "),
         (["--no-such"], "--no-such"),
-        (["--ros-args", "-p", "num_dornes:=3"], "did you mean scenario.num_drones?"),
+        (["--ros-args", "-p", "num_dornes:=3"], "did you mean num_drones?"),
+        (
+            ["--drones", "3"],
+            "'--drones' is not a field of the options of run_mission; did you mean --num-drones?",
+        ),
+        (["--ros-args", "-p", "num_drones:=0"], "scenario.num_drones must be an integer"),
         (["--ros-args", "-p", "scenario.num_drones:=0"], "scenario.num_drones must be an integer"),
-        (["--ros-args", "-p", "num_drones:=3"], "num_drones is now scenario.num_drones"),
+        (["--ros-args", "-p", "sigma:=3.0"], "did you mean scenario.sigma?"),
         (["--ros-args", "-p", "planner:=oracle"], "planner must be one of"),
         (["--ros-args", "-p", "scenario.sigma:=wide"], "scenario.sigma must be a finite number"),
         (["--ros-args", "--params-file", "/no/such"], "/no/such'. Error"),
@@ -309,7 +314,7 @@ def test_ros_arguments_count_for_all_and_the_same_seed_gives_the_same_csv(tmp_pa
         "--log-level",
         "warn",
     ]
-    run = start(tmp_path, *options, "--", "--drones", "2")
+    run = start(tmp_path, *options, "--", "--num-drones", "2")
     try:
         assert run.wait() == 0, run.output
     finally:
@@ -319,7 +324,18 @@ def test_ros_arguments_count_for_all_and_the_same_seed_gives_the_same_csv(tmp_pa
     assert "INFO" not in (tmp_path / "sim_node.log").read_text()
     plain = tmp_path / "plain"
     (tmp_path / "short.yaml").write_text(SANTOS.read_text().replace("180", "9"))
-    named = ["--rate", "0", "--drones", "2", "--seed", "7", "--planner", "sweep", "--rules", "v1"]
+    named = [
+        "--rate",
+        "0",
+        "--num-drones",
+        "2",
+        "--seed",
+        "7",
+        "--planner",
+        "sweep",
+        "--rules",
+        "v1",
+    ]
     other = start(plain, *named, "--scenario", str(tmp_path / "short.yaml"))
     try:
         assert other.wait() == 0, other.output

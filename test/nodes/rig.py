@@ -43,7 +43,7 @@ from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Int8, Int32MultiArray, String
 from std_srvs.srv import SetBool, Trigger
 
-from dsse_ros.nodes.settings import FORMER_NAMES
+from dsse_ros.nodes.settings import FULL_NAMES
 from dsse_ros.runtime.discovery import variable
 from msg_adapters.commands import joint_action_message
 from msg_adapters.step_report import step_report_from_message
@@ -228,7 +228,7 @@ class Rig:
 
         Fields of the scenario and of the rules are given by their own names.
         """
-        full_names = FORMER_NAMES if node == "sim_node" else {}
+        full_names = FULL_NAMES if node == "sim_node" else {}
         command = [f"dsse_ros.nodes.{node}", "--ros-args", *arguments]
         for name, value in (parameters or {}).items():
             command += ["-p", f"{full_names.get(name, name)}:={json.dumps(value)}"]

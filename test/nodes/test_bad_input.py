@@ -83,10 +83,10 @@ CASES = {
         "did you mean rules.collision?",
         files={"x": "/**: {ros__parameters: {rules: {colision: -1.0}}}"},
     ),
-    "former name": Case("-p num_drones:=3", "parameter num_drones is now scenario.num_drones"),
-    "former name in a file": Case(
+    "name without its group": Case("-p sigma:=3.0", "did you mean scenario.sigma?"),
+    "name without its group in a file": Case(
         "--params-file {x}",
-        "parameter collision is now rules.collision",
+        "did you mean rules.collision?",
         files={"x": "/**: {ros__parameters: {collision: -1.0}}"},
     ),
     "value not allowed in a file for all": Case(
@@ -114,7 +114,7 @@ CASES = {
     "no multipliers": Case(
         "-p scenario.person_pod_multipliers:=[]", "person_pod_multipliers must be one per person"
     ),
-    "empty list for no field": Case("-p num_dornes:=[]", "did you mean scenario.num_drones?"),
+    "empty list for no field": Case("-p num_dornes:=[]", "did you mean num_drones?"),
     "empty list for a QoS": Case(
         "-p qos_overrides./clock.publisher.depth:=[]", "depth must be an integer"
     ),
@@ -236,7 +236,7 @@ def signal_handlers() -> Iterator[None]:
 @pytest.fixture(scope="module")
 def compiled() -> None:
     """Have the search compiled, which a node would say."""
-    prepared_env(Scenario(), profile("paper"), lambda _: None, has_belief=lambda grid_size: True)
+    prepared_env(Scenario(), profile("paper"), has_belief=lambda grid_size: True)
 
 
 @pytest.mark.usefixtures("compiled", "signal_handlers")

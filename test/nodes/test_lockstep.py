@@ -118,11 +118,11 @@ def test_the_node_says_whose_commands_it_waits_for(sim: Sim) -> None:
         sim.fly(SEARCH, SEARCH, SEARCH)
     # A command might come before or after the line, which is logged once the step is a second old.
     sim.rig.until(lambda: len(logged()) > before, "the line in the log")
-    assert logged()[-1].endswith("drone0, drone1, drone2")
+    assert "of drone0, drone1, drone2: a publisher on joint_action, but no command" in logged()[-1]
     sim.command(1, "down")
     health = sim.health_when(lambda h: "waiting for commands of drone0, drone2" in h["message"])
     assert health["level"] in (b"\0", b"\1") and health["state"] == "running"
-    # Once a step, not once a second.
+    # Once in ten seconds, not once a second.
     sim.health()
     sim.health()
     assert len(logged()) == before + 1

@@ -14,7 +14,7 @@ from interfaces_double import Double, modules
 from rig import free_domain
 from std_srvs.srv import SetBool, Trigger
 
-from dsse_ros.nodes.settings import FORMER_NAMES
+from dsse_ros.nodes.settings import FULL_NAMES
 from dsse_ros.nodes.sim_node import SimNode
 
 STEP_NS = 13 * 10**9
@@ -83,7 +83,7 @@ def sim(
     for name, module in modules(version).items():
         monkeypatch.setitem(sys.modules, name, module)
     given = {"num_drones": 2, "probability_of_detection": 0.0, "seed": 3} | parameters
-    named = {FORMER_NAMES.get(name, name): value for name, value in given.items()}
+    named = {FULL_NAMES.get(name, name): value for name, value in given.items()}
     options = [part for name, value in named.items() for part in ("-p", f"{name}:={value}")]
     rclpy.init(args=["--ros-args", *options], domain_id=free_domain())
     node = Simulator()

@@ -444,12 +444,14 @@ def test_the_commands_name_what_exists(interface: dict[str, Any]) -> None:
     makefile = (ROOT / "Makefile").read_text(encoding="utf-8")
     targets = set(re.findall(r"^([a-z-]+):.*##", makefile, re.MULTILINE))
     # PX4's targets have other names.
-    made = re.findall(r"\bmake ([a-z-]+)(?!\w)((?: [A-Z]+=\S+)*)", text)
+    made = re.findall(r"\bmake ([a-z-]+)(?!\w)((?: [A-Z_]+=\S+)*)", text)
     assert {"sim", "test", "sitl-demo"} <= {target for target, _ in made} <= targets
     options = set(table(README, "Quick start", "Option"))
-    assert options == set(re.findall(r"\$\(if \$\(([A-Z]+)\),--\w+(?: '|\))", makefile))
-    given = {name for _, given in made for name in re.findall(r"\b([A-Z]+)=", given)}
-    assert given <= set(re.findall(r"\$\(([A-Z]+)\)", makefile))
+    assert options == set(re.findall(r"\$\(if \$\(([A-Z_]+)\),--[\w-]+(?: '|\))", makefile)) - {
+        "SOURCED"
+    }
+    given = {name for _, given in made for name in re.findall(r"\b([A-Z_]+)=", given)}
+    assert given <= set(re.findall(r"\$\(([A-Z_]+)\)", makefile))
 
     programs = set(re.findall(r"(?:\.venv/bin/|ros2 run dsse_ros )(\w+)", text))
     assert programs - {"pytest", "python"} <= SCRIPTS

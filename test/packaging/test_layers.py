@@ -101,6 +101,7 @@ LAYERS: dict[str, tuple[set[str], set[str]]] = {
         | {
             "dsse_ros.training",
             "dsse_ros.planners",
+            "dsse_ros.extras",
         },
         {"ros", "messages", "mavlink"},
     ),

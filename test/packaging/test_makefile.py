@@ -71,6 +71,33 @@ def test_the_mission_gets_the_options_that_are_given_and_no_other(folder: Path) 
     assert options == ["--planner", "'greedy'", "--seed", "'0'"]
 
 
+@pytest.mark.parametrize(
+    ("given", "says"),
+    [
+        (("sim", "DRONE=3"), "DRONE is not an option of make sim; did you mean NUM_DRONES?"),
+        (("sim", "seed=3"), "seed is not an option of make sim; did you mean SEED?"),
+        (("compare", "MISSION=5"), "did you mean MISSIONS?"),
+        (("test", "PLANNER=sweep"), "PLANNER is not an option of make test; known are DISTRO "),
+    ],
+)
+def test_an_option_that_a_target_does_not_have_is_refused_with_the_nearest(
+    folder: Path, given: tuple[str, ...], says: str
+) -> None:
+    done = make(folder, *given)
+    assert done.returncode != 0
+    (line,) = done.stderr.splitlines()
+    assert says in line
+    assert not (folder / ".venv").exists()
+
+
+def test_every_option_of_a_recipe_is_in_the_help_of_its_target(folder: Path) -> None:
+    for target in ("sim", "sitl-demo"):
+        (line,) = (one for one in make(folder).stdout.splitlines() if f"make {target} " in one)
+        options = {name: "7" for name in re.findall("([A-Z_]+)=", line)}
+        planned = make(folder, "--dry-run", target, *(f"{name}=7" for name in options)).stdout
+        assert planned.splitlines()[-1].count("7") >= len(options.keys() - {"VIEW"})
+
+
 @pytest.mark.parametrize(("distro", "version"), [("jazzy", "7.1.6"), ("kilted", "9.1.2")])
 def test_a_distribution_comes_with_its_own_wheels(folder: Path, distro: str, version: str) -> None:
     planned = make(folder, "--dry-run", "test", f"DISTRO={distro}").stdout
@@ -125,6 +152,15 @@ def test_both_distributions_are_tested_with_the_same_libraries() -> None:
 def test_no_lock_names_a_place_to_download_from() -> None:
     for name in ROOT.glob("requirements*.lock"):
         assert "//" not in name.read_text(encoding="utf-8")
+
+
+def test_the_folder_may_have_any_name(folder: Path) -> None:
+    named = folder.rename(folder.with_name("it's 100 % $HOME"))
+    for target in ("sim", "campaign", "docs", "test-oldest"):
+        planned = make(named, "--dry-run", target).stdout
+        assert named.name not in planned
+        # The shell has the name, and does not split it.
+        assert planned.count("$PWD") == planned.count('"$PWD/') > 0
 
 
 def test_a_sourced_ros_2_keeps_its_own_packages(folder: Path) -> None:

@@ -14,7 +14,7 @@ from dsse_ros.runtime.run_node import overrides_of
 from dsse_ros.scenario.fields import FieldError
 
 KNOWN = ("seed", "step_rate", "scenario.sigma")
-FORMER = {"sigma": "scenario.sigma"}
+FULL_NAMES = {"sigma": "scenario.sigma"}
 
 
 def test_a_command_line_is_split_where_ros_arguments_begin_and_end() -> None:
@@ -41,14 +41,14 @@ def test_a_file_may_have_parameters_of_other_nodes() -> None:
         ("sed", {"sed"}, "'sed' is not a field of x; did you mean seed?"),
         ("scenario.sgma", (), "did you mean scenario.sigma?"),
         ("sigmma", {"sigmma"}, "did you mean scenario.sigma?"),
-        ("sigma", (), "parameter sigma is now scenario.sigma"),
+        ("sigma", (), "'sigma' is not a field of x; did you mean scenario.sigma?"),
     ],
 )
 def test_an_unknown_name_of_the_command_line_or_of_a_group_is_refused(
     name: str, typed: set[str], says: str
 ) -> None:
     with pytest.raises(FieldError) as caught:
-        known_parameters("x", {name: 1}, KNOWN, typed, FORMER)
+        known_parameters("x", {name: 1}, KNOWN, typed, FULL_NAMES)
     assert says in str(caught.value)
 
 

@@ -48,7 +48,7 @@ def use(fields: dict[str, Any]) -> None:
         batch.step(np.zeros((2, 2), np.int8))
     if batch.rules.covers:
         return
-    prepared_env(batch.scenario, batch.rules, lambda _: None, has_belief=bool)
+    prepared_env(batch.scenario, batch.rules, has_belief=bool)
     env = parallel_env(**fields)
     for name in ("belief_greedy", "belief"):
         planner = planner_for(env, name, seed=1)
