@@ -86,7 +86,7 @@ def parse(argv: list[str] | None) -> argparse.Namespace:
     add(
         "--home",
         metavar="LAT,LON,ALT",
-        help="where all take off, by default where each starts; --home=-24,-46,0 in the south",
+        help="where all take off, by default where each starts",
     )
     add("--autopilot", default=defaults.autopilot, choices=of_flight["autopilot"].choices,
         help="autopilot that the missions are for")  # fmt: skip

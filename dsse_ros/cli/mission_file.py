@@ -81,7 +81,7 @@ def read(arguments: argparse.Namespace) -> tuple[list[RecordedMission], Any]:
     """
 
     def search(drones: int) -> SearchDefinition:
-        arguments.drones = drones
+        arguments.num_drones = drones
         _, scenario, rules = search_of(arguments)
         return SearchDefinition(rules, scenario)
 

@@ -41,7 +41,7 @@ def add_pattern(parser: Parser) -> None:
         unit = f", {spec.unit}" if spec.unit else ""
         add(f"--{name.replace('_', '-')}", type=str if spec.choices else float,
             choices=spec.choices or None, help=spec.doc.rstrip(".") + unit)  # fmt: skip
-    datum = "by default the last known cell of the scenario; --datum=-24,-46 in the south"
+    datum = "by default the last known cell of the scenario"
     add("--datum", metavar="LAT,LON", help=datum)
     errors = (
         "probable errors of position, drift and navigation, m: sides of the area that are not "

@@ -7,15 +7,18 @@ It imports nothing before the program is chosen, so that it can report a failed 
 
 from __future__ import annotations
 
+import ctypes
 import importlib
+import os
 import sys
 from functools import partial
 from io import TextIOWrapper
 
 from dsse_ros.cli.node_help import is_wanted, node_help
 from dsse_ros.extras import pip_install
-from dsse_ros.runtime.exit_codes import MISSING
+from dsse_ros.runtime.exit_codes import MISSING, fail
 from dsse_ros.runtime.interrupts import leave_on_signals
+from dsse_ros.temporary import use_without_home
 
 _DASHBOARD = ("dashboard", "make sim VIEW=1")
 _RECORD = ("record", "make sim")
@@ -38,6 +41,9 @@ _OF_EXTRAS = {
 """Of modules that `viz` does not bring: the extra that does, and the target, if one does too."""
 _ROS = ("rclpy", "rpyutils", "ament_index_python")
 
+_MIDDLEWARE = "RMW_IMPLEMENTATION"
+_MISSION = "cli.run_mission"
+
 
 def start(module: str) -> int:
     """Run a program, a module of `dsse_ros` with a `main`; returns its exit code.
@@ -51,6 +57,14 @@ def start(module: str) -> int:
         # The terminal may lack a letter of a scenario's name.
         sys.stdout.reconfigure(errors="replace")
     name = module.rpartition(".")[2]
+    use_without_home(os.environ)
+    # Programs draw to files; a notebook that starts one leaves its own backend here.
+    os.environ.pop("MPLBACKEND", None)
+    if wrong := _missing_middleware():
+        if is_node or module == _MISSION:
+            return fail(name, wrong)
+        # The others communicate with nobody.
+        del os.environ[_MIDDLEWARE]
     if is_node and is_wanted(sys.argv[1:]):
         print(node_help(name, sys.argv[0]))
         return 0
@@ -67,6 +81,24 @@ def start(module: str) -> int:
     with announced_on_stderr():
         code = program.main()
     return code
+
+
+def _missing_middleware() -> str:
+    """Return what is wrong with the ROS middleware of the environment; empty if nothing is.
+
+    Otherwise rclpy ends the process as soon as it is imported.
+    """
+    wanted = os.environ.get(_MIDDLEWARE)
+    if not wanted:
+        return ""
+    try:
+        ctypes.CDLL(f"lib{wanted}.so")
+    except OSError:
+        return (
+            f"{_MIDDLEWARE} must be an installed middleware, got {wanted!r}: unset it, as ROS 2 "
+            "from wheels has rmw_fastrtps_cpp only, or install it"
+        )
+    return ""
 
 
 def not_found(program: str, error: ImportError) -> int:
@@ -105,7 +137,7 @@ mavlink_bridge = partial(start, "nodes.mavlink_bridge")
 recorder = partial(start, "nodes.recorder")
 foxglove_viewer = partial(start, "nodes.foxglove_viewer")
 dashboard = partial(start, "nodes.dashboard")
-run_mission = partial(start, "cli.run_mission")
+run_mission = partial(start, _MISSION)
 export_mission = partial(start, "cli.export_mission")
 export_gis = partial(start, "cli.export_gis")
 report = partial(start, "cli.report")

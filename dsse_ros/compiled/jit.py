@@ -15,11 +15,15 @@ import contextlib
 import fcntl
 import functools
 import hashlib
+import os
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 from numba import njit
+from numba.core.config import reload_config
+
+from dsse_ros.temporary import temporary_folder
 
 _PACKAGE = Path(__file__).parents[1]
 
@@ -51,7 +55,13 @@ def compiled(**options: Any) -> Callable[[Callable[..., Any]], Any]:
     compile_function = njit(cache=True, nogil=True, **options)
 
     def decorate(function: Callable[..., Any]) -> Any:
-        dispatcher = compile_function(function)
+        try:
+            dispatcher = compile_function(function)
+        except RuntimeError:
+            # Numba can write neither beside the function nor below the user's home.
+            os.environ["NUMBA_CACHE_DIR"] = str(temporary_folder() / "numba")
+            reload_config()
+            dispatcher = compile_function(function)
         # Numba has no option for this; without these attributes its cache works as usual.
         with contextlib.suppress(AttributeError):
             file = dispatcher._cache._cache_file

@@ -25,7 +25,7 @@ COMPILING = ", once after an installation, in 10 s to a minute"
 """Of the line that is logged before the compiler starts, if its cache is not complete."""
 _REPORT_S = 1.0
 """Wall time between two lines of the compiler's progress."""
-_LINES = re.compile(r"\b(compiling .+?)(?:: (\d+) functions)?(?:[,;] .*)?$")
+_LINES = re.compile(r"\b(compiling .+?)(?:: (\d+ functions?))?(?:[,;] .*)?$")
 
 
 class _Announcer(event.Listener):
@@ -49,7 +49,8 @@ class _Announcer(event.Listener):
     def on_end(self, event: Any) -> None:
         self._functions += self._is_ours(event)
         if time.monotonic() >= self._due_s > -math.inf:
-            self._announce(f"compiling {self._what}: {self._functions} functions")
+            plural = "" if self._functions == 1 else "s"
+            self._announce(f"compiling {self._what}: {self._functions} function{plural}")
             self._due_s = time.monotonic() + _REPORT_S
 
 
@@ -79,7 +80,7 @@ def progress(log: str) -> str:
     found = _LINES.search(log.rstrip().rpartition("\n")[2])
     if found is None:
         return ""
-    return found[1] if found[2] is None else f"{found[1]}: {found[2]} functions"
+    return ": ".join(filter(None, found.groups()))
 
 
 def prepared_env(

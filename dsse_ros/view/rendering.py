@@ -7,6 +7,8 @@ from __future__ import annotations
 import math
 import os
 import time
+from collections.abc import MutableMapping
+from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -27,11 +29,22 @@ __all__ = [
 
 def new_figure(layout: Layout = WIDE) -> Figure:
     """Return an empty figure of the size for `Picture`, without a window."""
+    _forget_missing_backend(os.environ)
     try:
         from matplotlib.figure import Figure
     except ModuleNotFoundError:
         raise ModuleNotFoundError(f"pictures need matplotlib: {pip_install('viz')}") from None
     return Figure(figsize=layout.size_in, dpi=100)
+
+
+def _forget_missing_backend(environ: MutableMapping[str, str]) -> None:
+    """Remove a backend that is not installed here, such as that of a notebook with another Python.
+
+    Matplotlib could not be imported with it.
+    """
+    scheme, _, module = environ.get("MPLBACKEND", "").partition("module://")
+    if not scheme and module and find_spec(module.partition(".")[0]) is None:
+        del environ["MPLBACKEND"]
 
 
 class _KeptCanvas:

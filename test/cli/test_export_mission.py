@@ -69,7 +69,7 @@ def test_every_drone_gets_a_mission_with_all_its_searches(tmp_path: Path) -> Non
 def test_the_flight_is_as_asked_for(tmp_path: Path) -> None:
     export(
         "--scenario", "sitl", "--out", tmp_path, "--autopilot", "px4", "--search-altitude", "20",
-        "--search-hold", "2.5", "--home=-24.05,-46.18,3", "--num-drones", "1",
+        "--search-hold", "2.5", "--home", "-24.05,-46.18,3", "--num-drones", "1",
     )  # fmt: skip
     plan = mission_reader.plan((tmp_path / "drone0.plan").read_text())
     items = mission_reader.waypoints((tmp_path / "drone0.waypoints").read_text())

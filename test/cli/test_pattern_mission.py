@@ -28,7 +28,8 @@ def test_the_vehicle_flies_from_turning_point_to_turning_point(
     values |= {"width": 1000} if pattern in ("PS", "CS") else {}
     options = [f"--{name.replace('_', '-')}={value}" for name, value in values.items()]
     assert (
-        main(["--pattern", pattern, *options, "--datum=-24.1,-46.3", "--out", str(tmp_path)]) == 0
+        main(["--pattern", pattern, *options, "--datum", "-24.1,-46.3", "--out", str(tmp_path)])
+        == 0
     )
     items = mission_reader.plan((tmp_path / "drone0.plan").read_text()).items
     assert items[0].command == NAV_TAKEOFF and items[-1].command == NAV_RETURN_TO_LAUNCH

@@ -130,7 +130,7 @@ def test_a_node_says_that_it_compiles_where_it_does_and_nowhere_else(tmp_path: P
         counts = [
             int(found[1]) for found in map(re.compile(r": (\d+) functions").search, lines) if found
         ]
-        assert counts == sorted(set(counts)) and len(counts) >= 2 * cold
+        assert counts == sorted(counts) and len(set(counts)) >= 2 * cold
 
 
 def test_ctrl_c_in_a_terminal_ends_a_mission_that_still_compiles(tmp_path: Path) -> None:
@@ -286,6 +286,35 @@ def test_the_parameters_of_the_examples_in_the_help_are_accepted() -> None:
     }
     for name, (_, example, _) in node_help._NODES.items():
         assert set(re.findall(r"-p (\w+):=", example)) <= set(settings[name])
+
+
+@pytest.mark.parametrize("program", PROGRAMS)
+def test_a_middleware_that_is_not_installed_is_refused_by_those_that_would_use_it(
+    program: str, tmp_path: Path
+) -> None:
+    before = "import os\nos.environ['RMW_IMPLEMENTATION'] = 'rmw_nonesuch_cpp'"
+    module = getattr(start, program).args[0]
+    communicates = module.startswith("nodes.") or program == "run_mission"
+    arguments = () if communicates else ("--help",)
+    child = launch(program, tmp_path, before, *arguments)
+    output, _ = child.communicate(timeout=TIMEOUT_S)
+    if communicates:
+        (line,) = output.splitlines()
+        assert child.returncode == 2
+        assert line.startswith(
+            f"{program}: RMW_IMPLEMENTATION must be an installed middleware, got"
+        )
+    else:
+        assert child.returncode == 0 and output.startswith(f"usage: {program}")
+
+
+@pytest.mark.parametrize("program", ["campaign", "report", "run_mission"])
+def test_the_backend_of_a_notebook_that_starts_a_program_is_ignored(
+    program: str, tmp_path: Path
+) -> None:
+    before = "import os\nos.environ['MPLBACKEND'] = 'module://nonesuch.backend_inline'"
+    output, _ = launch(program, tmp_path, before, "--help").communicate(timeout=TIMEOUT_S)
+    assert output.startswith(f"usage: {program}")
 
 
 @pytest.mark.parametrize("encoding", ["ascii", "latin-1", "utf-8"])

@@ -33,10 +33,14 @@ LAYERS: dict[str, tuple[set[str], set[str]]] = {
     "dsse_ros": (set(), {"ros", "messages", "mavlink"}),
     "dsse_ros.checks": (set(), {"ros", "messages", "mavlink"}),
     "dsse_ros.extras": (set(), {"ros", "messages", "mavlink"}),
+    "dsse_ros.temporary": (set(), {"ros", "messages", "mavlink"}),
     "dsse_ros.private_files": (set(), {"ros", "messages", "mavlink"}),
     "dsse_ros.whole_files": (set(), {"ros", "messages", "mavlink"}),
     "dsse_ros.progress": ({"dsse_ros.extras"}, {"ros", "messages", "mavlink"}),
-    "dsse_ros.compiled": ({"dsse_ros.compiled"}, {"ros", "messages", "mavlink"}),
+    "dsse_ros.compiled": (
+        {"dsse_ros.compiled", "dsse_ros.temporary"},
+        {"ros", "messages", "mavlink"},
+    ),
     "dsse_ros.drift": (
         {"dsse_ros.drift", "dsse_ros.compiled", "dsse_ros.extras"},
         {"ros", "messages", "mavlink"},

@@ -19,6 +19,7 @@ LOG = "[INFO] [1795708069.5] [sim_node]: "
         (f"compiling the search{COMPILING}; topics appear later", "compiling the search"),
         ("compiling planner belief: 12 functions", "compiling planner belief: 12 functions"),
         ("compiling the search: 3 functions; topics", "compiling the search: 3 functions"),
+        ("compiling the search: 1 function; topics", "compiling the search: 1 function"),
         ("mission 1: 4 drones", ""),
     ],
 )

@@ -519,6 +519,23 @@ def test_the_search_needs_no_matplotlib_and_pictures_say_that_they_do() -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("backend", ["matplotlib_inline.backend_inline", "nonesuch"])
+def test_the_backend_of_a_notebook_that_is_not_installed_here_keeps_no_picture(
+    backend: str,
+) -> None:
+    printed = run(
+        "import os\n"
+        f"os.environ['MPLBACKEND'] = 'module://{backend}'\n"
+        "from dsse_ros.search import parallel_env\n"
+        "for mode in ('rgb_array', 'human'):\n"
+        "    env = parallel_env(render_mode=mode, grid_size=8)\n"
+        "    env.reset(seed=1)\n"
+        "    print(mode, getattr(env.render(), 'ndim', None))\n"
+    )
+    assert printed.split() == ["rgb_array", "3", "human", "None"]
+
+
+@pytest.mark.slow
 def test_importing_the_search_imports_no_ros_and_no_matplotlib() -> None:
     printed = run(
         "import sys, dsse_ros.search\n"
