@@ -12,6 +12,8 @@ import threading
 from collections.abc import Callable, Collection
 from typing import Any, NamedTuple
 
+from dsse_ros.dashboard.commands import Command
+
 
 class Received(NamedTuple):
     """A message.
@@ -27,22 +29,6 @@ class Received(NamedTuple):
     topic: str
     read: Callable[[], Any]
     published_ns: int = 0
-
-
-class Command(NamedTuple):
-    """A command to a simulation or to vehicles.
-
-    Attributes:
-        namespace: Of the simulation, or of the bridge.
-        name: pause, resume, step or reset; of vehicles arm, ground, hold, return or land.
-        vehicle: Name of the drone whose vehicle is meant; empty for all vehicles.
-        seed: Seed of the mission that a reset starts; None for that of the simulation's parameter.
-    """
-
-    namespace: str
-    name: str
-    vehicle: str = ""
-    seed: int | None = None
 
 
 class Inbox:

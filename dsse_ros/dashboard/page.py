@@ -7,6 +7,7 @@ from __future__ import annotations
 import json
 import time
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 from urllib.parse import urlencode
@@ -14,7 +15,8 @@ from urllib.parse import urlencode
 from nicegui import ui
 from nicegui.element import Element
 
-from dsse_ros.dashboard.inbox import Command, Inbox
+from dsse_ros.dashboard.commands import Command, clicked_at
+from dsse_ros.dashboard.inbox import Inbox
 from dsse_ros.dashboard.map_chart import Window
 from dsse_ros.dashboard.missions import Missions
 from dsse_ros.dashboard.view import ORDERS, RATES, PageView, layers_of
@@ -38,6 +40,8 @@ _TO_CONFIRM = {
     "land": "Land {} right below where it is now, also where that is water?",
 }
 """Commands that cannot be undone, and the questions to confirm them."""
+_BUTTON = "no-caps unelevated outline"
+"""Look of the buttons."""
 _THEMES = {None: "auto", False: "light", True: "dark"}
 
 
@@ -53,6 +57,34 @@ class MissionMap(Element, component="mission_map.js"):
     def draw(self, frame: dict[str, Any]) -> None:
         """Draw a frame of `PageView.frame`."""
         self.run_method("draw", frame)
+
+
+class CommandButton(ui.button):
+    """A button for a command."""
+
+    @property
+    def is_ignoring_events(self) -> bool:
+        """False: a click of before the button was disabled is answered too."""
+        return False
+
+
+class Clicks(Element, component="clicks.js"):
+    """Sends the clicks on commands with their times; see clicks.js."""
+
+    def tell_time(self, now_s: float) -> None:
+        """Tell the browser the time, on the steady clock of this process."""
+        self.run_method("tellTime", now_s)
+
+    def button(self, text: str, icon: str, on_click: Callable[[float], None]) -> ui.button:
+        """Return a button whose callback gets the time of the click, see `clicked_at`."""
+
+        def clicked(event: Any) -> None:
+            self.run_method("confirm", event.args["number"])
+            on_click(clicked_at(event.args["at"], time.monotonic()))
+
+        return CommandButton(text, icon=icon, color=None).props(_BUTTON).on(
+            "click", clicked, js_handler="(event) => window.sendClick(emit, event)"
+        )  # fmt: skip
 
 
 class MissionPage:
@@ -81,9 +113,11 @@ class MissionPage:
         self._texts: dict[int, object] = {}
         self._slow_s = 0.0
         self._to_confirm: Command | None = None
+        self._to_reset: str | None = None
         self._line: object = None
         ui.add_css(STYLE)
         self._dark = ui.dark_mode(None)
+        self._clicks = Clicks()
         with ui.element("div").classes("page"):
             self._build_header()
             self._build_status()
@@ -106,8 +140,8 @@ class MissionPage:
             self._layer = ui.select([], label="Map").props("dense outlined")
             self._layer.on_value_change(self._on_layer)
             with ui.element("div").classes("buttons").props("role=group aria-label='Simulation'"):
-                self._pause = self._button("Pause", "pause", self._on_pause)
-                self._step = self._button("Step", "skip_next", lambda: self._command("step"))
+                self._pause = self._clicks.button("Pause", "pause", self._on_pause)
+                self._step = self._clicks.button("Step", "skip_next", self._on_step)
                 self._reset = self._button("Reset", "replay", self._on_reset)
             self._theme = (
                 self._button("Theme: auto", "contrast", self._on_theme)
@@ -116,18 +150,18 @@ class MissionPage:
             )
 
     def _button(self, text: str, icon: str, on_click: Any) -> ui.button:
-        button = ui.button(text, icon=icon, on_click=on_click, color=None)
-        return button.props("no-caps unelevated outline")
+        return ui.button(text, icon=icon, on_click=on_click, color=None).props(_BUTTON)
 
     def _build_status(self) -> None:
         """Build what stays in view however far the page is scrolled."""
-        with ui.element("section").classes("status").props("aria-label='State'"):
+        with ui.element("section").classes("status").props("aria-label='State'") as status:
             self._waiting = ui.label().classes("waiting").props("role=status")
             self._headline = ui.label().classes("headline")
             with ui.element("div").classes("reports"):
                 self._state = ui.label().props("role=status")
                 self._answer = ui.label().classes("note").props("role=status")
                 self._trouble = ui.label().classes("trouble").props("role=alert")
+        self._clicks.move(status)
 
     def _build_map(self) -> None:
         with ui.element("section").classes("map").props("aria-label='Map and time line'"):
@@ -201,9 +235,9 @@ class MissionPage:
                         # A button must never show another vehicle than the one it commands.
                         self._drone.on_value_change(self._update_vehicles)
                     for name, (text, icon) in _OPERATIONS.items():
-                        button = self._button(
+                        button = self._clicks.button(
                             text if one else f"{text} all", icon,
-                            lambda name=name, one=one: self._on_operate(name, one=one),
+                            partial(self._on_operate, name, one),
                         )  # fmt: skip
                         self._operate[name, one] = button
             self._bridge_gone = ui.label("The bridge is gone.").classes("trouble")
@@ -215,14 +249,14 @@ class MissionPage:
             self._question = ui.label()
             with ui.row():
                 self._button("Cancel", "close", self._confirm.close).props("autofocus")
-                self._yes = self._button("", "check", self._on_confirmed)
+                self._yes = self._clicks.button("", "check", self._on_confirmed)
         with ui.dialog().props("aria-label='Reset'") as self._dialog, ui.card():
             ui.label("Start a new mission? The one under way ends, also for its vehicles.")
             self._seed = ui.number("Seed", min=0, max=2**53, precision=0)
             self._seed.props("dense outlined hint='empty: as the simulation is set'")
             with ui.row():
                 self._button("Cancel", "close", self._dialog.close).props("autofocus")
-                self._button("Reset the mission", "replay", lambda: self._dialog.submit(True))
+                self._clicks.button("Reset the mission", "replay", self._on_reset_confirmed)
 
     # Controls
 
@@ -304,33 +338,41 @@ class MissionPage:
     def _on_rate(self) -> None:
         self._view.rate = self._rate.value
 
-    def _on_pause(self) -> None:
+    def _on_pause(self, clicked_s: float) -> None:
         mission = self._view.mission
         if mission is not None:
-            self._command("resume" if mission.paused else "pause")
+            name = "resume" if mission.paused else "pause"
+            self._inbox.command(Command(mission.namespace, name, clicked_s))
 
-    async def _on_reset(self) -> None:
+    def _on_step(self, clicked_s: float) -> None:
+        mission = self._view.mission
+        if mission is not None:
+            self._inbox.command(Command(mission.namespace, "step", clicked_s))
+
+    def _on_reset(self) -> None:
         mission, history = self._view.mission, self._view.history
         if mission is None:
             return
         seed = mission.info.seed if history is not None and mission.info is not None else None
         self._seed.set_value(None if seed is None else seed + 1)
-        if await self._dialog:
-            chosen = self._seed.value
+        # The mission in the question is reset, even if another one is chosen meanwhile.
+        self._to_reset = mission.namespace
+        self._dialog.open()
+
+    def _on_reset_confirmed(self, clicked_s: float) -> None:
+        self._dialog.close()
+        namespace, self._to_reset = self._to_reset, None
+        if namespace is not None:
             self._view.seek(None)
-            seed = None if chosen is None else int(chosen)
-            self._inbox.command(Command(mission.namespace, "reset", seed=seed))
+            seed = None if self._seed.value is None else int(self._seed.value)
+            self._inbox.command(Command(namespace, "reset", clicked_s, seed=seed))
 
-    def _command(self, name: str) -> None:
-        mission = self._view.mission
-        if mission is not None:
-            self._inbox.command(Command(mission.namespace, name))
-
-    def _on_operate(self, name: str, *, one: bool) -> None:
+    def _on_operate(self, name: str, one: bool, clicked_s: float) -> None:
         mission = self._view.mission
         if mission is None or (one and self._drone.value is None):
             return
-        command = Command(mission.namespace, name, self._drone.value if one else "")
+        vehicle = self._drone.value if one else ""
+        command = Command(mission.namespace, name, clicked_s, vehicle)
         if name not in _TO_CONFIRM:
             self._inbox.command(command)
             return
@@ -343,11 +385,11 @@ class MissionPage:
         self._yes.set_text(f"{_OPERATIONS[name][0]} {whom}")
         self._confirm.open()
 
-    def _on_confirmed(self) -> None:
+    def _on_confirmed(self, clicked_s: float) -> None:
         self._confirm.close()
         command, self._to_confirm = self._to_confirm, None
         if command is not None:
-            self._inbox.command(command)
+            self._inbox.command(command._replace(clicked_s=clicked_s))
 
     def _on_theme(self) -> None:
         order = list(_THEMES)
@@ -372,6 +414,7 @@ class MissionPage:
                 self._update_time()
         if now_s - self._slow_s >= _SLOW_S:
             self._slow_s = now_s
+            self._clicks.tell_time(now_s)
             self._update_slowly()
 
     def _update_time(self) -> None:

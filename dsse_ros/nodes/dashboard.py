@@ -20,13 +20,13 @@ from rcl_interfaces.srv import SetParameters
 from rclpy.parameter import Parameter
 from rclpy.serialization import deserialize_message
 from rclpy.subscription import Subscription
-from rclpy.task import Future
 from sensor_msgs.msg import Image, PointCloud2
 from std_msgs.msg import Float64MultiArray, String
 from std_srvs.srv import SetBool, Trigger
 
+from dsse_ros.dashboard.commands import Command, ServiceCalls
 from dsse_ros.dashboard.history import LAYERS
-from dsse_ros.dashboard.inbox import Command, Inbox, Received
+from dsse_ros.dashboard.inbox import Inbox, Received
 from dsse_ros.dashboard.missions import MAX_MISSIONS
 from dsse_ros.dashboard.server import PageServer
 from dsse_ros.dashboard.settings import OPENED, DashboardSettings
@@ -57,8 +57,6 @@ _GONE_S = 10.0
 publishers, until it is back."""
 _MAX_TOPICS = 2000
 """Limit of subscriptions for one simulation with its vehicles."""
-_ANSWER_S = 5.0
-"""Wall time in which a service must answer."""
 
 TOPICS = {
     "agents": (String, LATCHED),
@@ -148,8 +146,7 @@ class DashboardNode(AlarmNode):
         self._opened = False
         self._listener = polling_node(self)
         self._shown: dict[str, Shown] = {}
-        self._waiting: list[tuple[Command, float]] = []
-        self._pending: dict[Future, tuple[Command, float]] = {}
+        self._calls = ServiceCalls(self._client, self._request, self._on_answer, self._answer)
         self.create_subscription(DiagnosticArray, "/diagnostics", self._on_diagnostics, RELIABLE)
         self.alarms.make(self._look).repeat(_LOOK_S)
         self.alarms.make(self._take).repeat(_TAKE_S)
@@ -314,37 +311,27 @@ class DashboardNode(AlarmNode):
     # Commands
 
     def _serve_commands(self) -> None:
-        now_s = time.monotonic()
         if self._server is not None and self._server.opened.is_set() and not self._opened:
             self._opened = True
             self.get_logger().info(OPENED)
-        for command in self.inbox.take_commands():
-            # A reset with a seed sets the parameter first.
-            first = command if command.seed is None else command._replace(name="seed")
-            self._waiting.append((first, now_s + _ANSWER_S))
-        # A request sent before the service is discovered would be lost.
-        waiting, self._waiting = self._waiting, []
-        for command, deadline_s in waiting:
-            client = self._client(command)
-            if client is not None and client.service_is_ready():
-                values = (_OPERATIONS.get(command.name) or _SERVICES[command.name])[-1]
-                request = client.srv_type.Request(**values)
-                if command.name == "seed":
-                    seed = Parameter("seed", Parameter.Type.INTEGER, command.seed)
-                    request.parameters = [seed.to_parameter_msg()]
-                self._pending[client.call_async(request)] = command, deadline_s
-            elif now_s > deadline_s:
-                who = "bridge" if command.name in _OPERATIONS else "simulation"
-                self._answer(command, f"no {who} serves it in {command.namespace or '/'}")
-            else:
-                self._waiting.append((command, deadline_s))
-        for future, (command, deadline_s) in list(self._pending.items()):
-            if future.done():
-                del self._pending[future]
-                self._on_answer(command, future.result())
-            elif now_s > deadline_s:
-                del self._pending[future]
-                self._answer(command, f"no answer within {_ANSWER_S:g} s")
+        # A reset with a seed sets the parameter first.
+        self._calls.put(
+            command if command.seed is None else command._replace(name="seed")
+            for command in self.inbox.take_commands()
+        )
+        self._calls.turn(time.monotonic())
+
+    def _request(self, command: Command) -> Any:
+        """Return the request of the service for a command."""
+        if command.name in _OPERATIONS:
+            what, values = _OPERATIONS[command.name]
+            return OPERATOR_SERVICES[what].Request(**values)
+        _, kind, values = _SERVICES[command.name]
+        request = kind.Request(**values)
+        if command.name == "seed":
+            seed = Parameter("seed", Parameter.Type.INTEGER, command.seed)
+            request.parameters = [seed.to_parameter_msg()]
+        return request
 
     def _client(self, command: Command) -> Any:
         """Return the client of the service for a command, None if nobody can serve it."""
@@ -369,12 +356,12 @@ class DashboardNode(AlarmNode):
 
     def _on_answer(self, command: Command, response: Any) -> None:
         if command.name == "seed":
-            (result,) = response.results
-            if result.successful:
-                reset = Command(command.namespace, "reset")
-                self._waiting.append((reset, time.monotonic() + _ANSWER_S))
+            refusals = [result.reason for result in response.results if not result.successful]
+            if refusals:
+                self._answer(command, f"refused: {'; '.join(refusals)}")
             else:
-                self._answer(command, f"refused: {result.reason}")
+                # It is as old as the click that it is a part of.
+                self._calls.put([command._replace(name="reset", seed=None)])
             return
         text = response.message if response.success else f"refused: {response.message}"
         self._answer(command, text)

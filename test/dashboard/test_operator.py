@@ -6,12 +6,15 @@ from __future__ import annotations
 
 import itertools
 import re
+import signal
 from collections.abc import Iterator
 from typing import Any
 
 import pytest
 from bridge_rig import SEARCHED, Bridge, autopilots
 from rig import TIMEOUT_S, Rig, Sim
+
+from dsse_ros.dashboard.commands import MAX_AGE_S
 
 pytestmark = pytest.mark.slow
 
@@ -109,6 +112,72 @@ def test_one_vehicle_or_all_are_cleared_held_recalled_and_landed(page: Any, brid
     enabled(page, "Return all").click()
     answered(page, "return all: ordered to return: drone0")
     bridge.until(0, flying="false", armed="false")
+
+
+SLOW = """
+(delay_ms) => {
+  const emit = window.socket.emit;
+  window.socket.emit = (...args) => setTimeout(() => emit.apply(window.socket, args), delay_ms);
+}
+"""
+"""Makes the connection of the page slow."""
+
+
+def cleared(bridge: Bridge) -> int:
+    """Return how often the bridge has cleared vehicles to fly."""
+    return bridge.process.output.count("cleared to fly")
+
+
+def test_a_click_that_is_long_on_its_way_is_answered_and_not_sent(
+    page: Any, bridge: Bridge
+) -> None:
+    before = cleared(bridge)
+    other = page.context.new_page()
+    other.goto(page.url)
+    enabled(other, "Arm all").click()
+    enabled(other, "Arm all vehicles")
+    other.evaluate(SLOW, 1000 * (MAX_AGE_S + 1))
+    button(other, "Arm all vehicles").click()
+    answered(page, "arm all: not sent within 5 s of the click; click again$")
+    other.close()
+    # What was not sent has changed nothing.
+    enabled(page, "Ground all").click()
+    answered(page, "ground all: kept on the ground: ")
+    assert cleared(bridge) == before
+
+
+def test_a_click_without_a_connection_is_not_kept_for_later(
+    page: Any, rig: Rig, url: str, bridge: Bridge
+) -> None:
+    before = cleared(bridge)
+    served = next(one for one in rig.processes if f"page at {url}" in one.output)
+    enabled(page, "Arm all").click()
+    enabled(page, "Arm all vehicles")
+    served.signal(signal.SIGSTOP)
+    try:
+        page.wait_for_function("!window.socket.connected")
+        button(page, "Arm all vehicles").click()
+        page.get_by_text("There is no connection: Arm all vehicles was not sent.").wait_for()
+    finally:
+        served.signal(signal.SIGCONT)
+    page.wait_for_function("window.socket.connected")
+    button(page, "Cancel").click()
+    enabled(page, "Ground all").click()
+    answered(page, "ground all: kept on the ground: ")
+    page.get_by_text("There is no connection").wait_for(state="hidden")
+    assert cleared(bridge) == before
+
+
+def test_a_click_that_went_with_its_connection_is_named(page: Any, rig: Rig, url: str) -> None:
+    served = next(one for one in rig.processes if f"page at {url}" in one.output)
+    enabled(page, "Hold all")
+    served.signal(signal.SIGSTOP)
+    try:
+        button(page, "Hold all").click()
+        page.get_by_text("The connection was lost: Hold all may not have been sent.").wait_for()
+    finally:
+        served.signal(signal.SIGCONT)
+    page.wait_for_function("window.socket.connected")
 
 
 @pytest.fixture

@@ -1,0 +1,47 @@
+// Copyright 2026 dsse_ros maintainers
+// SPDX-License-Identifier: Apache-2.0
+// The clicks on commands: each is sent at once and with its time, or the page says that it was not.
+
+export default {
+  template: `<div class="trouble" role="alert">{{ text }}</div>`,
+  data: () => ({ text: "" }),
+  mounted() {
+    this.clock = null;
+    this.count = 0;
+    this.unconfirmed = new Map();
+    this.listens = false;
+    window.sendClick = (emit, event) =>
+      this.send(emit, event.currentTarget.querySelector(".block").textContent);
+  },
+  methods: {
+    // Called by the server with its time. A click states what this clock shows: however long it is
+    // on its way, the server knows its age. A time that was long on its way makes clicks older.
+    tellTime(now) {
+      const since = performance.now();
+      this.clock = () => now + (performance.now() - since) / 1000;
+    },
+    // A socket without a connection would keep the click, and send it whenever it has one again.
+    send(emit, label) {
+      if (!window.socket?.connected) {
+        this.text = `There is no connection: ${label} was not sent.`;
+        return;
+      }
+      // When this is mounted, there is no socket yet.
+      if (!this.listens) window.socket.on("disconnect", () => this.onDisconnect());
+      this.listens = true;
+      this.unconfirmed.set(++this.count, label);
+      emit({ number: this.count, at: this.clock?.() ?? null });
+    },
+    onDisconnect() {
+      if (!this.unconfirmed.size) return;
+      const labels = [...this.unconfirmed.values()].join(", ");
+      this.text = `The connection was lost: ${labels} may not have been sent.`;
+      this.unconfirmed.clear();
+    },
+    // Called by the server with the number of a click that it has got.
+    confirm(number) {
+      this.unconfirmed.delete(number);
+      this.text = "";
+    },
+  },
+};
