@@ -47,7 +47,7 @@ TESTS_OF_CHECK := $(addprefix test/,belief bridge campaign compat compiled confo
 # Commands and their refusals come over DDS.
 TESTS_OF_COVERAGE := $(addprefix test/,belief bridge cli compat compiled conformance drift flight mavlink mission msg_adapters \
 	planners recording runtime scenario search sensors step targets view \
-	$(addprefix nodes/test_,bad_input.py client_commands.py lost_drones.py step_modes.py))
+	$(addprefix nodes/test_,bad_input.py lost_drones.py step_modes.py))
 
 MISSION = $(if $(SCENARIO),--scenario '$(SCENARIO)') $(if $(RULES),--rules '$(RULES)') $(if $(PLANNER),--planner '$(PLANNER)') $(if $(MODEL),--model '$(MODEL)') \
 	$(if $(NUM_DRONES),--num-drones '$(NUM_DRONES)') $(if $(SEED),--seed '$(SEED)') $(if $(OUT),--out '$(OUT)')

@@ -5,45 +5,27 @@
 from __future__ import annotations
 
 import sys
-import time
 from collections import Counter, deque
 from ipaddress import ip_address
-from typing import NamedTuple
 
 import foxglove
 from foxglove.websocket import (
     Capability,
     ChannelView,
     Client,
-    ClientChannel,
     ServerListener,
     WebSocketServer,
 )
-from rclpy.publisher import Publisher
 
-from dsse_ros.nodes.client_commands import ENCODINGS, check_offer, command_type, read_command
-from dsse_ros.nodes.client_services import ClientServices
 from dsse_ros.nodes.raw_topics import RawTopics
 from dsse_ros.nodes.settings import ViewerSettings
-from dsse_ros.recording.schemas import definition, message_class
-from dsse_ros.runtime.qos import COMMANDS, read_settings
+from dsse_ros.recording.schemas import definition
+from dsse_ros.runtime.qos import read_settings
 from dsse_ros.runtime.run_node import AlarmNode, run_node
 from dsse_ros.search import FieldError
 
 DISCOVERY_PERIOD_S = 0.2
 TAKE_PERIOD_S = 0.05
-MATCHED_S = 5.0
-"""Wall time in which a new publisher must have found a subscriber."""
-_WAITING = 1000
-"""Limit of waiting messages from clients; above it, the oldest are dropped."""
-
-
-class _Offer(NamedTuple):
-    """A client's advertisement of a channel."""
-
-    topic: str
-    schema_name: str
-    encoding: str
 
 
 class _Requests(ServerListener):
@@ -51,13 +33,10 @@ class _Requests(ServerListener):
 
     Attributes:
         changes: Subscriptions that have begun (True) or ended: client, topic.
-        messages: Messages from clients: the offer, the bytes, and when they came.
     """
 
     def __init__(self) -> None:
         self.changes: deque[tuple[bool, int, str]] = deque()
-        self.messages: deque[tuple[_Offer, bytes, float]] = deque(maxlen=_WAITING)
-        self._offers: dict[tuple[int, int], _Offer] = {}
 
     def on_subscribe(self, client: Client, channel: ChannelView) -> None:
         """Queue the begin of a subscription."""
@@ -67,26 +46,12 @@ class _Requests(ServerListener):
         """Queue the end of a subscription."""
         self.changes.append((False, client.id, channel.topic))
 
-    def on_client_advertise(self, client: Client, channel: ClientChannel) -> None:
-        """Record what the client will send."""
-        offer = _Offer(channel.topic, channel.schema_name, channel.encoding)
-        self._offers[client.id, channel.id] = offer
-
-    def on_client_unadvertise(self, client: Client, client_channel_id: int) -> None:
-        """Forget what the client offered to send."""
-        self._offers.pop((client.id, client_channel_id), None)
-
-    def on_message_data(self, client: Client, client_channel_id: int, data: bytes) -> None:
-        """Queue a message, if the client has offered its channel."""
-        offer = self._offers.get((client.id, client_channel_id))
-        if offer is not None:
-            self.messages.append((offer, data, time.monotonic()))
-
 
 class ViewerNode(AlarmNode):
     """Serves the topics of its namespace to clients of a WebSocket.
 
-    It subscribes to a topic only while a client wants it.
+    It subscribes to a topic only while a client wants it. Clients can only read: the server does
+    not know which page of a browser a client is.
 
     Raises:
         FieldError: If a parameter is not allowed, or nothing can be served there.
@@ -102,13 +67,9 @@ class ViewerNode(AlarmNode):
         self._wanted: dict[str, Counter[int]] = {}
         self._last: dict[str, bytes] = {}
         self._channels: dict[str, foxglove.Channel] = {}
-        self._commands: dict[str, Publisher] = {}
         self._broadcast_ns = 0
         self._sdk_context = foxglove.Context()
         self._server = self._serve()
-        self._client_services: ClientServices | None = None
-        if self.settings.accept_commands:
-            self._client_services = ClientServices(self, self._namespace.rstrip("/"), self._server)
         self._topics = RawTopics(self, self.warn, self.settings.exclude)
         self.alarms.make(self._discover).repeat(DISCOVERY_PERIOD_S)
         self.alarms.make(self._turn).repeat(TAKE_PERIOD_S)
@@ -120,17 +81,13 @@ class ViewerNode(AlarmNode):
 
     def _serve(self) -> WebSocketServer:
         settings = self.settings
-        capabilities = [Capability.Time] if self._sim_time else []
-        if settings.accept_commands:
-            capabilities += [Capability.ClientPublish, Capability.Services]
         try:
             server = foxglove.start_server(
                 name=f"dsse_ros {self.get_namespace()}",
                 host=settings.host,
                 port=settings.port,
-                capabilities=capabilities,
+                capabilities=[Capability.Time] if self._sim_time else [],
                 server_listener=self._requests,
-                supported_encodings=list(ENCODINGS),
                 context=self._sdk_context,
             )
         except RuntimeError as error:
@@ -139,14 +96,11 @@ class ViewerNode(AlarmNode):
         url = f"ws://{settings.host}:{server.port}"
         self.get_logger().info(f"serving {self.get_namespace()} to Foxglove at {url}")
         if not _is_loopback(settings.host):
-            may = "read and command" if settings.accept_commands else "read"
-            self.get_logger().warning(f"anybody who can reach {url} may {may}, without a password")
+            self.get_logger().warning(f"anybody who can reach {url} may read, without a password")
         return server
 
     def _discover(self) -> None:
-        """Offer the topics and services that are new."""
-        if self._client_services is not None:
-            self._client_services.discover()
+        """Offer the topics that are new."""
         for topic in self._topics.find():
             name = self._topics.types[topic]
             schema = foxglove.Schema(
@@ -165,9 +119,6 @@ class ViewerNode(AlarmNode):
         while self._requests.changes:
             begun, client, topic = self._requests.changes.popleft()
             (self._begin if begun else self._end)(client, topic)
-        self._take_commands()
-        if self._client_services is not None:
-            self._client_services.turn()
         now_ns = self.get_clock().now().nanoseconds
         if self._sim_time and now_ns != self._broadcast_ns:
             self._broadcast_ns = now_ns
@@ -196,46 +147,6 @@ class ViewerNode(AlarmNode):
             self._last.pop(topic, None)
             if self._topics.is_subscribed(topic):
                 self._topics.unsubscribe(topic)
-
-    def _take_commands(self) -> None:
-        """Publish the commands that clients have sent."""
-        messages = self._requests.messages
-        later = []
-        while messages:
-            offer, data, since_s = messages.popleft()
-            try:
-                if not self._command(offer, data):
-                    if time.monotonic() - since_s > MATCHED_S:
-                        raise FieldError("no node subscribes to it")
-                    later.append((offer, data, since_s))
-            except FieldError as error:
-                self._refuse(f"refused from a client: {offer.topic}: {error}")
-        messages.extendleft(reversed(later))
-
-    def _command(self, offer: _Offer, data: bytes) -> bool:
-        """Publish a command; return whether it has a subscriber.
-
-        Raises:
-            FieldError: If it is not a command.
-        """
-        type_name = command_type(self._namespace, offer.topic)
-        check_offer(type_name, offer.schema_name, offer.encoding)
-        message = read_command(type_name, offer.encoding, data)
-        if offer.topic not in self._commands:
-            if not self.count_subscribers(offer.topic):
-                raise FieldError("no node subscribes to it")
-            self._commands[offer.topic] = self.create_publisher(
-                message_class(type_name), offer.topic, COMMANDS
-            )
-        publisher = self._commands[offer.topic]
-        if not publisher.get_subscription_count():
-            return False
-        publisher.publish(message)
-        return True
-
-    def _refuse(self, text: str) -> None:
-        self.warn("refused", text)
-        self._server.publish_status(text, foxglove.StatusLevel.Warning, "refused")
 
     def destroy_node(self) -> None:
         """Disconnect the clients, and end the node."""

@@ -262,10 +262,6 @@ class ViewerSettings:
         "network.", "127.0.0.1",
     )  # fmt: skip
     port: int = field("int", "TCP port to listen on, 0 for any free one.", 8765, low=0, high=65535)
-    accept_commands: bool = field(
-        "bool", "Whether clients may command drones and vehicles; any web page in a browser on "
-        "this machine can be a client.", False,
-    )  # fmt: skip
     exclude: tuple[str, ...] = field(
         "names", "Patterns of topics that are left out, such as */odom.", ()
     )

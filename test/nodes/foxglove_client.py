@@ -17,7 +17,7 @@ from rig import Process, Rig
 from websockets.sync.client import connect
 from websockets.typing import Subprotocol
 
-_MESSAGE, _TIME, _RESPONSE = 1, 2, 3
+_MESSAGE, _TIME = 1, 2
 _REQUEST = 2
 _SUBSCRIBE, _ADVERTISE = "subscribe", "advertise"
 
@@ -29,9 +29,8 @@ class FoxgloveClient:
         port: That of the server.
         info: What the server says of itself.
         channels: What it offers, by topic.
-        services: Those that it offers, by name.
         messages: What has come, decoded by the schemas that it sends, by topic.
-        status: What it has complained about.
+        refusals: Why it has refused what the client sent.
         time_ns: Its time, None before it has sent any.
     """
 
@@ -50,15 +49,12 @@ class FoxgloveClient:
         )
         self.info: dict[str, Any] = {}
         self.channels: dict[str, dict[str, Any]] = {}
-        self.services: dict[str, dict[str, Any]] = {}
         self.messages: dict[str, list[Any]] = defaultdict(list)
-        self.status: list[str] = []
+        self.refusals: list[str] = []
         self.time_ns: int | None = None
         self._of_subscription: dict[int, str] = {}
         self._decoders: dict[str, Any] = {}
-        self._offered: dict[str, int] = {}
-        self._answers: dict[int, Any] = {}
-        self._calls = 0
+        self._offers = 0
         self.until(lambda: self.info, "serverInfo")
 
     def close(self) -> None:
@@ -104,30 +100,18 @@ class FoxgloveClient:
         self.subscribe(topic)
         return self.until(lambda: self.messages[topic], f"a message on {topic}")[0]
 
-    def publish(self, topic: str, schema_name: str, data: Any, encoding: str = "json") -> None:
-        """Send a message; an object as JSON."""
-        key = f"{topic} {schema_name} {encoding}"
-        if key not in self._offered:
-            number = self._offered[key] = len(self._offered) + 1
-            offer = {
-                "id": number, "topic": topic, "encoding": encoding, "schemaName": schema_name,
-            }  # fmt: skip
-            self.send(_ADVERTISE, channels=[offer])
-        payload = data if isinstance(data, bytes) else json.dumps(data).encode()
-        self._socket.send(struct.pack("<BI", _MESSAGE, self._offered[key]) + payload)
+    def publish(self, topic: str, schema_name: str, data: Any) -> None:
+        """Offer a channel, and send a message on it as JSON."""
+        self._offers += 1
+        number = self._offers
+        offer = {"id": number, "topic": topic, "encoding": "json", "schemaName": schema_name}
+        self.send(_ADVERTISE, channels=[offer])
+        self._socket.send(struct.pack("<BI", _MESSAGE, number) + json.dumps(data).encode())
 
-    def call(self, name: str, request: Any, encoding: str = "json") -> dict[str, Any] | str:
-        """Call a service once it is offered; returns its response, or why there is none."""
-        service = self.until(lambda: self.services.get(name), f"service {name}")
-        self._calls += 1
-        number, payload = self._calls, request
-        if not isinstance(payload, bytes):
-            payload = json.dumps(payload).encode()
-        head = struct.pack("<BIII", _REQUEST, service["id"], number, len(encoding))
-        self._socket.send(head + encoding.encode() + payload)
-        self.until(lambda: number in self._answers, f"an answer of {name}")
-        answer: dict[str, Any] | str = self._answers.pop(number)
-        return answer
+    def request(self, service: int, data: Any) -> None:
+        """Call a service by its number."""
+        head = struct.pack("<BIII", _REQUEST, service, 1, len("json"))
+        self._socket.send(head + b"json" + json.dumps(data).encode())
 
     def send(self, op: str, **values: Any) -> None:
         """Send an order of the protocol."""
@@ -151,9 +135,6 @@ class FoxgloveClient:
                 # It may have ended while the message was on its way.
                 if topic is not None:
                     self.messages[topic].append(self._decoders[topic](data[13:]))
-            elif data[0] == _RESPONSE:
-                _, call, length = struct.unpack_from("<III", data, 1)
-                self._answers[call] = json.loads(data[13 + length :])
             elif data[0] == _TIME:
                 (self.time_ns,) = struct.unpack_from("<Q", data, 1)
 
@@ -163,13 +144,5 @@ class FoxgloveClient:
                 self.info = order
             case "advertise":
                 self.channels |= {channel["topic"]: channel for channel in order["channels"]}
-            case "advertiseServices":
-                self.services |= {service["name"]: service for service in order["services"]}
-            case "unadvertiseServices":
-                left = self.services.items()
-                gone = order["serviceIds"]
-                self.services = {name: one for name, one in left if one["id"] not in gone}
-            case "serviceCallFailure":
-                self._answers[order["callId"]] = order["message"]
-            case "status":
-                self.status.append(order["message"])
+            case "serviceCallFailure" | "status":
+                self.refusals.append(order["message"])

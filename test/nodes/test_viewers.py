@@ -1,6 +1,6 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""What Foxglove and RViz get of a mission, and what they can do to it."""
+"""What Foxglove and RViz get of a mission, and what RViz can do to it."""
 
 from __future__ import annotations
 
@@ -53,23 +53,19 @@ class Mission:
     Attributes:
         sim: The simulation.
         viewer: The viewer's process.
-        client: One that may command.
-        bridge: The process of the bridge.
+        client: A client of the viewer.
     """
 
     sim: Sim
     viewer: Process
     client: FoxgloveClient
-    bridge: Process
 
 
 @pytest.fixture(scope="module")
 def mission(rig: Rig, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Mission]:
-    viewer = rig.start(
-        "foxglove_viewer", {"port": 0, "accept_commands": True, "use_sim_time": True}
-    )
+    viewer = rig.start("foxglove_viewer", {"port": 0, "use_sim_time": True})
     # Of its vehicles there is none: it offers what they would say.
-    bridge = rig.start(
+    rig.start(
         "mavlink_bridge",
         {
             "connections": [f"udpout:127.0.0.1:{port}" for port in range(9, 9 + DRONES)],
@@ -78,7 +74,7 @@ def mission(rig: Rig, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Miss
     )
     sim = rig.sim(MISSION)
     client = FoxgloveClient(rig, viewer)
-    yield Mission(sim, viewer, client, bridge)
+    yield Mission(sim, viewer, client)
     client.close()
 
 
@@ -147,111 +143,6 @@ def test_a_topic_is_subscribed_only_while_a_client_wants_it(mission: Mission, ri
     client.until(lambda: listeners() == 0, "its end")
 
 
-@pytest.mark.parametrize("style", ["ROS 1", "ROS 2"])
-def test_a_goal_of_a_client_is_flown_to(mission: Mission, style: str) -> None:
-    client, sim = mission.client, mission.sim
-    nsec = "nsec" if style == "ROS 1" else "nanosec"
-    header: dict[str, Any] = {"frame_id": "map", "stamp": {"sec": 0, nsec: 0}}
-    if style == "ROS 1":
-        header["seq"] = 0
-    # Where drone 0 is, once to the right and once back.
-    col, row = sim.cells[0]
-    to = col + 1 if style == "ROS 1" else col - 1
-    size = json.loads(client.first("/agents").data)["cell_size_m"]
-    goal = {
-        "header": header,
-        "pose": {
-            "position": {"x": (to + 0.5) * size, "y": (8 - row - 0.5) * size, "z": 0},
-            "orientation": {"x": 0, "y": 0, "z": 0, "w": 1},
-        },
-    }
-    name = "geometry_msgs/PoseStamped" if style == "ROS 1" else "geometry_msgs/msg/PoseStamped"
-    seen = len(sim.reports)
-    client.publish("/drone0/command_pose", name, goal)
-    for i in range(1, DRONES):
-        client.publish(f"/drone{i}/cmd_action", "std_msgs/msg/Int8", {"data": SEARCH})
-    client.until(lambda: len(sim.reports) > seen, "a step")
-    assert sim.cells[0] == (to, row)
-
-
-@pytest.mark.parametrize(
-    ("topic", "schema", "encoding", "data", "line"),
-    [
-        ("/drone0/cmd_action", "std_msgs/msg/Int8", "json", {"data": 300}, "int8, got 300"),
-        ("/drone0/cmd_action", "std_msgs/msg/Int8", "json", b"{", "not JSON"),
-        ("/drone0/cmd_action", "std_msgs/msg/Int8", "cdr", b"", "no such message"),
-        ("/drone0/cmd_action", "std_msgs/msg/Int8", "ros1", b"\1", "got 'ros1'"),
-        ("/drone0/cmd_action", "std_msgs/msg/String", "json", {}, "got 'std_msgs/msg/String'"),
-        ("/drone9/cmd_action", "std_msgs/msg/Int8", "json", {"data": 1}, "no node subscribes"),
-        ("/agents", "std_msgs/msg/String", "json", {"data": ""}, "got '/agents'"),
-    ],
-)  # fmt: skip
-def test_bad_input_of_a_client_gets_one_line_and_changes_nothing(
-    mission: Mission, topic: str, schema: str, encoding: str, data: Any, line: str
-) -> None:
-    client = mission.client
-    before = len(mission.sim.reports)
-    client.publish(topic, schema, data, encoding)
-
-    def refusals() -> list[str]:
-        return [text for text in client.status if topic in text and line in text]
-
-    refusal = client.until(refusals, "a refusal")[0]
-    assert refusal.startswith("refused from a client") and "\n" not in refusal
-    assert len(mission.sim.reports) == before
-
-
-OPERATIONS = ("arm", "hold", "return", "land")
-
-
-def test_an_operator_commands_vehicles_and_gets_what_the_bridge_answers(mission: Mission) -> None:
-    client = mission.client
-    whom = ("mavlink_bridge", *(f"drone{i}" for i in range(DRONES)))
-    names = {f"/{who}/{what}" for who in whom for what in OPERATIONS}
-    client.until(lambda: client.services.keys() >= names, "the bridge's services")
-    # Those of the simulation, and of parameters, are not.
-    assert client.services.keys() == names
-    for name, service in client.services.items():
-        kind = "SetBool" if name.endswith("/arm") else "Trigger"
-        assert service["type"] == f"std_srvs/srv/{kind}"
-        for part in ("request", "response"):
-            assert service[part]["encoding"] == "json"
-            assert json.loads(service[part]["schema"])["type"] == "object"
-    everybody = ", ".join(f"drone{i}" for i in range(DRONES))
-    assert client.call("/mavlink_bridge/hold", {}) == {
-        "success": True, "message": f"kept on the ground: {everybody}",
-    }  # fmt: skip
-    assert client.call("/drone2/arm", {"data": False}) == {
-        "success": True, "message": "kept on the ground: drone2",
-    }  # fmt: skip
-    # None of these vehicles is there.
-    assert client.call("/drone1/arm", {"data": True}) == {
-        "success": False, "message": "drone1: no heartbeat",
-    }  # fmt: skip
-    assert "operator: drone1: no heartbeat" in mission.bridge.output
-
-
-@pytest.mark.parametrize(
-    ("service", "request_", "encoding", "line"),
-    [
-        ("/drone0/arm", {}, "json", "data: missing"),
-        ("/drone0/arm", {"data": 1}, "json", "data must be boolean, got 1"),
-        ("/drone0/arm", {"armed": True}, "json", "must be one of data, got 'armed'"),
-        ("/drone0/arm", b"{", "json", "not JSON"),
-        ("/drone0/arm", [], "json", "must be an object, got []"),
-        ("/drone0/hold", {"data": True}, "json", "got 'data'"),
-        ("/drone0/land", b"\0", "cdr", "Unsupported encoding"),
-    ],
-)
-def test_a_request_that_is_none_gets_one_line_and_reaches_nobody(
-    mission: Mission, service: str, request_: Any, encoding: str, line: str
-) -> None:
-    before = mission.bridge.output.count("operator:")
-    answer = mission.client.call(service, request_, encoding)
-    assert isinstance(answer, str) and line in answer and "\n" not in answer
-    assert mission.bridge.output.count("operator:") == before
-
-
 def test_a_client_that_does_not_keep_to_the_protocol_ends_nothing(mission: Mission) -> None:
     client = mission.client
     for data in ("", "garbage", b"", b"\xff\x00", b"\x01", '{"op": "subscribe"}'):
@@ -261,12 +152,27 @@ def test_a_client_that_does_not_keep_to_the_protocol_ends_nothing(mission: Missi
     assert mission.viewer.running
 
 
-def test_who_does_not_ask_for_it_gets_no_commands_and_no_time(mission: Mission, rig: Rig) -> None:
+def test_a_client_can_command_nothing(mission: Mission, rig: Rig) -> None:
+    client = mission.client
+    assert client.info["capabilities"] == ["time"]
+    seen = len(mission.sim.reports)
+    for i in range(DRONES):
+        client.publish(f"/drone{i}/cmd_action", "std_msgs/msg/Int8", {"data": SEARCH})
+    client.request(1, {"data": True})
+    client.until(lambda: len(client.refusals) > DRONES, "a refusal of each")
+    publishes = dict(rig.node.get_publisher_names_and_types_by_node("foxglove_viewer", "/"))
+    assert publishes.keys() == {"/parameter_events", "/rosout"}
+    assert rig.node.get_client_names_and_types_by_node("foxglove_viewer", "/") == []
+    assert len(mission.sim.reports) == seen and mission.viewer.running
+
+
+def test_a_viewer_of_another_mission_offers_what_all_missions_share(
+    mission: Mission, rig: Rig
+) -> None:
     viewer = rig.start("foxglove_viewer", {"port": 0}, "-r", "__ns:=/elsewhere")
     taken = rig.start("foxglove_viewer", {"port": mission.client.port})
     client = FoxgloveClient(rig, viewer)
-    assert client.info["capabilities"] == [] and client.services == {}
-    # Of other missions it offers what all of them share.
+    assert client.info["capabilities"] == []
     client.subscribe("/clock")
     assert "/agents" not in client.channels
     client.close()
@@ -301,7 +207,6 @@ def test_the_layout_has_panels_of_foxglove_with_settings_that_it_knows() -> None
 def test_the_layout_shows_topics_that_there_are(mission: Mission) -> None:
     panels = LAYOUT["configById"]
     topics = set(panels["3D!map"]["topics"]) - {"/particles"}
-    topics |= {panels["3D!map"]["publish"]["poseTopic"]}
     for name in ("Plot!pos", "StateTransitions!nodes"):
         topics |= {path["value"].partition(".")[0] for path in panels[name]["paths"]}
     topics |= {panels["DiagnosticSummary!all"]["topicToRender"]}
@@ -390,13 +295,6 @@ def test_a_goal_of_rviz_is_a_command(mission: Mission, rig: Rig, drone: int) -> 
     assert listener.topic_type == TYPES[tools[drone]["Class"]]
     compatible, reason = qos_check_compatible(profile(topic), seen(listener))
     assert compatible != QoSCompatibility.ERROR, reason
-
-
-def test_the_services_of_a_bridge_that_has_ended_are_offered_no_more(mission: Mission) -> None:
-    client = mission.client
-    client.until(lambda: client.services, "the bridge's services")
-    mission.bridge.stop()
-    client.until(lambda: not client.services, "them to be withdrawn")
 
 
 # The sea
