@@ -1,16 +1,28 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""Files with secrets, such as keys: read only if nobody but their owner may use them."""
+"""Files with secrets, such as keys, that nobody but their owner may use."""
 
 from __future__ import annotations
 
 import os
 import stat
 from pathlib import Path
+from typing import BinaryIO
 
 _LARGEST = 1 << 16
 """Bytes; a key has 32, a token is one line."""
 _OTHERS = stat.S_IRWXG | stat.S_IRWXO
+
+
+def open_private(path: str | Path) -> BinaryIO:
+    """Open a file for writing that only its owner may use, without what it had.
+
+    Raises:
+        OSError: If it cannot be written.
+    """
+    # Somebody may have an older file open: what is written now goes to another one.
+    Path(path).unlink(missing_ok=True)
+    return os.fdopen(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), "wb")
 
 
 def read_private(path: str | Path) -> bytes:

@@ -4,14 +4,18 @@
 
 from __future__ import annotations
 
+import html
+import socket
 import subprocess
 import sys
 import time
+import webbrowser
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from dsse_ros.dashboard.settings import OPENED
+from dsse_ros.dashboard.settings import OPENED, DashboardSettings
+from dsse_ros.private_files import open_private
 from dsse_ros.runtime.interrupts import Stop
 
 
@@ -59,3 +63,23 @@ class LivePage:
         print("Page and simulation stay until Ctrl-C; Reset starts another mission.", flush=True)
         while not self.stop.wanted and self.child.poll() is None:
             time.sleep(0.05)
+
+
+def open_browser(address: str, file: Path) -> None:
+    """Open a page by a private file that leads to it.
+
+    Everybody on the machine can see the arguments of a process, such as an address with a token.
+    """
+    with open_private(file) as page:
+        meta = f'<meta http-equiv="refresh" content="0;url={html.escape(address)}">'
+        page.write(f"<!doctype html>{meta}".encode())
+    webbrowser.open(file.resolve().as_uri())
+
+
+def default_port_free() -> bool:
+    """Return whether the default port of the page is free."""
+    try:
+        socket.create_server(("127.0.0.1", DashboardSettings().port)).close()
+    except OSError:
+        return False
+    return True

@@ -15,11 +15,9 @@ import json
 import os
 import re
 import signal
-import socket
 import subprocess
 import sys
 import time
-import webbrowser
 from collections.abc import Callable, Collection, Iterator, Sequence
 from functools import partial
 from pathlib import Path
@@ -33,7 +31,7 @@ from sensor_msgs.msg import Image, PointCloud2
 from std_msgs.msg import Float64MultiArray
 from tqdm import tqdm
 
-from dsse_ros.cli.attended_page import LivePage
+from dsse_ros.cli.attended_page import LivePage, default_port_free, open_browser
 from dsse_ros.cli.command_line import Parser, make_folder, search_of
 from dsse_ros.dashboard.settings import DashboardSettings
 from dsse_ros.nodes.settings import (
@@ -45,6 +43,7 @@ from dsse_ros.nodes.settings import (
     SimSettings,
 )
 from dsse_ros.nodes.sim_parameters import draw_run_id
+from dsse_ros.private_files import open_private
 from dsse_ros.report.metrics import path_lengths
 from dsse_ros.report.record import RecordedMission, read_csv
 from dsse_ros.report.replay import mission_views
@@ -165,7 +164,8 @@ def process(
         # ROS parses the value as YAML, so texts need quotes.
         text = json.dumps(value, ensure_ascii=False) if isinstance(value, str) else value
         command += ["-p", f"{name}:={text}"]
-    with log.open("wb") as output:
+    # The log of the page has its token.
+    with open_private(log) as output:
         child = subprocess.Popen(
             command, stdin=subprocess.DEVNULL, stdout=output, stderr=subprocess.STDOUT
         )
@@ -240,19 +240,13 @@ def live_page(arguments: argparse.Namespace, stop: Stop) -> Iterator[LivePage]:
             time.sleep(0.05)
         print(f"page at {served[1]}", flush=True)
         # Without a display, a text browser would take over the terminal.
+        leads = arguments.out / "page.html"
         if os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"):
-            webbrowser.open(served[1])
-
-        yield LivePage(stop, page, log, partial(check_running, page, "dashboard", log))
-
-
-def default_port_free() -> bool:
-    """Return whether the default port of the page is free."""
-    try:
-        socket.create_server(("127.0.0.1", DashboardSettings().port)).close()
-    except OSError:
-        return False
-    return True
+            open_browser(served[1], leads)
+        try:
+            yield LivePage(stop, page, log, partial(check_running, page, "dashboard", log))
+        finally:
+            leads.unlink(missing_ok=True)
 
 
 def shows_belief(arguments: argparse.Namespace, scenario: ResolvedScenario, rules: Rules) -> bool:

@@ -24,6 +24,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 LOOPBACK = ("127.0.0.1", "::1", "localhost")
 COOKIE = "dsse_ros_dashboard"
+"""Start of the cookie's name; the port follows, because browsers share cookies among ports."""
 _OWN_SITES = ("same-origin", "none")
 """Sec-Fetch-Site of this page itself, and of typed addresses and bookmarks. Programs send no such
 header, nor do browsers to a page of another machine without TLS."""
@@ -40,24 +41,45 @@ HEADERS = {
 }
 
 
+_ASK = """<!doctype html>
+<html lang="en">
+<meta charset="utf-8">
+<meta name="viewport" content="width=device-width, initial-scale=1">
+<meta name="color-scheme" content="light dark">
+<title>dsse_ros: token</title>
+<style>
+main {{ font: 16px/1.5 system-ui; max-width: 34em; margin: 2em auto; padding: 0 1em }}
+</style>
+<main>
+<h1>Live page of dsse_ros</h1>
+<p>{reason}This page commands missions and vehicles. Open the address that <code>dashboard</code> or
+<code>make sim VIEW=1</code> has printed, or enter its token.</p>
+<form action="/">
+<label>Token <input name="token" type="password" required style="font: inherit"></label>
+<button style="font: inherit">Open</button>
+</form>
+</main>
+</html>
+"""
+
+
 class Guard:
-    """Refuses requests with a foreign Host, Origin or site, and without the token if there is one.
+    """Refuses requests with a foreign Host, Origin or site, and requests without the token.
 
     A link on another site may open the page as a whole. A page of another site may not embed a part
     of it. Starlette's `TrustedHostMiddleware` checks neither Origin nor IPv6 addresses.
 
     Args:
         app: Receives the requests that are not refused.
+        token: Required as `?token=`, as `Authorization: Bearer`, or as the cookie that `?token=`
+            sets.
         names: Allowed hosts besides loopback, without a port because it may be forwarded.
         any_address: Whether any IP address is an allowed host. DNS rebinding needs a name.
-        token: Required as `?token=`, as `Authorization: Bearer`, or as the cookie that `?token=`
-            sets; None for no token.
     """
 
     def __init__(
-        self, app: ASGIApp, *, names: Collection[str] = (), any_address: bool = False,
-        token: str | None = None,
-    ) -> None:  # fmt: skip
+        self, app: ASGIApp, *, token: str, names: Collection[str] = (), any_address: bool = False
+    ) -> None:
         self._app = app
         self._names = {name.lower() for name in (*LOOPBACK, *names)}
         self._any_address = any_address
@@ -85,8 +107,6 @@ class Guard:
         """Return the guard's own answer to a request; None if the request may pass."""
         if reason := self._foreign(request):
             return PlainTextResponse(f"{reason}\n", 403)
-        if self._token is None:
-            return None
         # In a query, a plus means a space; many type it as the plus of base64.
         shown, wanted = (
             text.replace("+", " ") for text in (request.query_params.get("token", ""), self._token)
@@ -95,8 +115,7 @@ class Guard:
             return _welcome(request, self._token)
         if _is_known(request, self._token):
             return None
-        reason = "the token is missing or wrong: open the page once with ?token=... at its end"
-        return PlainTextResponse(f"{reason}\n", 401)
+        return HTMLResponse(_ASK.format(reason="The token is wrong. " if shown else ""), 401)
 
     def _foreign(self, request: HTTPConnection) -> str:
         """Return what is foreign about a request, "" for nothing."""
@@ -127,7 +146,7 @@ def _is_known(request: HTTPConnection, token: str) -> bool:
     scheme, _, given = request.headers.get("authorization", "").partition(" ")
     if scheme.lower() == "bearer" and _equal(given.strip(), token):
         return True
-    return _equal(request.cookies.get(COOKIE, ""), _cookie_for(token))
+    return _equal(request.cookies.get(_cookie_name(request), ""), _cookie_for(token))
 
 
 def _welcome(request: HTTPConnection, token: str) -> Response:
@@ -140,7 +159,7 @@ def _welcome(request: HTTPConnection, token: str) -> Response:
         answer = HTMLResponse(
             f'<!doctype html><meta http-equiv="refresh" content="0;url={escape(location)}">'
         )
-    answer.set_cookie(COOKIE, _cookie_for(token), httponly=True, samesite="strict")
+    answer.set_cookie(_cookie_name(request), _cookie_for(token), httponly=True, samesite="strict")
     return answer
 
 
@@ -160,6 +179,11 @@ def _is_opened(request: HTTPConnection) -> bool:
 
 def _equal(given: str, wanted: str) -> bool:
     return hmac.compare_digest(given.encode(), wanted.encode())
+
+
+def _cookie_name(request: HTTPConnection) -> str:
+    """Return the name of the cookie, with the port that the browser knows."""
+    return f"{COOKIE}_{urlsplit('//' + request.headers['host']).port or 80}"
 
 
 def _cookie_for(token: str) -> str:

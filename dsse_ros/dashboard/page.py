@@ -7,7 +7,6 @@ from __future__ import annotations
 import json
 import time
 from collections.abc import Callable
-from functools import partial
 from pathlib import Path
 from typing import Any
 from urllib.parse import urlencode
@@ -15,10 +14,12 @@ from urllib.parse import urlencode
 from nicegui import ui
 from nicegui.element import Element
 
-from dsse_ros.dashboard.commands import Command, clicked_at
+from dsse_ros.dashboard.clicks import BUTTON, Clicks
+from dsse_ros.dashboard.commands import Command
 from dsse_ros.dashboard.inbox import Inbox
 from dsse_ros.dashboard.map_chart import Window
 from dsse_ros.dashboard.missions import Missions
+from dsse_ros.dashboard.vehicles_card import VehiclesCard
 from dsse_ros.dashboard.view import ORDERS, RATES, PageView, layers_of
 
 STYLE = Path(__file__).with_name("style.css")
@@ -27,21 +28,6 @@ _SLOW_S = 0.5
 _LOST_S = 2.0
 """Wall time after which a frame that was not drawn counts as lost."""
 _BLUE = "#0072B2"
-_OPERATIONS = {
-    "arm": ("Arm", "flight_takeoff"),
-    "ground": ("Ground", "block"),
-    "hold": ("Hold", "pause_circle"),
-    "return": ("Return", "home"),
-    "land": ("Land", "flight_land"),
-}
-"""Commands for vehicles: the labels and icons of their buttons."""
-_TO_CONFIRM = {
-    "arm": "Clear {} to fly? Motors may start and vehicles take off at once: nobody may be near.",
-    "land": "Land {} right below where it is now, also where that is water?",
-}
-"""Commands that cannot be undone, and the questions to confirm them."""
-_BUTTON = "no-caps unelevated outline"
-"""Look of the buttons."""
 _THEMES = {None: "auto", False: "light", True: "dark"}
 
 
@@ -57,34 +43,6 @@ class MissionMap(Element, component="mission_map.js"):
     def draw(self, frame: dict[str, Any]) -> None:
         """Draw a frame of `PageView.frame`."""
         self.run_method("draw", frame)
-
-
-class CommandButton(ui.button):
-    """A button for a command."""
-
-    @property
-    def is_ignoring_events(self) -> bool:
-        """False: a click of before the button was disabled is answered too."""
-        return False
-
-
-class Clicks(Element, component="clicks.js"):
-    """Sends the clicks on commands with their times; see clicks.js."""
-
-    def tell_time(self, now_s: float) -> None:
-        """Tell the browser the time, on the steady clock of this process."""
-        self.run_method("tellTime", now_s)
-
-    def button(self, text: str, icon: str, on_click: Callable[[float], None]) -> ui.button:
-        """Return a button whose callback gets the time of the click, see `clicked_at`."""
-
-        def clicked(event: Any) -> None:
-            self.run_method("confirm", event.args["number"])
-            on_click(clicked_at(event.args["at"], time.monotonic()))
-
-        return CommandButton(text, icon=icon, color=None).props(_BUTTON).on(
-            "click", clicked, js_handler="(event) => window.sendClick(emit, event)"
-        )  # fmt: skip
 
 
 class MissionPage:
@@ -112,7 +70,6 @@ class MissionPage:
         self._sent: tuple[int, float] = (0, 0.0)
         self._texts: dict[int, object] = {}
         self._slow_s = 0.0
-        self._to_confirm: Command | None = None
         self._to_reset: str | None = None
         self._line: object = None
         ui.add_css(STYLE)
@@ -150,7 +107,7 @@ class MissionPage:
             )
 
     def _button(self, text: str, icon: str, on_click: Any) -> ui.button:
-        return ui.button(text, icon=icon, on_click=on_click, color=None).props(_BUTTON)
+        return ui.button(text, icon=icon, on_click=on_click, color=None).props(BUTTON)
 
     def _build_status(self) -> None:
         """Build what stays in view however far the page is scrolled."""
@@ -205,7 +162,9 @@ class MissionPage:
 
     def _build_side(self) -> None:
         with ui.element("section").classes("side").props("aria-label='Figures'"):
-            self._build_vehicles()
+            self._vehicles = VehiclesCard(
+                self._clicks, lambda: self._view.mission, self._inbox.command
+            )
             with ui.element("div").classes("card"):
                 with ui.element("h2"):
                     self._chart_title = ui.label("Probability of success")
@@ -223,33 +182,7 @@ class MissionPage:
                 self._drones.props("tabindex=0 role=region aria-label='Table of the drones'")
                 self._fold = self._button("", "unfold_more", self._on_fold)
 
-    def _build_vehicles(self) -> None:
-        self._operate: dict[tuple[str, bool], ui.button] = {}
-        with ui.element("div").classes("card vehicles") as self._vehicles:
-            ui.html("Vehicles", tag="h2", sanitize=False)
-            for one in (False, True):
-                whom = "One vehicle" if one else "All vehicles"
-                with ui.element("div").classes("buttons").props(f"role=group aria-label='{whom}'"):
-                    if one:
-                        self._drone = ui.select([], label="Vehicle").props("dense outlined")
-                        # A button must never show another vehicle than the one it commands.
-                        self._drone.on_value_change(self._update_vehicles)
-                    for name, (text, icon) in _OPERATIONS.items():
-                        button = self._clicks.button(
-                            text if one else f"{text} all", icon,
-                            partial(self._on_operate, name, one),
-                        )  # fmt: skip
-                        self._operate[name, one] = button
-            self._bridge_gone = ui.label("The bridge is gone.").classes("trouble")
-            self._vehicle_answer = ui.label().classes("note").props("role=status")
-        self._vehicles.set_visibility(False)
-
     def _build_dialog(self) -> None:
-        with ui.dialog().props("aria-label='Vehicles'") as self._confirm, ui.card():
-            self._question = ui.label()
-            with ui.row():
-                self._button("Cancel", "close", self._confirm.close).props("autofocus")
-                self._yes = self._clicks.button("", "check", self._on_confirmed)
         with ui.dialog().props("aria-label='Reset'") as self._dialog, ui.card():
             ui.label("Start a new mission? The one under way ends, also for its vehicles.")
             self._seed = ui.number("Seed", min=0, max=2**53, precision=0)
@@ -367,30 +300,6 @@ class MissionPage:
             seed = None if self._seed.value is None else int(self._seed.value)
             self._inbox.command(Command(namespace, "reset", clicked_s, seed=seed))
 
-    def _on_operate(self, name: str, one: bool, clicked_s: float) -> None:
-        mission = self._view.mission
-        if mission is None or (one and self._drone.value is None):
-            return
-        vehicle = self._drone.value if one else ""
-        command = Command(mission.namespace, name, clicked_s, vehicle)
-        if name not in _TO_CONFIRM:
-            self._inbox.command(command)
-            return
-        # Confirming runs the command in the question, even if the selection changes meanwhile.
-        # Awaiting the dialog would not do: after two quick clicks it answers the first one.
-        self._to_confirm = command
-        whom = command.vehicle or "all vehicles"
-        where = f" in {mission.namespace}" if mission.namespace else ""
-        self._question.set_text(_TO_CONFIRM[name].format(f"{whom}{where}"))
-        self._yes.set_text(f"{_OPERATIONS[name][0]} {whom}")
-        self._confirm.open()
-
-    def _on_confirmed(self, clicked_s: float) -> None:
-        self._confirm.close()
-        command, self._to_confirm = self._to_confirm, None
-        if command is not None:
-            self._inbox.command(command._replace(clicked_s=clicked_s))
-
     def _on_theme(self) -> None:
         order = list(_THEMES)
         self._set_theme(order[(order.index(self._dark.value) + 1) % len(order)])
@@ -456,7 +365,7 @@ class MissionPage:
         self._play.set_enabled(view.history is not None and len(view.history) > 1)
         self._play.set_text("Stop" if view.playing else "Play")
         self._play.set_icon("stop" if view.playing else "play_arrow")
-        self._update_vehicles()
+        self._vehicles.update()
         self._trouble.set_text(view.trouble())
         self._state.set_text(view.state())
         title, about = view.about()
@@ -475,24 +384,6 @@ class MissionPage:
         self._fold.set_visibility(bool(hidden) or not folded)
         self._fold.set_text(f"Show {hidden} more" if folded else "Show fewer")
         self._fold.set_icon("unfold_more" if folded else "unfold_less")
-
-    def _update_vehicles(self) -> None:
-        mission = self._view.mission
-        if mission is None or not mission.had_bridge:
-            self._vehicles.set_visibility(False)
-            return
-        self._vehicles.set_visibility(True)
-        drones, chosen = list(mission.bridge), self._drone.value
-        self._bridge_gone.set_visibility(not drones)
-        # The vehicles of a bridge that is gone stay visible.
-        if drones and (self._drone.options != drones or chosen not in drones):
-            self._drone.set_options(drones, value=chosen if chosen in drones else drones[0])
-        self._drone.set_enabled(bool(drones))
-        for (name, one), button in self._operate.items():
-            button.set_enabled(bool(drones))
-            if one and self._drone.value is not None:
-                button.set_text(f"{_OPERATIONS[name][0]} {self._drone.value}")
-        self._vehicle_answer.set_text(mission.vehicle_answer)
 
     def _update_choices(self) -> None:
         view, mission = self._view, self._view.mission

@@ -40,7 +40,7 @@ class PageServer:
 
     Attributes:
         missions: State of the missions; only the server's thread may use it.
-        url: Address of the page.
+        url: Address of the page, with the token unless a file has it.
         opened: Whether a browser has opened the page.
 
     Raises:
@@ -55,7 +55,9 @@ class PageServer:
         token = settings.read_token()
         self._socket = bind(settings.host, settings.port)
         host, port = self._socket.getsockname()[:2]
-        self.url = f"http://{f'[{host}]' if ':' in host else host}:{port}/"
+        wildcard = host in ("0.0.0.0", "::")
+        named = socket.gethostname() if wildcard else f"[{host}]" if ":" in host else host
+        self.url = f"http://{named}:{port}/" + ("" if settings.token_file else f"?token={token}")
         app = FastAPI(lifespan=self._lifespan, docs_url=None, redoc_url=None, openapi_url=None)
 
         @ui.page("/", title="dsse_ros", language="en-US")
@@ -70,9 +72,8 @@ class PageServer:
             binding_refresh_interval=None, gzip_middleware_factory=None,
             message_history_length=_KEPT_MESSAGES,
         )  # fmt: skip
-        wildcard = host in ("0.0.0.0", "::")
         names = (settings.host, socket.gethostname(), *settings.allowed_hosts)
-        guarded = Guard(app, names=names, any_address=wildcard, token=token)
+        guarded = Guard(app, token=token, names=names, any_address=wildcard)
         config = uvicorn.Config(
             guarded, log_config=None, access_log=False,
             server_header=False, lifespan="on",

@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-import ipaddress
+import secrets
 from dataclasses import dataclass
 
 from dsse_ros.private_files import read_private
@@ -26,14 +26,14 @@ class DashboardSettings:
 
     host: str = field(
         "str",
-        "Address to listen on; one that other machines can reach requires token_file.",
+        "Address to listen on; any other than the default one opens the page to the network.",
         "127.0.0.1",
     )
     port: int = field("int", "TCP port of the page; 0 for any free one.", 8080, low=0, high=65535)
     token_file: str = field(
         "str",
         "File that only its owner can use. Its first line is the token that browsers must send, "
-        f"at least {MIN_TOKEN} characters; empty for no token.",
+        f"at least {MIN_TOKEN} characters; empty for a new token at each start, which is printed.",
         "",
     )
     allowed_hosts: tuple[str, ...] = field(
@@ -45,11 +45,9 @@ class DashboardSettings:
         check_all(self)
         if not self.host:
             raise FieldError("host must be an address of this machine, got ''")
-        if not self.token_file and not is_loopback(self.host):
-            raise FieldError(f"host must be 127.0.0.1 without token_file, got {self.host!r}")
 
-    def read_token(self) -> str | None:
-        """Return the token in the file, None for no file.
+    def read_token(self) -> str:
+        """Return the token in the file, or a new one.
 
         Raises:
             FieldError: If the file cannot be read, others than its owner may use it, or it has
@@ -57,7 +55,7 @@ class DashboardSettings:
         """
         path = self.token_file
         if not path:
-            return None
+            return secrets.token_urlsafe()
         try:
             lines = read_private(path).decode("utf-8").splitlines()
         except UnicodeDecodeError:
@@ -71,13 +69,3 @@ class DashboardSettings:
                 "ASCII characters"
             )
         return token
-
-
-def is_loopback(host: str) -> bool:
-    """Return whether only this machine can reach what is bound to this address."""
-    if host == "localhost":
-        return True
-    try:
-        return ipaddress.ip_address(host).is_loopback
-    except ValueError:
-        return False

@@ -160,7 +160,8 @@ class DashboardNode(AlarmNode):
         """
         self._server = PageServer(self.inbox, self.settings, self.context.get_domain_id())
         self._server.start()
-        self.get_logger().info(f"page at {self._server.url}")
+        # Loggers of ROS write to /rosout and to a file that others can read too.
+        print(f"page at {self._server.url}", flush=True)
         self._look()
 
     # Missions

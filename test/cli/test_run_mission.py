@@ -10,6 +10,7 @@ import math
 import os
 import re
 import signal
+import stat
 import struct
 import subprocess
 import time
@@ -22,7 +23,7 @@ from PIL import Image
 from rig import TIMEOUT_S, Process, free_domain
 
 from dsse_ros.cli import run_mission
-from dsse_ros.cli.attended_page import LivePage
+from dsse_ros.cli.attended_page import LivePage, open_browser
 from dsse_ros.dashboard.settings import OPENED
 from dsse_ros.runtime.interrupts import Stop
 
@@ -154,10 +155,26 @@ def test_a_mission_beside_one_that_is_over_fails_instead_of_reporting_that_one(
 
 def test_a_mission_with_a_page_says_where_it_is_and_takes_it_along(flown: list[Path]) -> None:
     text = (flown[1] / "console.log").read_text()
-    assert re.match(r"page at http://127\.0\.0\.1:\d+/\n", text)
-    served = (flown[1] / "dashboard.log").read_text()
+    assert re.match(r"page at http://127\.0\.0\.1:\d+/\?token=[\w-]{16,}\n", text)
+    log = flown[1] / "dashboard.log"
+    # Nobody else may read the token in it.
+    assert stat.S_IMODE(log.stat().st_mode) == 0o600
+    served = log.read_text()
     assert "Traceback" not in served and "page at" in served
     assert not (flown[0] / "dashboard.log").exists()
+
+
+def test_the_browser_gets_the_token_by_a_file_that_nobody_else_can_read(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    opened: list[str] = []
+    monkeypatch.setattr("webbrowser.open", opened.append)
+    file = tmp_path / "page.html"
+    file.write_text("")
+    open_browser("http://127.0.0.1:8080/?token=secret&a=1", file)
+    assert opened == [file.as_uri()]
+    assert stat.S_IMODE(file.stat().st_mode) == 0o600
+    assert "url=http://127.0.0.1:8080/?token=secret&amp;a=1" in file.read_text()
 
 
 def test_a_mission_with_a_page_at_a_terminal_waits_for_the_browser(

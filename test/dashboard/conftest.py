@@ -20,9 +20,15 @@ os.environ.update(ENVIRONMENT)
 
 
 @pytest.fixture(scope="module")
-def url(rig: Rig) -> str:
-    """Address of a page that shows the missions of the domain."""
+def address(rig: Rig) -> str:
+    """Address of a page that shows the missions of the domain, with its token."""
     process = rig.start("dashboard", {"port": 0})
     served = rig.until(lambda: re.search(r"page at (\S+)", process.output), "a page")
     assert served is not None
     return served[1]
+
+
+@pytest.fixture(scope="module")
+def url(address: str) -> str:
+    """The address without the token."""
+    return address.partition("?")[0]

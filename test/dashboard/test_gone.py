@@ -18,9 +18,9 @@ MISSION: dict[str, Any] = {"grid_size": 6, "num_drones": 1, "step_mode": "manual
 
 
 @pytest.fixture(scope="module")
-def page(rig: Rig, url: str) -> Rig:
+def page(rig: Rig, address: str) -> Rig:
     """The domain, with a page that was served."""
-    assert url
+    assert address
     return rig
 
 

@@ -19,6 +19,7 @@ from dsse_ros.dashboard.settings import MIN_TOKEN, DashboardSettings
 from dsse_ros.scenario.fields import FieldError
 
 TOKEN = "correct horse battery"
+KNOWN = {"authorization": f"Bearer {TOKEN}"}
 
 
 async def _app(scope: Any, receive: Any, send: Any) -> None:
@@ -71,7 +72,7 @@ def ask(
 def test_a_strange_host_or_origin_is_refused(
     headers: dict[str, str], allowed: bool, kind: str
 ) -> None:
-    status, _ = ask(Guard(_app), headers, kind=kind)
+    status, _ = ask(Guard(_app, token=TOKEN), headers | KNOWN, kind=kind)
     assert status == (200 if allowed else 403 if kind == "http" else 1008)
 
 
@@ -99,20 +100,25 @@ def test_another_site_may_open_the_page_and_have_no_part_of_it(
 ) -> None:
     headers = {"host": "127.0.0.1:8080", "sec-fetch-site": site, **how}
     ours = site in ("same-origin", "none")
-    assert ask(Guard(_app), headers)[0] == (200 if ours or how is OPENED else 403)
-    assert ask(Guard(_app), headers, method="POST")[0] == (200 if ours else 403)
-    assert ask(Guard(_app), headers, kind="websocket")[0] == (200 if ours else 1008)
+    assert ask(Guard(_app, token=TOKEN), headers | KNOWN)[0] == (
+        200 if ours or how is OPENED else 403
+    )
+    assert ask(Guard(_app, token=TOKEN), headers | KNOWN, method="POST")[0] == (
+        200 if ours else 403
+    )
+    assert ask(Guard(_app, token=TOKEN), headers | KNOWN, kind="websocket")[0] == (
+        200 if ours else 1008
+    )
 
 
 def test_what_says_nothing_of_a_site_is_no_page_of_one() -> None:
-    assert ask(Guard(_app), {"host": "127.0.0.1:8080"})[0] == 200
+    assert ask(Guard(_app, token=TOKEN), {"host": "127.0.0.1:8080", **KNOWN})[0] == 200
 
 
 def test_a_page_for_others_is_asked_for_by_its_names_or_an_address() -> None:
     guard = Guard(_app, names=["ship.example"], any_address=True, token=TOKEN)
-    known = {"authorization": f"Bearer {TOKEN}"}
     for host, status in (("ship.example:80", 200), ("192.0.2.1:8080", 200), ("evil.example", 403)):
-        assert ask(guard, {"host": host, **known})[0] == status
+        assert ask(guard, {"host": host, **KNOWN})[0] == status
 
 
 @pytest.mark.parametrize("kind", ["http", "websocket"])
@@ -124,8 +130,8 @@ def test_without_the_token_nothing_is_served(kind: str) -> None:
         {},
         {"authorization": "Bearer wrong"},
         {"authorization": f"Basic {TOKEN}"},
-        {"cookie": f"{COOKIE}=wrong"},
-        {"cookie": f"{COOKIE}={TOKEN}"},
+        {"cookie": f"{COOKIE}_8080=wrong"},
+        {"cookie": f"{COOKIE}_8080={TOKEN}"},
         {"cookie": 'a="'},
     ):
         assert ask(guard, {**host, **headers}, kind=kind)[0] == refused
@@ -143,6 +149,9 @@ def test_the_token_in_the_address_becomes_a_cookie_that_no_script_can_read() -> 
     assert {"HttpOnly", "SameSite=strict"} <= set(attributes)
     for kind in ("http", "websocket"):
         assert ask(guard, {**host, "cookie": cookie}, kind=kind)[0] == 200
+        # A page on another port of this machine has another token and a cookie of its own.
+        refused = 401 if kind == "http" else 1008
+        assert ask(guard, {"host": "127.0.0.1:9000", "cookie": cookie}, kind=kind)[0] == refused
 
 
 @given(st.binary(min_size=12, max_size=24))
@@ -160,7 +169,7 @@ def test_who_comes_by_a_link_with_the_token_is_led_on_by_a_page_of_ours() -> Non
     query = f"token={TOKEN.replace(' ', '+')}&a=%22%3E%3Cb%3E"
     status, headers = ask(guard, linked, query)
     assert status == 200 and headers["content-type"].startswith("text/html")
-    assert ask(guard, {"host": "127.0.0.1", "cookie": headers["set-cookie"]})[0] == 200
+    assert ask(guard, {"host": "127.0.0.1:8080", "cookie": headers["set-cookie"]})[0] == 200
     assert ask(guard, {**linked, **FETCHED}, query)[0] == 403
 
 
@@ -174,10 +183,14 @@ def test_every_answer_forbids_what_comes_from_elsewhere() -> None:
         assert answered["cross-origin-resource-policy"] == "same-origin"
 
 
-@pytest.mark.parametrize("host", ["0.0.0.0", "::", "192.0.2.1", "ship.example", ""])
-def test_a_page_for_others_takes_a_token(host: str) -> None:
-    with pytest.raises(FieldError, match="host must be "):
-        DashboardSettings(host=host)
+def test_a_page_without_a_file_has_a_new_token_each_time() -> None:
+    tokens = {DashboardSettings().read_token() for _ in range(20)}
+    assert len(tokens) == 20 and all(len(token) >= MIN_TOKEN for token in tokens)
+
+
+def test_a_host_that_is_none_gets_one_clear_line() -> None:
+    with pytest.raises(FieldError, match="host must be an address of this machine"):
+        DashboardSettings(host="")
 
 
 def token_file(folder: Path, content: str, mode: int = 0o600) -> Path:

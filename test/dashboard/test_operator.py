@@ -22,11 +22,11 @@ WIDTHS = (390, 1024, 1920)
 
 
 @pytest.fixture(scope="module")
-def page(browser: Any, url: str) -> Iterator[Any]:
+def page(browser: Any, address: str) -> Iterator[Any]:
     context = browser.new_context(viewport={"width": 1400, "height": 900}, reduced_motion="reduce")
     context.set_default_timeout(TIMEOUT_S * 1000)
     opened = context.new_page()
-    opened.goto(url)
+    opened.goto(address)
     yield opened
     context.close()
 

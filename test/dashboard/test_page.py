@@ -99,7 +99,7 @@ class Open:
 
 
 @pytest.fixture(scope="module")
-def shown(browser: Any, url: str) -> Iterator[Open]:
+def shown(browser: Any, address: str) -> Iterator[Open]:
     context = browser.new_context(viewport={"width": 1024, "height": 800}, reduced_motion="reduce")
     context.set_default_timeout(TIMEOUT_S * 1000)
     opened = Open(context.new_page())
@@ -107,7 +107,7 @@ def shown(browser: Any, url: str) -> Iterator[Open]:
     opened.page.on("pageerror", lambda error: opened.errors.append(str(error)))
     opened.page.on("request", lambda request: opened.requests.append(request.url))
     opened.page.on("websocket", opened.listen)
-    opened.page.goto(url)
+    opened.page.goto(address)
     yield opened
     context.close()
 
@@ -265,13 +265,15 @@ def test_the_map_zooms_by_wheel_keys_and_buttons_and_shows_the_cell_under_the_mo
         shown.until(f"{ZOOM} {condition}")
 
 
-def test_one_finger_scrolls_the_page_and_two_zoom_the_map(sim: Sim, shown: Open) -> None:
+def test_one_finger_scrolls_the_page_and_two_zoom_the_map(
+    sim: Sim, shown: Open, address: str
+) -> None:
     context = shown.page.context.browser.new_context(
         viewport={"width": 390, "height": 700}, has_touch=True, is_mobile=True
     )
     context.set_default_timeout(TIMEOUT_S * 1000)
     phone = context.new_page()
-    phone.goto(shown.page.url)
+    phone.goto(address)
     phone.wait_for_function(f"{CANVAS}.dataset.step >= 1")
     events = context.new_cdp_session(phone)
     box = phone.locator("canvas.mission-map").bounding_box()
