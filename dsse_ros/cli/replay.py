@@ -30,7 +30,13 @@ def line(mission: ReplayedMission) -> str:
         return f"{head}: DIFFERS: {mission.difference}"
     parts = []
     if mission.compared:
-        parts.append(f"{steps} repeat byte for byte in {', '.join(sorted(mission.compared))}")
+        fewer = mission.fewer
+        shown = [
+            f"{name} ({fewer[name][0]} of {counted(fewer[name][1], 'message')})"
+            if name in fewer else name
+            for name in sorted(mission.compared)
+        ]  # fmt: skip
+        parts.append(f"{steps} repeat byte for byte in {', '.join(shown)}")
     if mission.incomplete:
         parts.append(f"not replayed {'any further' if mission.steps else ''}".rstrip())
         parts[-1] += f": {mission.incomplete}"

@@ -15,6 +15,7 @@ from rclpy.subscription import Subscription
 
 from dsse_ros.recording.offered_qos import common
 from dsse_ros.recording.schemas import definition, message_class
+from dsse_ros.runtime.arrivals import Arrivals, Clocks
 from dsse_ros.runtime.polling import RawMessage, polling_node, spun_by_nobody, take_all
 from dsse_ros.search import FieldError
 
@@ -49,7 +50,8 @@ class RawTopics:
         # Subscribed with the QoS of other subscribers, because the topic had no publisher yet.
         self._without_publisher: set[str] = set()
         self._refused: set[str] = set()
-        self._waiting: list[RawMessage] = []
+        self._taken: list[RawMessage] = []
+        self._arrivals = Arrivals()
 
     def discover(self) -> list[str]:
         """Subscribe to new topics, and return their names."""
@@ -96,22 +98,28 @@ class RawTopics:
         profile = self._subscriptions[topic].qos_profile
         return bool(profile.durability == DurabilityPolicy.TRANSIENT_LOCAL)
 
+    def num_publishers(self, topic: str) -> int:
+        """Return the number of publishers that a topic has now."""
+        return int(self._node.count_publishers(topic))
+
     def offers(self, topic: str) -> list[Any]:
         """Return rclpy's TopicEndpointInfo of each publisher of a topic."""
         return list(self._node.get_publishers_info_by_topic(topic))
 
     def take(self) -> list[RawMessage]:
-        """Return the new messages, in the order in which they were received."""
-        # Leave messages that come during the call for the next one, to keep the order.
-        until_ns = time.time_ns()
+        """Return the new messages in the order of their arrival, see `Arrivals`."""
+        before, taken = Clocks.read(), self._taken
         for subscription in self._subscriptions.values():
-            self._waiting += take_all(subscription)
-        self._waiting.sort(key=lambda message: message.received_ns)
-        ready = len(self._waiting)
-        while ready and self._waiting[ready - 1].received_ns > until_ns:
-            ready -= 1
-        taken, self._waiting = self._waiting[:ready], self._waiting[ready:]
-        return taken
+            taken += take_all(subscription)
+        self._taken = []
+        arrived = self._arrivals.order(taken, before, time.time_ns())
+        if self._arrivals.stepped_ns:
+            self._warn(
+                "clock",
+                f"the clock has stepped back by {self._arrivals.stepped_ns / 1e9:.3f} s; the times "
+                "of messages go on as if it had not",
+            )
+        return arrived
 
     def destroy(self) -> None:
         """End all subscriptions."""
@@ -142,7 +150,7 @@ class RawTopics:
         self._without_publisher.discard(topic)
         subscription = self._subscriptions[topic]
         if profiles and common(profiles, _DEPTH) != subscription.qos_profile:
-            self._waiting += take_all(subscription)
+            self._taken += take_all(subscription)
             self.unsubscribe(topic)
             self.subscribe(topic)
 

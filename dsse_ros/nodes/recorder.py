@@ -11,6 +11,7 @@ import time
 from dsse_ros.nodes.raw_topics import RawTopics
 from dsse_ros.nodes.settings import RecorderSettings
 from dsse_ros.recording.bag import BagWriter
+from dsse_ros.recording.missed import Missed
 from dsse_ros.recording.offered_qos import to_yaml
 from dsse_ros.runtime.exit_codes import FAILED
 from dsse_ros.runtime.polling import RawMessage
@@ -49,6 +50,7 @@ class RecorderNode(AlarmNode):
         self._topics = RawTopics(self, self.warn, self.settings.exclude)
         self._channels: dict[str, int] = {}
         self.messages = 0
+        self._missed = Missed()
         self.get_logger().info(f"recording {self.get_namespace()} to {self.path}")
         self.alarms.make(self._discover).repeat(DISCOVERY_PERIOD_S)
         self.alarms.make(self._take).repeat(TAKE_PERIOD_S)
@@ -88,8 +90,12 @@ class RecorderNode(AlarmNode):
             sequence=message.sequence,
         )
         self.messages += 1
+        self._missed.note(message.topic, message.sequence, message.published_ns)
 
     def _flush(self) -> None:
+        for topic in self._channels:
+            if self._topics.num_publishers(topic) > 1:
+                self._missed.leave_out(topic)
         if self._bag is not None:
             try:
                 self._bag.flush()
@@ -129,6 +135,8 @@ class RecorderNode(AlarmNode):
             self.get_logger().info(
                 f"{self.messages} messages on {len(self._channels)} topics in {self.path}"
             )
+            if self._missed.line:
+                self.get_logger().warning(self._missed.line)
 
 
 def main(argv: list[str] | None = None) -> int:

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import contextlib
 import os
+import re
 import zlib
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -31,6 +32,7 @@ from dsse_ros.search import FieldError
 _OF_A_MISSION = ("agents", "step_report", "mission_report")
 """Last parts of the names of topics, one of which is in each bag of a mission."""
 _CHUNK_BYTES = 1 << 20
+_ZSTD_MAGIC = b"\x28\xb5\x2f\xfd"
 MAX_CHUNK_BYTES = 1 << 29
 """Bytes of the largest chunk that is uncompressed: one message is the map of the largest grid."""
 
@@ -69,6 +71,11 @@ class Recorded:
             # The classes of rclpy's errors are not public.
             reason = " ".join(str(error).split())
             raise FieldError(f"{self.topic}: no {self.type_name}: {reason}") from None
+
+
+def of_drones(topic: str) -> str:
+    """Return the common name of a topic of all drones."""
+    return re.sub(r"\bdrone\d+/", "drone<i>/", topic)
 
 
 class BagWriter:
@@ -196,7 +203,7 @@ def read_bag(
                         schemas[channel.schema_id].name if channel.schema_id in schemas else "",
                         record.log_time,
                         record.publish_time,
-                        record.data,
+                        _message(record.data, os.fspath(path)),
                         channel.metadata.get(KEY, ""),
                     )
     if not of_mission:
@@ -206,12 +213,27 @@ def read_bag(
 
 
 def _files(path: Path) -> list[Path]:
+    """Return the MCAP files of a bag.
+
+    Raises:
+        FieldError: If there is none, or one is only there compressed as a whole.
+    """
     if not path.is_dir():
         return [path]
     files = sorted(path.glob("*.mcap"))
+    for compressed in sorted(path.glob("*.mcap.zstd")):
+        if compressed.with_suffix("") not in files:
+            raise _compressed(compressed)
     if not files:
         raise FieldError(f"bag: {str(path)!r} is a folder without an MCAP file")
     return files
+
+
+def _compressed(path: Path) -> FieldError:
+    return FieldError(
+        f"bag: {str(path)!r} is compressed with the compression mode FILE of rosbag2; decompress "
+        "it with zstd -d"
+    )
 
 
 def _records(path: Path, on_cut_off: Callable[[str], None]) -> Iterator[McapRecord]:
@@ -225,6 +247,9 @@ def _records(path: Path, on_cut_off: Callable[[str], None]) -> Iterator[McapReco
             size = file.seek(0, os.SEEK_END)
             file.seek(max(size - len(MCAP0_MAGIC), 0))
             ended = file.read() == MCAP0_MAGIC
+            file.seek(0)
+            if file.read(len(_ZSTD_MAGIC)) == _ZSTD_MAGIC:
+                raise _compressed(path)
             file.seek(0)
             whole: Any = _Bounded(file, size)
             reader = StreamReader(whole, emit_chunks=True, record_size_limit=size)
@@ -252,6 +277,27 @@ def _records(path: Path, on_cut_off: Callable[[str], None]) -> Iterator[McapReco
                 yield record
     except OSError as error:
         raise FieldError(f"bag: {str(path)!r}: {error.strerror}") from None
+
+
+def _message(data: bytes, name: str) -> bytes:
+    """Return a message in CDR, which the compression mode MESSAGE of rosbag2 has compressed.
+
+    Raises:
+        FieldError: If it is damaged or too large.
+    """
+    # CDR never begins like this.
+    if not data.startswith(_ZSTD_MAGIC):
+        return data
+    try:
+        reader = zstandard.ZstdDecompressor().stream_reader(data)
+        content: bytes = reader.read(MAX_CHUNK_BYTES + 1)
+    except zstandard.ZstdError:
+        raise FieldError(f"bag: {name!r} is damaged: a message cannot be decompressed") from None
+    if len(content) > MAX_CHUNK_BYTES:
+        raise FieldError(
+            f"bag: {name!r} has a message of more than {MAX_CHUNK_BYTES} bytes, which are allowed"
+        )
+    return content
 
 
 class _Bounded:

@@ -53,6 +53,10 @@ BETWEEN_STEPS = ("belief_grid", "markers", "path", "probability_grid")
 """Those of topics that are also published between two steps, in wall time with a stamp of then."""
 
 
+NOT_EACH_STEP = ("mission_report", *BETWEEN_STEPS)
+"""Those of topics that may have fewer messages than there are steps."""
+
+
 def computed(
     topic: str, mission: Mission, frame: GridFrame, run_id: int, stamp: Time
 ) -> Iterator[Any]:

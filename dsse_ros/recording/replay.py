@@ -23,10 +23,11 @@ from sensor_msgs.msg import PointCloud2
 
 from dsse_ros.mission.mission import Mission
 from dsse_ros.mission.step_reports import step_report_of
-from dsse_ros.recording.bag import Recorded
+from dsse_ros.recording.bag import Recorded, of_drones
 from dsse_ros.recording.computed import (
     AFTER_REPORT,
     BETWEEN_STEPS,
+    NOT_EACH_STEP,
     OF_BELIEF,
     OF_DRONE,
     OF_MISSION,
@@ -66,6 +67,7 @@ class ReplayedMission:
         ended: Whether the mission ended within these steps.
         compared: Number of compared messages by topic; of all drones as `drone<i>/pose`.
         lost: Names of the drones that were lost with their vehicles.
+        drones: Number of drones.
         difference: The first difference, "" for none; nothing is replayed after it.
         incomplete: Why it cannot be replayed, or not to its end; "" if it can.
     """
@@ -78,8 +80,23 @@ class ReplayedMission:
     ended: bool = False
     compared: Counter[str] = field(default_factory=Counter)
     lost: list[str] = field(default_factory=list)
+    drones: int = 0
     difference: str = ""
     incomplete: str = ""
+
+    @property
+    def fewer(self) -> dict[str, tuple[int, int]]:
+        """Topics of each step with fewer messages than that: compared ones, and how many of all."""
+        expected = {
+            name: (self.steps + 1) * (self.drones if name.startswith("drone<i>/") else 1)
+            for name in self.compared
+            if name.rpartition("/")[2] not in NOT_EACH_STEP
+        }
+        return {
+            name: (self.compared[name], count)
+            for name, count in expected.items()
+            if self.compared[name] < count
+        }
 
 
 @dataclass(frozen=True)
@@ -190,7 +207,7 @@ class Replay:
                 info = recording.infos.get(search)
                 outcome.incomplete = _reason_not_to_replay(info, reports[0], self._max_cells)
                 if info is not None:
-                    outcome.seed = info.seed
+                    outcome.seed, outcome.drones = info.seed, len(info.agents)
                     if not outcome.incomplete:
                         flight = _Flight(info, outcome, flight, belief=belief)
                         flight.repeat(reports)
@@ -216,7 +233,7 @@ def _collect(messages: Iterable[Recorded], counts: Counter[str]) -> dict[str, _R
         if identity in seen:
             continue
         seen.add(identity)
-        counts[_of_drones(one.topic)] += 1
+        counts[of_drones(one.topic)] += 1
         match = _TOPIC.fullmatch(one.topic)
         if match is None or one.type_name != _TYPES[match["name"].rpartition("/")[2]]:
             continue
@@ -237,11 +254,6 @@ def _collect(messages: Iterable[Recorded], counts: Counter[str]) -> dict[str, _R
     if not any(recording.infos for recording in recordings.values()):
         raise FieldError("the bag has no message on agents, which describes the search")
     return recordings
-
-
-def _of_drones(topic: str) -> str:
-    """Return the common name of a topic of all drones."""
-    return re.sub(r"\bdrone\d+/", "drone<i>/", topic)
 
 
 def _key(message: Any) -> Any:
@@ -351,7 +363,7 @@ class _Flight:
             made = computed(other.name, self.mission, self.frame, self.outcome.run_id, stamp)
             digests = [digest(message) for message in made]
             if digests:
-                self.outcome.compared[_of_drones(other.name)] += 1
+                self.outcome.compared[of_drones(other.name)] += 1
                 if other.digest not in digests:
                     return f"{where}{other.name}{_ANOTHER}"
         return ""

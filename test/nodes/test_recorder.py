@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pytest
 from mcap.reader import make_reader
-from rig import ALL, LATCHED, Rig
+from rig import ALL, LATCHED, RELIABLE, Rig
 from rosbags.highlevel import AnyReader
 from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Int8, String
@@ -221,6 +221,28 @@ def test_a_recorder_ends_its_bag_on_sigterm(rig: Rig, tmp_path: Path) -> None:
         summary = make_reader(file).get_summary()
     assert summary is not None
     assert {channel.topic for channel in summary.channels.values()} == {"/a/latched"}
+
+
+def test_a_recorder_says_what_it_missed(rig: Rig, tmp_path: Path) -> None:
+    path = tmp_path / "late.mcap"
+    recorder = rig.start("recorder", {"bag": str(path)}, "-r", "__ns:=/a")
+    rig.until(lambda: "recording /a" in recorder.output, "a recorder")
+    publisher = rig.node.create_publisher(Int8, "/a/counter", RELIABLE)
+    published = 0
+
+    def is_recorded() -> bool:
+        nonlocal published
+        publisher.publish(Int8())
+        published += 1
+        return path.exists() and count(path, "/a/counter") > 0
+
+    rig.until(is_recorded, "a message in the bag")
+    rig.until(lambda: publisher.wait_for_all_acked(), "the last message at the recorder")
+    recorder.signal(signal.SIGTERM)
+    assert recorder.wait() == 0, recorder.output
+    missed = published - count(path, "/a/counter")
+    assert missed > 0
+    assert f"{missed} message" in recorder.output and f"/a/counter {missed}" in recorder.output
 
 
 def test_a_bag_is_published_again_with_its_quality_of_service(

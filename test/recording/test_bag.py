@@ -22,6 +22,9 @@ from mcap.records import Chunk, DataEnd, Footer, Header
 from mcap.writer import MCAP0_MAGIC, CompressionType, Writer
 from mcap_ros2.decoder import DecoderFactory
 from rosbags.highlevel import AnyReader
+from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
+from rosbags.rosbag2 import Writer as Writer2
+from rosbags.typesys import Stores, get_typestore
 
 from dsse_ros.recording.bag import MAX_CHUNK_BYTES, BagWriter, Recorded, read_bag
 from dsse_ros.search import FieldError
@@ -50,6 +53,41 @@ def test_what_is_written_is_read(bag: Path, messages: list[Recorded]) -> None:
 
 def test_a_folder_of_rosbag2_is_read(bag: Path, messages: list[Recorded]) -> None:
     assert list(read_bag(bag.parent)) == messages
+
+
+def compressed(folder: Path, messages: list[Recorded], mode: CompressionMode) -> Path:
+    """Write a bag as rosbag2 does with a compression mode of zstd."""
+    store = get_typestore(Stores.ROS2_JAZZY)
+    writer = Writer2(folder, version=9, storage_plugin=StoragePlugin.MCAP)
+    writer.set_compression(mode, CompressionFormat.ZSTD)
+    with writer:
+        connections = {}
+        for one in messages:
+            if one.topic not in connections:
+                connections[one.topic] = writer.add_connection(
+                    one.topic, one.type_name, typestore=store
+                )
+            writer.write(connections[one.topic], one.log_time_ns, one.data)
+    return folder
+
+
+def test_a_bag_of_compressed_messages_is_read(messages: list[Recorded], tmp_path: Path) -> None:
+    folder = compressed(tmp_path / "bag", messages, CompressionMode.MESSAGE)
+    read = [(one.topic, one.type_name, one.data) for one in read_bag(folder)]
+    assert read == [(one.topic, one.type_name, one.data) for one in messages]
+
+
+def test_a_bag_that_is_compressed_as_a_whole_is_refused_by_that_name_until_it_is_decompressed(
+    messages: list[Recorded], tmp_path: Path
+) -> None:
+    folder = compressed(tmp_path / "bag", messages, CompressionMode.FILE)
+    (whole,) = folder.glob("*.zstd")
+    for path in (folder, whole):
+        with pytest.raises(FieldError, match=r"bag\.mcap\.zstd' is compressed with the comp"):
+            list(read_bag(path))
+    with whole.open("rb") as source, whole.with_suffix("").open("wb") as target:
+        zstandard.ZstdDecompressor().copy_stream(source, target)
+    assert [one.data for one in read_bag(folder)] == [one.data for one in messages]
 
 
 def test_rosbags_reads_the_same(bag: Path, messages: list[Recorded]) -> None:

@@ -286,6 +286,27 @@ def test_a_mission_that_goes_on_after_its_end_differs() -> None:
 # The program
 
 
+def test_the_program_counts_what_is_in_the_bag(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    of = Flown(run_id=12, seed=9, everything=True)
+    of.fly(6)
+    poses = [one for one in of.messages if one.topic.endswith("/pose")]
+    late = of.find("fix", 4)
+    kept = [
+        one for at, one in enumerate(of.messages)
+        if one not in poses[1:] and not (one.topic == "/drones" and at < late)
+    ]  # fmt: skip
+    assert main([str(write(tmp_path / "thin.mcap", kept))]) == 0
+    line = capsys.readouterr().out.partition("\n")[0]
+    drones = sum(one.topic == "/drones" for one in kept)
+    assert (
+        "6 steps repeat byte for byte in drone<i>/fix, drone<i>/path, drone<i>/pose (1 of " in line
+    )
+    assert f"drone<i>/pose (1 of 21 messages), drones ({drones} of 7 messages), markers, " in line
+    assert line.count(" of ") == 3
+
+
 def test_the_program_says_what_repeats_and_what_differs(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
