@@ -41,6 +41,10 @@ class Keys:
         self._document = document
         self.where = where
 
+    def has(self, key: str) -> bool:
+        """Return whether there is a value of a key."""
+        return key in self._document
+
     def value(self, key: str) -> Any:
         """Return the value of a key, whatever it is."""
         if key not in self._document:

@@ -10,8 +10,7 @@ from __future__ import annotations
 
 import fcntl
 import json
-import os
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import IO, Any
 
@@ -25,6 +24,7 @@ from dsse_ros.campaign.config import Campaign, Case, Chunk, PlannerEntry
 from dsse_ros.campaign.provenance import difference
 from dsse_ros.planners.batch import play_missions
 from dsse_ros.search import FieldError
+from dsse_ros.whole_files import PART, write_whole
 
 COLUMNS = pa.schema(
     [
@@ -43,7 +43,6 @@ COLUMNS = pa.schema(
 """Columns of the results, one row for each mission; `planner_seed` is null if the planner drew
 nothing."""
 MANIFEST, CHUNKS, LOCK = "campaign.json", "chunks", "campaign.lock"
-_PART = ".part"
 
 Columns = dict[str, NDArray[Any]]
 """Results of the missions of a chunk: `found` bool, `steps`, `lost`, `collisions`,
@@ -108,7 +107,7 @@ class Results:
     def _open(self) -> None:
         manifest = self._folder / MANIFEST
         (self._folder / CHUNKS).mkdir(exist_ok=True)
-        for left in (*self._folder.glob(f"*{_PART}"), *self._path(0).parent.glob(f"*{_PART}")):
+        for left in (*self._folder.glob(f"*{PART}"), *self._path(0).parent.glob(f"*{PART}")):
             left.unlink()
         if manifest.exists():
             self._check(manifest)
@@ -117,7 +116,7 @@ class Results:
             raise FieldError(f"out: {str(self._folder)!r} has chunks, but no {MANIFEST}")
         digest, definition = self._campaign.digest, self._campaign.definition
         text = json.dumps({"digest": digest, **definition}, indent=1) + "\n"
-        write_bytes(manifest, text.encode())
+        write_whole(manifest, text.encode())
 
     def _check(self, manifest: Path) -> None:
         where = f"out: {str(self._folder)!r}"
@@ -167,7 +166,7 @@ class Results:
             },
             schema=COLUMNS,
         )
-        write_whole(self._path(chunk.number), lambda path: pq.write_table(table, path))
+        write_whole(self._path(chunk.number), lambda file: pq.write_table(table, file))
 
     def collect(self) -> pa.Table:
         """Write `missions.parquet` and `missions.csv` of all chunks; return the missions.
@@ -180,7 +179,7 @@ class Results:
         for name, write in (("parquet", pq.write_table), ("csv", csv.write_csv)):
             write_whole(
                 self._folder / f"missions.{name}",
-                lambda path, write=write: write(table, path),  # type: ignore[misc]
+                lambda file, write=write: write(table, file),  # type: ignore[misc]
             )
         return table
 
@@ -194,34 +193,3 @@ class Results:
             if table is None or table.schema != COLUMNS or len(table) != chunk.count:
                 raise FieldError(f"out: {str(path)!r} is damaged; delete it to play it again")
             yield table
-
-
-def write_whole(path: Path, write: Callable[[Path], object]) -> None:
-    """Write a file completely or not at all, even if the power fails.
-
-    Args:
-        path: Path of the file.
-        write: Called with the path to write to.
-
-    Raises:
-        OSError: If it cannot be written.
-    """
-    part = path.with_name(path.name + _PART)
-    write(part)
-    with part.open("rb+") as file:
-        os.fsync(file.fileno())
-    part.replace(path)
-    folder = os.open(path.parent, os.O_RDONLY)
-    try:
-        os.fsync(folder)
-    finally:
-        os.close(folder)
-
-
-def write_bytes(path: Path, content: bytes) -> None:
-    """Write a file with this content, like `write_whole`.
-
-    Raises:
-        OSError: If it cannot be written.
-    """
-    write_whole(path, lambda part: part.write_bytes(content))

@@ -14,7 +14,6 @@ import pyarrow as pa
 import pyarrow.compute as pc
 
 from dsse_ros.campaign import figures
-from dsse_ros.campaign.chunks import write_bytes
 from dsse_ros.campaign.config import Campaign, Case
 from dsse_ros.campaign.estimates import Estimate
 from dsse_ros.campaign.statistics import (
@@ -29,6 +28,7 @@ from dsse_ros.campaign.statistics import (
 from dsse_ros.report.figures import DARK, LIGHT, png, svg
 from dsse_ros.report.page import Illustration, Section, SectionPage, Table
 from dsse_ros.report.texts import csv_text, distance, duration
+from dsse_ros.whole_files import write_whole
 
 
 @dataclass(frozen=True)
@@ -98,7 +98,7 @@ def write(campaign: Campaign, table: pa.Table, folder: Path) -> Path:
                    "time_high_s", "wilcoxon_p"),
          [_pair_line(pair) for pair in compared]),
     ):  # fmt: skip
-        write_bytes(folder / f"{name}.csv", csv_text(head, lines).encode())
+        write_whole(folder / f"{name}.csv", csv_text(head, lines).encode())
     pictures = folder / "figures"
     pictures.mkdir(exist_ok=True)
     sections, verdicts = [], []
@@ -107,7 +107,7 @@ def write(campaign: Campaign, table: pa.Table, folder: Path) -> Path:
         drawn = list(_illustrations(campaign, of_case, number))
         for one in drawn:
             for suffix, content in (("png", one.png), ("svg", one.svg)):
-                write_bytes(pictures / f"{one.name}.{suffix}", content)
+                write_whole(pictures / f"{one.name}.{suffix}", content)
         of_pairs = [pair for pair in compared if pair.case is case]
         tables = [_estimates(case, [of for of in rows if of[0].played.case is case])]
         tables += [_comparison(campaign, case, of_pairs)] if of_pairs else []
@@ -116,7 +116,7 @@ def write(campaign: Campaign, table: pa.Table, folder: Path) -> Path:
         verdicts.append(f"{case.name}: {best}")
         sections.append(Section(case.name, _about(case), drawn, tables))
     path = folder / "report.html"
-    write_bytes(path, _page(campaign, sections, verdicts).html().encode())
+    write_whole(path, _page(campaign, sections, verdicts).html().encode())
     return path
 
 

@@ -5,11 +5,11 @@
 from __future__ import annotations
 
 import contextlib
-import os
 import time
 from pathlib import Path
 
 from dsse_ros.private_files import read_private
+from dsse_ros.whole_files import write_whole
 
 KEY_BYTES = 32
 TICKS_PER_S = 100_000
@@ -87,9 +87,7 @@ class SigningClock:
     def _write(self, ticks: int) -> None:
         if self._path is None:
             return
-        new = self._path.with_name(self._path.name + ".new")
         try:
-            new.write_text(f"{ticks}\n")
-            os.replace(new, self._path)
+            write_whole(self._path, f"{ticks}\n".encode())
         except OSError as error:
             self.trouble = f"{self._path}: {error.strerror}"

@@ -6,7 +6,6 @@ from __future__ import annotations
 
 import contextlib
 import csv
-import json
 import os
 from collections.abc import Sequence
 from pathlib import Path
@@ -14,11 +13,10 @@ from typing import Any
 
 import numpy as np
 
+from dsse_ros.mission.definition_log import DefinitionLog
 from dsse_ros.mission.mission import Mission, StepResult
-from dsse_ros.scenario.definition import SearchDefinition
 from dsse_ros.search import FieldError
 from dsse_ros.step.fault_kernels import STATUSES
-from msg_adapters.agents import definition_values
 from msg_adapters.frames import GridFrame, cell_to_map
 from msg_adapters.geodesy import cell_to_geodetic
 
@@ -39,15 +37,6 @@ OF_FAULTS = ("command", "status", "battery", "true_col", "true_row")
 def columns_of(*, covers: bool, faults: bool) -> tuple[str, ...]:
     """Return the columns of a mission's record."""
     return (*COLUMNS, *(OF_COVERAGE if covers else ()), *(OF_FAULTS if faults else ()))
-
-
-def definition_file(path: str | os.PathLike[str]) -> Path:
-    """Return the file beside a log that states its search.
-
-    It is JSON: `definition` has `rules` and `scenario`, as in the topic `agents`, and `seeds` has
-    the seed of each mission by its number.
-    """
-    return Path(f"{os.fspath(path)}.json")
 
 
 class MissionLog:
@@ -76,15 +65,18 @@ class MissionLog:
         self._path = path
         self._frame = frame
         self._faults = faults
-        self._seeds: dict[str, int] = {}
+        self._defined: DefinitionLog | None = None
+        self._mission = (0, 0)
         self._of_coverage = OF_COVERAGE if covers else ()
         columns = columns_of(covers=covers, faults=faults)
         try:
             if resume_at is not None:
                 _cut(path, resume_at, columns)
-                self._seeds = _seeds(path)
             mode = "w" if resume_at is None else "a"
             self._file = Path(path).open(mode, newline="", encoding="utf-8")  # noqa: SIM115
+            # A device, such as /dev/null, has no file beside it.
+            if Path(path).is_file():
+                self._defined = DefinitionLog(path, resume=resume_at is not None)
         except OSError as error:
             raise FieldError(f"record_file: {os.fspath(path)!r}: {error.strerror}") from None
         self._writer = csv.writer(self._file, lineterminator="\n")
@@ -96,6 +88,9 @@ class MissionLog:
 
     def write(self, mission: Mission, result: StepResult) -> None:
         """Append a step, or overwrite it if it is the last one; it is in the file on return."""
+        if self._defined is not None and self._mission != (mission.number, mission.seed):
+            self._defined.write(mission)
+            self._mission = (mission.number, mission.seed)
         self._seek((mission.number, result.step))
         env, step_s = mission.env, mission.env.scenario.step_duration_s
         action_names = env.rules.actions
@@ -135,18 +130,6 @@ class MissionLog:
                     (*head, f"person{i - drones}", *place, "", "", "", "", found, "", "", "", *more)
                 )
         self._file.flush()
-        if self._seeds.get(str(mission.number)) != mission.seed:
-            self._define(mission)
-
-    def _define(self, mission: Mission) -> None:
-        """State the search and the seeds of its missions beside the log, if it is a file."""
-        if not Path(self._path).is_file():
-            return
-        self._seeds[str(mission.number)] = mission.seed
-        definition = SearchDefinition(mission.env.rules, mission.env.mission_scenario)
-        values = {"definition": definition_values(definition), "seeds": self._seeds}
-        text = json.dumps(values, indent=1, sort_keys=True, allow_nan=False)
-        definition_file(self._path).write_text(text + "\n", encoding="utf-8")
 
     def _of_faults(self, mission: Mission, result: StepResult, drone: int) -> tuple[Any, ...]:
         """Return the values of `OF_FAULTS`, if the log has these columns."""
@@ -174,18 +157,14 @@ class MissionLog:
         """Flush the file to disk, so that it survives a loss of power."""
         with contextlib.suppress(OSError):
             os.fsync(self._file.fileno())
+            if self._defined is not None:
+                self._defined.sync()
 
     def close(self) -> None:
         """Close the file."""
         self._file.close()
-
-
-def _seeds(path: str | os.PathLike[str]) -> dict[str, int]:
-    """Return the seeds beside a log; none if they cannot be read."""
-    try:
-        return dict(json.loads(definition_file(path).read_text(encoding="utf-8"))["seeds"])
-    except (OSError, ValueError, KeyError, TypeError):
-        return {}
+        if self._defined is not None:
+            self._defined.close()
 
 
 def _cut(path: str | os.PathLike[str], end: tuple[int, int], columns: Sequence[str]) -> None:

@@ -8,14 +8,15 @@ import csv
 import os
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import cache, cached_property
+from functools import cache, cached_property, partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from dsse_ros.mission.mission_log import COLUMNS, OF_COVERAGE, definition_file
+from dsse_ros.mission.definition_log import definition_file, read_definitions
+from dsse_ros.mission.mission_log import COLUMNS, OF_COVERAGE
 from dsse_ros.scenario.definition import SearchDefinition
 from dsse_ros.scenario.limits import LARGEST_GRID_CELLS, check_cells
 from dsse_ros.scenario.scenario import ResolvedScenario
@@ -23,7 +24,7 @@ from dsse_ros.search import FieldError, Rules
 from dsse_ros.step.looks import looks_of
 from msg_adapters.agents import definition_from
 from msg_adapters.frames import cell_to_map, scenario_frame
-from msg_adapters.json_keys import Keys, parse_json
+from msg_adapters.json_keys import Keys
 
 Search = Callable[[int], SearchDefinition]
 """Returns what so many drones have searched."""
@@ -283,29 +284,33 @@ def read_csv(
     last = next(reversed(missions.values()))
     if len(last) > 1 and len(last[-1]) < len(last[0]):
         del last[-1]
-    keys: Keys | None = None
-    if search is None:
-        keys = stated = _stated(path)
-        search = cache(lambda drones: definition_from(stated.inner("definition"), drones, None))
+    stated = {} if search is not None else _stated(path)
+    # Most missions of a file are of the same search.
+    stated_search = cache(lambda keys, drones: definition_from(keys, drones, None))
     read = []
     for mission, steps in missions.items():
         try:
-            seed = None if keys is None else keys.inner("seeds").integer(mission, 0)
-            read.append(replace(_mission(columns, steps, search, max_cells), seed=seed))
+            of_mission, seed = search, None
+            if of_mission is None:
+                if int(mission) not in stated:
+                    raise FieldError(f"{definition_file(path).name} has no line of it")
+                keys, seed = stated[int(mission)]
+                of_mission = partial(stated_search, keys)
+            read.append(replace(_mission(columns, steps, of_mission, max_cells), seed=seed))
         except (ValueError, OverflowError, IndexError) as error:
             raise FieldError(f"{name}: mission {mission}: {error}") from None
     return read
 
 
-def _stated(path: str | os.PathLike[str]) -> Keys:
-    """Return what the file beside a log states.
+def _stated(path: str | os.PathLike[str]) -> dict[int, tuple[Keys, int]]:
+    """Return what the file beside a log states, see `read_definitions`.
 
     Raises:
-        FieldError: If there is none.
+        FieldError: If there is none, or it is damaged.
     """
     file = definition_file(path)
     try:
-        return Keys(parse_json(file.read_text(encoding="utf-8"), file.name), file.name)
+        return read_definitions(path)
     except FileNotFoundError:
         raise FieldError(
             f"file: {str(file)!r}, which describes the search, is missing; use --scenario"

@@ -13,8 +13,9 @@ import pytest
 from builtin_interfaces.msg import Time
 
 from dsse_ros.mission import status
+from dsse_ros.mission.definition_log import definition_file
 from dsse_ros.mission.mission import Mission
-from dsse_ros.mission.mission_log import MissionLog, definition_file
+from dsse_ros.mission.mission_log import MissionLog
 from dsse_ros.report.metrics import metrics, work
 from dsse_ros.report.record import read_csv
 from dsse_ros.report.report import Report

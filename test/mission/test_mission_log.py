@@ -12,8 +12,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from dsse_ros.mission.definition_log import definition_file
 from dsse_ros.mission.mission import Mission
-from dsse_ros.mission.mission_log import COLUMNS, MissionLog, definition_file
+from dsse_ros.mission.mission_log import COLUMNS, MissionLog
 from dsse_ros.report.record import read_csv
 from dsse_ros.search import FieldError, parallel_env
 from msg_adapters.frames import GridFrame, cell_to_map
@@ -212,6 +213,56 @@ def test_the_search_and_the_seed_of_each_mission_are_beside_the_log(tmp_path: Pa
     assert (record.rules, record.scenario) == (mission.env.rules, mission.env.scenario)
 
 
+def test_each_further_mission_adds_one_short_line_beside_the_log(tmp_path: Path) -> None:
+    path = tmp_path / "mission.csv"
+    mission = Mission(parallel_env(**SCENARIO), 3)
+    log, sizes = MissionLog(path, FRAME), []
+    for seed in range(40):
+        mission.reset(seed)
+        log.write(mission, mission.result)
+        sizes.append(definition_file(path).stat().st_size)
+    log.close()
+    assert max(np.diff(sizes)) < 50 < sizes[0]
+    assert [record.seed for record in read_csv(path)] == list(range(40))
+
+
+def test_a_log_that_was_cut_off_anywhere_is_read_and_resumed(tmp_path: Path) -> None:
+    path = tmp_path / "mission.csv"
+    mission = Mission(parallel_env(**SCENARIO), 3)
+    log = MissionLog(path, FRAME)
+    log.write(mission, mission.result)
+    first = path.read_bytes()
+    mission.reset(8)
+    log.write(mission, mission.result)
+    log.close()
+    rows, lines = path.read_bytes(), definition_file(path).read_bytes()
+    begin = lines.index(b"\n") + 1
+    for end in range(begin, len(lines) + 1):
+        # The line of a mission is written before its rows.
+        definition_file(path).write_bytes(lines[:end])
+        path.write_bytes(first)
+        assert [record.seed for record in read_csv(path)] == [3]
+        resumed = MissionLog(path, FRAME, resume_at=(2, 0))
+        resumed.write(mission, mission.result)
+        resumed.close()
+        assert (path.read_bytes(), definition_file(path).read_bytes()) == (rows, lines)
+
+
+def test_each_mission_has_the_search_that_it_was(tmp_path: Path) -> None:
+    path = tmp_path / "mission.csv"
+    env = parallel_env(**SCENARIO)
+    mission = Mission(env, 3)
+    log, searches = MissionLog(path, FRAME), []
+    for vector in ((0.5, 0.25), None, (-1.0, 0.5)):
+        mission.reset(4)
+        env.reset(seed=4, options={"vector": vector})
+        searches.append(env.mission_scenario.vector)
+        log.write(mission, mission.result)
+    log.close()
+    assert len(set(searches)) == 3
+    assert [record.scenario.vector for record in read_csv(path)] == searches
+
+
 def test_a_log_without_the_file_beside_it_is_refused_on_one_line(tmp_path: Path) -> None:
     path = tmp_path / "mission.csv"
     mission = Mission(parallel_env(**SCENARIO), 3)
@@ -221,7 +272,7 @@ def test_a_log_without_the_file_beside_it_is_refused_on_one_line(tmp_path: Path)
     file = definition_file(path)
     text = file.read_text()
     file.unlink()
-    with pytest.raises(FieldError, match="mission.csv.json', which describes .* use --scenario$"):
+    with pytest.raises(FieldError, match="mission.csv.jsonl', which describes .* use --scenario$"):
         read_csv(path)
     for wrong in ("", "[]", "{}", text.replace('"grid_size": 6', '"grid_size": 7'), "\0"):
         file.write_text(wrong)

@@ -154,13 +154,17 @@ LAYERS: dict[str, tuple[set[str], set[str]]] = {
         },
         {"ros", "messages", "mavlink"},
     ),
-    "dsse_ros.mavlink": ({"dsse_ros.mavlink", "dsse_ros.private_files"}, {"ros", "messages"}),
+    "dsse_ros.mavlink": (
+        {"dsse_ros.mavlink", "dsse_ros.private_files", "dsse_ros.whole_files"},
+        {"ros", "messages"},
+    ),
     "dsse_ros.flight": (
         {
             "dsse_ros.flight",
             "dsse_ros.mavlink",
             "dsse_ros.checks",
             "dsse_ros.private_files",
+            "dsse_ros.whole_files",
             "msg_adapters",
         },
         {"ros", "messages"},
