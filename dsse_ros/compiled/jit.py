@@ -2,8 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Compilation of the search: Numba's options and the dependencies of its cache.
 
-Numba recompiles a function when its own module has changed, but not when the module of a function
-that it calls has. The functions compiled here call across modules, so they depend on all of them.
+Numba recompiles a function when its own module has changed, but not when a module has changed from
+which it has a function that it calls or a constant. The functions compiled here depend on all
+modules of this package that their own module imports, directly or not.
 
 Processes that write to Numba's cache at once can store the code of one signature under the name of
 another, and from then on all processes load the wrong code. A lock prevents that.
@@ -16,6 +17,7 @@ import fcntl
 import functools
 import hashlib
 import os
+import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -27,12 +29,44 @@ from dsse_ros.temporary import temporary_folder
 
 _PACKAGE = Path(__file__).parents[1]
 
-_FOLDERS = ("belief", "compiled", "drift", "step", "targets")
-"""Packages with compiled functions and their dependencies."""
+_IMPORT = re.compile(rb"^ *from dsse_ros((?:\.\w+)*) import (\([^)]*\)|[^\n]*)", re.MULTILINE)
 
-MODULES = tuple(sorted(file for name in _FOLDERS for file in (_PACKAGE / name).glob("*.py")))
 
-SOURCES = hashlib.sha256(b"".join(file.read_bytes() for file in MODULES)).hexdigest()
+def _modules(folder: Path, names: bytes) -> list[Path]:
+    """Return the modules that an import from a module or package of this name reads."""
+    if not folder.is_dir():
+        return [folder.with_suffix(".py")]
+    found = [folder / f"{name.decode()}.py" for name in re.findall(rb"\w+", names)]
+    return [file if file.is_file() else folder / "__init__.py" for file in found]
+
+
+@functools.cache
+def _read(file: Path) -> tuple[bytes, list[Path]]:
+    """Return the content of a module and the modules of this package that it imports."""
+    content = file.read_bytes()
+    imported = [
+        module
+        for dotted, names in _IMPORT.findall(content)
+        for module in _modules(_PACKAGE.joinpath(*dotted.decode().split(".")), names)
+    ]
+    return content, imported
+
+
+@functools.cache
+def modules_of(file: Path) -> frozenset[Path]:
+    """Return a module and all modules of this package that it imports, directly or not."""
+    reached, new = {file}, [file]
+    while new:
+        new = [module for module in _read(new.pop())[1] if module not in reached] + new
+        reached.update(new)
+    return frozenset(reached)
+
+
+@functools.cache
+def sources_of(file: Path) -> str:
+    """Return the SHA-256 of `modules_of` a module."""
+    digests = [hashlib.sha256(_read(module)[0]).digest() for module in sorted(modules_of(file))]
+    return hashlib.sha256(b"".join(digests)).hexdigest()
 
 
 def _locked(call: Callable[..., Any], folder: Path, kind: int) -> Callable[..., Any]:
@@ -47,7 +81,7 @@ def _locked(call: Callable[..., Any], folder: Path, kind: int) -> Callable[..., 
 
 
 def compiled(**options: Any) -> Callable[[Callable[..., Any]], Any]:
-    """Return a decorator that compiles a function once, and again when one of `MODULES` changes.
+    """Return a decorator that compiles a function once, and again when `modules_of` it change.
 
     Args:
         options: Options of `numba.njit` besides `cache` and `nogil`.
@@ -68,7 +102,8 @@ def compiled(**options: Any) -> Callable[[Callable[..., Any]], Any]:
             folder = Path(dispatcher._cache.cache_path)
             file.load = _locked(file.load, folder, fcntl.LOCK_SH)
             file.save = _locked(file.save, folder, fcntl.LOCK_EX)
-            file._source_stamp = (file._source_stamp, SOURCES)
+            sources = sources_of(Path(function.__code__.co_filename))
+            file._source_stamp = (file._source_stamp, sources)
         return dispatcher
 
     return decorate

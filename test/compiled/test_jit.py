@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import ast
 import shutil
 import subprocess
 import sys
@@ -15,8 +16,7 @@ import dsse_ros
 from dsse_ros.compiled import jit
 
 PACKAGE = Path(dsse_ros.__file__).parent
-OF_SEARCH = ("belief", "compiled", "scenario", "search", "step", "targets")
-RUN = """
+RUN_DRIFT = """
 import numpy as np
 from dsse_ros.belief.drift_estimate import misfits
 from dsse_ros.step.constants import CONSTANTS
@@ -26,6 +26,19 @@ constants["grid_size"] = 10
 out = np.zeros(1, np.int64)
 misfits(constants, np.zeros(1, WORLDS), None, np.array([[1, 2]]), np.array([[1.0, 2.0]]), out)
 print(out)
+"""
+RUN_FAULTS = """
+import numpy as np
+from dsse_ros.step.constants import CONSTANTS
+from dsse_ros.step.fault_kernels import ABILITIES, CONDITIONS, FAULT_CONSTANTS, start_conditions
+from dsse_ros.step.kernels import DRONES, WORLDS
+conditions = np.zeros((1, 1), CONDITIONS)
+start_conditions(
+    np.zeros(1, CONSTANTS), np.zeros(1, FAULT_CONSTANTS), np.zeros(1, ABILITIES), None,
+    np.zeros(1, WORLDS), np.zeros((1, 1), DRONES), conditions, np.zeros((1, 1, 1), np.int32),
+    np.ones(1, bool),
+)
+print(conditions["battery"][0])
 """
 TWICE = """
 from dsse_ros.compiled.jit import compiled
@@ -51,10 +64,10 @@ values = np.ones(3, sys.argv[1])
 print(values.dtype, twice(values))
 """
 """The one writes its index last, the other its code, if nothing prevents them."""
-BEFORE, AFTER = (
+DRIFTS = [
     f"    w.remainder_x += w.drift_{first}\n    w.remainder_y += w.drift_{second}\n"
     for first, second in ("xy", "yx")
-)
+]
 
 
 @pytest.mark.slow
@@ -72,33 +85,59 @@ def test_processes_that_compile_at_once_do_not_mix_up_their_code(tmp_path: Path)
 
 
 @pytest.mark.slow
-def test_a_change_of_a_function_that_is_called_has_its_callers_compiled_anew(
-    tmp_path: Path,
+@pytest.mark.parametrize(
+    ("run", "module", "change", "results"),
+    [
+        pytest.param(RUN_DRIFT, "targets/sea_map.py", DRIFTS, ["[0]", "[2]"], id="function"),
+        pytest.param(
+            RUN_FAULTS, "scenario/battery_fields.py", ["FULL = 100.0\n", "FULL = 90.0\n"],
+            ["[100.]", "[90.]"], id="constant",
+        ),
+    ],
+)  # fmt: skip
+def test_a_change_of_what_a_function_uses_has_it_compiled_anew(
+    tmp_path: Path, run: str, module: str, change: list[str], results: list[str]
 ) -> None:
     ignore = shutil.ignore_patterns("__pycache__")
     shutil.copytree(PACKAGE, tmp_path / "dsse_ros", ignore=ignore)
-
-    def run() -> str:
+    used = tmp_path / "dsse_ros" / module
+    text = used.read_text()
+    assert text.count(change[0]) == 1
+    for line, result in zip(change, results, strict=True):
+        used.write_text(text.replace(change[0], line))
         # The folder that it runs in comes first on its path.
         done = subprocess.run(
-            [sys.executable, "-c", RUN], cwd=tmp_path, check=True, capture_output=True, text=True
+            [sys.executable, "-c", run], cwd=tmp_path, check=True, capture_output=True, text=True
         )
-        return done.stdout.strip()
-
-    called = tmp_path / "dsse_ros" / "targets" / "sea_map.py"
-    text = called.read_text()
-    assert text.count(BEFORE) == 1
-    assert run() == "[0]"
-    called.write_text(text.replace(BEFORE, AFTER))
-    assert run() == "[2]"
+        assert done.stdout.strip() == result
 
 
-def test_every_compiled_module_of_the_search_is_one_that_the_cache_depends_on() -> None:
-    compiled = {
+def imported_by(file: Path) -> set[Path]:
+    """Return the modules of the package from which a module takes names, by its syntax tree."""
+    found = set()
+    for node in ast.walk(ast.parse(file.read_bytes())):
+        assert not isinstance(node, ast.Import) or "dsse_ros" not in node.names[0].name
+        if isinstance(node, ast.ImportFrom) and (node.module or "").split(".")[0] == "dsse_ros":
+            place = PACKAGE.joinpath(*(node.module or "").split(".")[1:])
+            for alias in node.names:
+                files = (
+                    place / f"{alias.name}.py",
+                    place / "__init__.py",
+                    place.with_suffix(".py"),
+                )
+                found.add(next(file for file in files if file.is_file()))
+    return found
+
+
+def test_a_compiled_function_depends_on_all_that_its_module_imports() -> None:
+    compiled = [
         path
-        for folder in OF_SEARCH
-        for path in (PACKAGE / folder).glob("*.py")
-        if "from dsse_ros.compiled.jit " in path.read_text()
-    }
-    assert compiled < set(jit.MODULES)
-    assert len(compiled) > 10
+        for path in PACKAGE.rglob("*.py")
+        if "from dsse_ros.compiled.jit " in path.read_text() and path.name != "jit.py"
+    ]
+    assert len(compiled) > 20
+    for path in compiled:
+        reached, new = {path}, {path}
+        while new := set().union(*map(imported_by, new)) - reached:
+            reached |= new
+        assert jit.modules_of(path) == reached
