@@ -127,21 +127,26 @@ class MotionFollower:
 
     def prepare(self) -> None:
         """Compute the persons' motion for a whole mission, if that is not too large to keep."""
-        forecast = self._forecasts[0]
+        forecast = self._take_forecast()
         steps = self._scenario.timestep_limit + self._rules.time_out_grace
         if len(forecast.directions) > forecast.first_step + steps:
             belief = Belief(forecast)
             for _ in range(steps):
                 belief.advance()
+        self._forecasts.append(forecast)
+
+    def _take_forecast(self) -> Forecast:
+        """Return a forecast that no other thread has; append it to `_forecasts` after use."""
+        try:
+            return self._forecasts.popleft()
+        except IndexError:
+            return self._new_forecast()
 
     def follow(
         self, followed: Followed, pods: NDArray[np.float64], beliefs: Beliefs, first: int, last: int
     ) -> None:
         """See `Follower`."""
-        try:
-            forecast = self._forecasts.popleft()
-        except IndexError:
-            forecast = self._new_forecast()
+        forecast = self._take_forecast()
         # A world that was just reset is at step 0.
         steps = max(int(followed.worlds["t"][first:last].max()) - 1, 0)
         forecast.look(forecast.first_step + steps)

@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 from gymnasium import spaces
 from pettingzoo import AECEnv, ParallelEnv
-from pettingzoo.utils import BaseParallelWrapper, parallel_to_aec, wrappers
+from pettingzoo.utils import BaseParallelWrapper, wrappers
+from pettingzoo.utils.conversions import parallel_to_aec_wrapper
 
 from dsse_ros.search.parallel_env import parallel_env
 
@@ -84,7 +85,7 @@ def raw_env(*args: Any, **kwargs: Any) -> AECEnv[str, Any, int | None]:
 
     Agents are named drone_0 and observe float32 vectors, see `FlattenedObservationWrapper`.
     """
-    return parallel_to_aec(FlattenedObservationWrapper(parallel_env(*args, **kwargs)))
+    return parallel_to_aec_wrapper(FlattenedObservationWrapper(parallel_env(*args, **kwargs)))
 
 
 def aec_env(*args: Any, **kwargs: Any) -> AECEnv[str, Any, int | None]:

@@ -13,6 +13,9 @@ from numpy.typing import NDArray
 
 from dsse_ros.scenario.rules import Rules
 
+RESET_FIRST = "reset() must be called before the first step"
+"""Message of Gymnasium's `ResetNeeded`."""
+
 
 class Observation(NamedTuple):
     """The observation of one drone.

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 from gymnasium import spaces
+from gymnasium.error import ResetNeeded
 from numpy.typing import NDArray
 from pettingzoo import ParallelEnv
 
@@ -26,6 +27,7 @@ from dsse_ros.scenario.scenario import (
 from dsse_ros.search.agent_spaces import AgentSpaces
 from dsse_ros.search.mission_history import MissionHistory, view_of
 from dsse_ros.search.observation import (
+    RESET_FIRST,
     AgentObservation,
     Started,
     Stepped,
@@ -169,9 +171,11 @@ class SearchEnv(Rebound, AgentSpaces, ParallelEnv[str, AgentObservation, int]):
 
         Raises:
             FieldError: If an action is missing or not allowed; the mission stays as it is.
+            gymnasium.error.ResetNeeded: Before the first reset.
         """
         agents, live = self.agents, self._live
         if not agents:
+            self._check_reset()
             return {}, {}, {}, {}, {}
         self._take(actions)
         self._advance()
@@ -194,7 +198,11 @@ class SearchEnv(Rebound, AgentSpaces, ParallelEnv[str, AgentObservation, int]):
         """Advance the world by one joint action (N,) int8, without making observations.
 
         `dsse_ros.search.world.HOLD` stands for a drone that does nothing.
+
+        Raises:
+            gymnasium.error.ResetNeeded: Before the first reset.
         """
+        self._check_reset()
         self._actions[0] = joint
         self._advance()
 
@@ -327,6 +335,15 @@ class SearchEnv(Rebound, AgentSpaces, ParallelEnv[str, AgentObservation, int]):
             self._viewer.close()
             self._viewer = None
         self._renderer = None
+
+    def _check_reset(self) -> None:
+        """Raise before the first reset.
+
+        Raises:
+            gymnasium.error.ResetNeeded: If it is.
+        """
+        if self._done[0] and self.steps_done == 0:
+            raise ResetNeeded(RESET_FIRST)
 
     def _show(self) -> None:
         if self.render_mode == "human":

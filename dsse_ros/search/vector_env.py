@@ -11,6 +11,7 @@ from typing import Any
 import gymnasium
 import numpy as np
 from gymnasium import spaces
+from gymnasium.error import ResetNeeded
 from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 
@@ -18,6 +19,7 @@ from dsse_ros.scenario.fields import FieldError, Spec, shown
 from dsse_ros.scenario.options import OBSERVED, check_mapping, check_options, check_seed
 from dsse_ros.scenario.rules import Rules
 from dsse_ros.scenario.scenario import Scenario, ScenarioSource, scenario_and_rules
+from dsse_ros.search.observation import RESET_FIRST
 from dsse_ros.search.observed_beliefs import observed_beliefs
 from dsse_ros.search.recycling import Recycler
 from dsse_ros.search.world import HOLD, World
@@ -153,6 +155,7 @@ class VectorEnv:
         g = self.world.grid_size
         self.lazy = lazy
         self._lazy = LazyMaps(self.world) if lazy else None
+        self._was_reset = False
         self._shape = shape = (self.num_envs, self.world.num_drones)
         self._maps, *self._report = (
             Recycler(made, dtype, overwrite=not copy)
@@ -194,6 +197,7 @@ class VectorEnv:
             self.world.worlds["rng"][~which] = going_on
         if start is not None:
             self.world.place(**start)
+        self._was_reset = True
         maps = self._maps.take()
         if self._beliefs is None:
             self.world.reset(which, maps)
@@ -217,19 +221,19 @@ class VectorEnv:
         """Advance every world by one step.
 
         Args:
-            actions: (B, N) integers. Those of drones that are out have no effect; a number that is
-                not an action does nothing.
+            actions: (B, N) integers, numbers of actions or `world.HOLD` for a drone that does
+                nothing. Those of drones that are out have no effect.
 
         Returns:
             Observations, rewards (B, N) float64, terminated (B, N), truncated (B, N), infos.
 
         Raises:
-            FieldError: If the actions are not (B, N) integers; the missions stay as they are.
+            FieldError: If the actions are not (B, N) integers, or the rules do not allow one; the
+                missions stay as they are.
+            gymnasium.error.ResetNeeded: Before the first reset.
         """
-        actions = check_integers("actions", actions, self._shape)
-        if actions.dtype != np.int8:
-            known = (actions >= 0) & (actions < len(self.rules.actions))
-            actions = np.where(known, actions, HOLD).astype(np.int8)
+        self._check_reset()
+        actions = self._checked(actions)
         outputs = [recycler.take() for recycler in self._report]
         positions, rewards, terminated, truncated, masks = outputs
         maps = self._maps.take()
@@ -242,6 +246,35 @@ class VectorEnv:
             )
         observations = self._observations(positions, maps)
         return observations, rewards, terminated, truncated, self._infos(masks)
+
+    def _check_reset(self) -> None:
+        """Raise before the first reset, unless the worlds were restored from a snapshot.
+
+        Raises:
+            gymnasium.error.ResetNeeded: If they were not.
+        """
+        worlds = self.world.worlds
+        if not self._was_reset and (worlds["done"] & (worlds["t"] == 0)).all():
+            raise ResetNeeded(RESET_FIRST)
+        self._was_reset = True
+
+    def _checked(self, actions: Any) -> NDArray[np.int8]:
+        """Return the actions (B, N) int8, with `HOLD` for what the rules count as nothing.
+
+        Raises:
+            FieldError: If they are not integers of this shape, or the rules do not allow one.
+        """
+        actions, count = check_integers("actions", actions, self._shape), len(self.rules.actions)
+        if actions.min() < HOLD or actions.max() >= count:
+            unknown = (actions < HOLD) | (actions >= count)
+            acting = self.world.drones["alive"] & ~self.world.worlds["done"][:, None]
+            if not self.rules.noop_actions and (wrong := unknown & acting).any():
+                raise FieldError(
+                    f"actions must be from 0 to {count - 1}, or {HOLD} for nothing, got "
+                    f"{actions[wrong][0]}"
+                )
+            actions = np.where(unknown, HOLD, actions)
+        return actions.astype(np.int8, copy=False)
 
     def out_of_time(self, infos: Mapping[str, NDArray[Any]]) -> NDArray[np.bool_]:
         """Return which worlds (B,) ended at the time limit, from the infos of a step."""

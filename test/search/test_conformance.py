@@ -12,6 +12,7 @@ from gymnasium import spaces
 from pettingzoo import AECEnv, ParallelEnv
 from pettingzoo.test import api_test, parallel_api_test, parallel_seed_test, render_test, seed_test
 from pettingzoo.test.state_test import state_test
+from pettingzoo.utils import BaseWrapper
 from play import started
 
 from dsse_ros import search
@@ -58,6 +59,12 @@ def test_states_conform(num_drones: int) -> None:
 def test_the_environments_have_the_names_of_pettingzoo_s_own() -> None:
     made = [getattr(search, name)(num_drones=2) for name in ("env", "raw_env", "parallel_env")]
     assert [isinstance(env, AECEnv) for env in made] == [True, True, False]
+    # A raw environment has no wrapper, so that a user's own wrappers are the only ones.
+    assert not isinstance(made[1], BaseWrapper)
+    of_env, layers = made[0], 0
+    while isinstance(of_env, BaseWrapper):
+        of_env, layers = of_env.env, layers + 1
+    assert layers == 2
     api_test(made[0])
 
 

@@ -5,11 +5,13 @@
 from __future__ import annotations
 
 import inspect
+import re
 from contextlib import suppress
 from typing import Any
 
 import numpy as np
 import pytest
+from gymnasium.error import ResetNeeded
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from paper_reference import SEARCH, moved, on_grid
@@ -17,6 +19,7 @@ from play import missions, person_cells, put_person, some_actions, started, step
 
 from dsse_ros.scenario.probable_cells import most_probable
 from dsse_ros.search import HOLD, FieldError, parallel_env
+from dsse_ros.search.observation import RESET_FIRST
 
 
 def test_the_public_arguments_keep_their_names_and_are_keywords() -> None:
@@ -245,10 +248,22 @@ def test_advancing_is_stepping_without_observations() -> None:
 def test_an_environment_can_be_looked_at_before_the_first_reset() -> None:
     env = parallel_env(num_drones=2, render_mode="ansi")
     assert env.agents == []
-    assert env.step({}) == ({}, {}, {}, {}, {})
     assert env.state_space.contains(env.state())
     assert isinstance(env.render(), str)
     env.close()
+
+
+def test_an_environment_is_reset_before_its_first_step() -> None:
+    env = parallel_env(num_drones=2, timestep_limit=3)
+    held = np.full(2, HOLD, np.int8)
+    for begin in (lambda: env.step({}), lambda: env.step({"drone0": 1}), lambda: env.advance(held)):
+        with pytest.raises(ResetNeeded, match=re.escape(RESET_FIRST)):
+            begin()
+    env.reset(seed=0)
+    while env.agents:
+        env.step(dict.fromkeys(env.agents, 4))
+    # As in PettingZoo, a mission that is over has nothing to report.
+    assert env.step({}) == ({}, {}, {}, {}, {})
 
 
 @pytest.mark.parametrize(

@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import os
+import re
 import signal
 import threading
 import tracemalloc
@@ -13,11 +14,13 @@ from typing import Any
 
 import numpy as np
 import pytest
+from gymnasium.error import ResetNeeded
 from gymnasium.utils.env_checker import data_equivalence
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from dsse_ros.search import FieldError, JointVectorEnv, LazyMaps, parallel_env, vector_env
+from dsse_ros.search.observation import RESET_FIRST
 from dsse_ros.search.world import HOLD
 from dsse_ros.step import kernels
 from dsse_ros.targets import sea_map
@@ -236,15 +239,41 @@ def test_maps_too_large_for_a_cache_are_the_same(grid_size: int) -> None:
 
 
 @settings(max_examples=30)
-@given(st.lists(st.integers(-(2**40), 2**40), min_size=DRONES, max_size=DRONES))
-def test_a_number_that_is_no_action_does_nothing(numbers: list[int]) -> None:
-    env = vector_env(1, rules="v2", **MISSION)
-    env.reset(seed=0)
-    before = env.world.drones.copy()
-    known = [0 <= n < len(env.rules.actions) for n in numbers]
+@given(
+    st.lists(st.integers(-(2**40), 2**40) | st.integers(-2, 9), min_size=DRONES, max_size=DRONES),
+    st.sampled_from(PROFILES),
+)
+def test_a_number_that_is_no_action_is_refused_unless_the_rules_count_it_as_nothing(
+    numbers: list[int], rules: str
+) -> None:
+    env, twin = (vector_env(1, rules=rules, **MISSION) for _ in range(2))
+    for each in (env, twin):
+        each.reset(seed=0)
+    before, count = env.world.state_bytes(), len(env.rules.actions)
+    wrong = [n for n in numbers if not HOLD <= n < count]
+    if wrong and not env.rules.noop_actions:
+        allowed = f"actions must be from 0 to {count - 1}, or -1 for nothing, got {wrong[0]}"
+        with pytest.raises(FieldError, match=f"^{allowed}$"):
+            env.step(np.array([numbers]))
+        assert env.world.state_bytes() == before
+        return
     env.step(np.array([numbers]))
-    moved = (env.world.drones["x"] != before["x"]) | (env.world.drones["y"] != before["y"])
-    assert not (moved[0] & ~np.array(known)).any()
+    twin.step(np.array([[n if 0 <= n < count else HOLD for n in numbers]], np.int8))
+    assert env.world.state_bytes() == twin.world.state_bytes()
+
+
+def test_the_actions_of_drones_that_are_out_are_not_looked_at() -> None:
+    env = vector_env(1, **MISSION)
+    env.reset(seed=0)
+    left = env.rules.actions.index("left")
+    *_, terminated, _, _ = env.step(np.full((1, DRONES), left))
+    assert terminated.any()
+    env.step(np.where(terminated, 77, env.rules.action_set.search))
+    # The next step after the end of a mission resets the world, whatever its actions.
+    while not env.world.worlds["done"].all():
+        env.step(np.full((1, DRONES), env.rules.action_set.search))
+    *_, infos = env.step(np.full((1, DRONES), 77))
+    assert infos["step"][0] == 0
 
 
 @pytest.mark.parametrize(
@@ -341,14 +370,13 @@ def test_a_batch_with_threads_goes_on_in_a_forked_process() -> None:
     assert os.waitpid(child, 0)[1] == 0
 
 
-def test_a_batch_that_was_not_reset_begins_with_its_first_step() -> None:
-    for rules in PROFILES:
-        env, twin = (vector_env(3, rules=rules, **MISSION) for _ in range(2))
-        for each in (env, twin):
-            each.world.seed(5)
-        twin.reset()
-        env.step(np.zeros((3, DRONES), np.int8))
-        assert env.world.state_bytes() == twin.world.state_bytes()
+def test_a_batch_that_was_not_reset_refuses_its_first_step() -> None:
+    actions = np.zeros((3, DRONES), np.int8)
+    for env in (vector_env(3, **MISSION), JointVectorEnv(vector_env(3, **MISSION))):
+        with pytest.raises(ResetNeeded, match=re.escape(RESET_FIRST)):
+            env.step(actions)
+        env.reset(seed=5)
+        env.step(actions)
 
 
 def test_batches_of_neighbouring_seeds_share_all_worlds_but_one() -> None:

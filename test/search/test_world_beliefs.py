@@ -28,7 +28,7 @@ from dsse_ros.search import (
     parallel_env,
     vector_env,
 )
-from dsse_ros.search.world_beliefs import DRIFT_SAMPLES
+from dsse_ros.search.world_beliefs import DRIFT_SAMPLES, WorldBeliefs
 
 CONFIG = Path(__file__).resolve().parents[2] / "config"
 CASES: dict[str, dict[str, Any]] = {
@@ -151,6 +151,24 @@ def test_a_copy_goes_on_with_the_belief_alike_and_alone(
     assert len(ways[0]) == len(ways[1])
     for (seen, pos), (of_twin, pos_of_twin) in zip(*ways, strict=True):
         assert np.array_equal(seen, of_twin) and pos == pos_of_twin
+
+
+@pytest.mark.parametrize("case", [*CASES, "ensemble"])
+@copies
+def test_the_beliefs_of_a_copy_are_prepared_like_any(
+    copied: Callable[[Any], Any], case: str
+) -> None:
+    fields = {"rules": "sea", "particles": 100, "person_motion": "constant_drift", "grid_size": 8}
+    env = parallel_env(**CASES.get(case, fields))
+    env.reset(seed=2)
+    beliefs = WorldBeliefs(env.world)
+    twin = copied(beliefs)
+    for each in (beliefs, twin, copied(twin)):
+        each.prepare()
+    search = np.full((1, env.world.num_drones), env.rules.action_set.search, np.int8)
+    for each in (beliefs, twin):
+        each.step(search)
+    assert np.array_equal(beliefs.write(), twin.write()) and beliefs.pos == twin.pos
 
 
 def test_a_snapshot_has_the_belief_and_where_the_search_was_placed() -> None:
