@@ -80,8 +80,8 @@ class PlannerNode(AlarmNode):
         self._failed: StepId | None = None
         self._late: tuple[NDArray[Any], list[int]] | None = None
         self._waits_for = ""
-        # Whether it has decided since it started, or since it compiled.
-        self._ready = False
+        # Whether it has decided without the compiler, which the second step may need again.
+        self._ready = self._says_compiling = self._compiled = False
         self._publisher = endpoints.publisher(Int32MultiArray, "joint_action", COMMANDS)
         self._inputs = [
             endpoints.subscription(kind, topic, partial(self._on, topic, read), LATCHED)
@@ -143,7 +143,7 @@ class PlannerNode(AlarmNode):
                 self._forget_answer()
             return
         self._forget_answer()
-        answer = None
+        answer, self._compiled = None, False
         if live.any():
             try:
                 with announced(self._on_compiler, f"planner {self.settings.planner}"):
@@ -158,16 +158,18 @@ class PlannerNode(AlarmNode):
                 return
         self._answer = answer
         self._send()
-        if answer is not None and not self._ready:
+        if answer is not None and not self._ready and not self._compiled:
             self._ready = True
             self.get_logger().info(f"planner {self.settings.planner} is ready")
         self._answered, self._map_used = step, self._inbox.map
         self._answered_s = time.monotonic()
 
     def _on_compiler(self, line: str) -> None:
-        """Log a line of the compiler; a separate line later logs that the planner is ready."""
-        self._ready = False
-        self.get_logger().info(line)
+        """Log the compiler's line once; a separate line later logs that the planner is ready."""
+        self._compiled = True
+        if not self._says_compiling:
+            self.get_logger().info(line)
+        self._says_compiling = True
 
     def _decide(self, observed: ObservedStep) -> list[int]:
         """Return the planner's actions for a step.
