@@ -65,7 +65,7 @@ class Forecast(ForecastBase):
         drifts = drift_samples if MOTIONS[rules.person_motion].own_drift else 1
         g = resolved.grid_size
         cells = self.side**2
-        steps = self.first_step + resolved.timestep_limit + rules.time_out_grace + horizon + 2
+        steps = self.first_step + rules.last_step(resolved.timestep_limit) + horizon + 2
         if 8 * steps * cells * (1 + CHANCES) > KEPT_BYTES:
             # Beliefs that share a forecast may be one step apart.
             steps = horizon + 2

@@ -116,7 +116,7 @@ class MotionFollower:
     def _new_forecast(self) -> Forecast:
         scenario, rules = self._scenario, self._rules
         forecast = Forecast(scenario, rules, drift_samples=DRIFT_SAMPLES)
-        steps = forecast.first_step + scenario.timestep_limit + rules.time_out_grace
+        steps = forecast.first_step + rules.last_step(scenario.timestep_limit)
         if self._num_worlds > 1 and len(forecast.directions) <= steps:
             raise FieldError(
                 f"grid_size must be smaller, or the steps fewer, with beliefs for "
@@ -128,7 +128,7 @@ class MotionFollower:
     def prepare(self) -> None:
         """Compute the persons' motion for a whole mission, if that is not too large to keep."""
         forecast = self._take_forecast()
-        steps = self._scenario.timestep_limit + self._rules.time_out_grace
+        steps = self._rules.last_step(self._scenario.timestep_limit)
         if len(forecast.directions) > forecast.first_step + steps:
             belief = Belief(forecast)
             for _ in range(steps):

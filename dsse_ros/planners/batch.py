@@ -22,9 +22,13 @@ from dsse_ros.planners.belief import BeliefPlanner, Forecasts
 from dsse_ros.planners.planner import Planner, PlannerFactory, SharedPlanner
 from dsse_ros.planners.registry import check_task, load_planner
 from dsse_ros.scenario.definition import SearchDefinition
+from dsse_ros.scenario.fields import FieldError, Spec
+from dsse_ros.scenario.options import check_seed
 from dsse_ros.scenario.rules import Rules
 from dsse_ros.scenario.scenario import Scenario, ScenarioSource, scenario_and_rules
-from dsse_ros.search.observation import Observation, agent_infos
+from dsse_ros.scenario.swarm import number_of
+from dsse_ros.search.observation import AgentObservation, Observation, Started, agent_infos
+from dsse_ros.search.parallel_env import action_of
 from dsse_ros.search.world import HOLD, World
 
 
@@ -34,7 +38,8 @@ class Missions:
 
     Attributes:
         found: (M,) bool, whether every person was found.
-        steps: (M,) int64, steps until the end; the limit if not every person was found.
+        steps: (M,) int64, steps until the end; the limit if not every person was found. With rules
+            that let drones act after the limit (`v1`), a find may come later than that.
         lost: (M,) int64, drones that had collided, left the grid or been withdrawn at the end;
             0 if every person was found.
         path_length_m: (M,) float64, distance that all drones flew until the end, from cell centre
@@ -51,6 +56,98 @@ class Missions:
     path_length_m: NDArray[np.float64]
     collisions: NDArray[np.int64]
     planner_seeds: NDArray[np.int64]
+
+
+class _Batch:
+    """M missions that are stepped together: what their drones observe, and their results.
+
+    Attributes:
+        world: The missions.
+        results: Of the missions so far; path lengths are in cells.
+    """
+
+    def __init__(self, world: World) -> None:
+        self.world, count = world, world.num_worlds
+        self.results = Missions(
+            np.zeros(count, bool), np.full(count, world.scenario.timestep_limit),
+            np.zeros(count, np.int64), np.zeros(count), np.zeros(count, np.int64),
+            np.full(count, -1),
+        )  # fmt: skip
+        self._going = np.ones(count, bool)
+        self._step = 0
+        self._names = [f"drone{n}" for n in range(world.num_drones)]
+        actions = world.rules.action_set.within(world.scenario.area_mask)
+        self._masks = np.array(actions.masks(world.grid_size))
+        self._fault_masks = np.empty((*world.drones.shape, self._masks.shape[2]), np.int8)
+        self._probability = np.empty((0, 0), np.float32)
+
+    def look(self) -> None:
+        """Prepare what all missions share of the next observations."""
+        world = self.world
+        # The map depends on no person, so all missions share it unless cells are covered.
+        first = int(np.argmax(self._going))
+        self._probability = world.map_of(first)
+        if world.faults is not None:
+            self._fault_masks[:] = self._masks[world.drones["y"], world.drones["x"]]
+            world.faults.restrict(world, self._fault_masks)
+
+    def observe(self, mission: int, last: Mapping[int, int]) -> Started:
+        """Return what the live drones of a mission observe, after `look`.
+
+        Args:
+            mission: Number of the mission.
+            last: Last action of each drone, by its number.
+        """
+        world, drones = self.world, self.world.drones[mission]
+        live = np.flatnonzero(~(drones["terminated"] | drones["truncated"])).tolist()
+        cells = np.stack([drones["x"], drones["y"]], axis=1)
+        masks: Iterable[NDArray[np.int8]] = self._masks[cells[live, 1], cells[live, 0]]
+        if world.faults is not None:
+            masks, cells = self._fault_masks[mission, live], world.faults.positions()[mission]
+        seen = self._probability if world.coverage is None else world.map_of(mission)
+        names = [self._names[n] for n in live]
+        observations: dict[str, AgentObservation] = {
+            name: Observation(cells[n].copy(), seen) for name, n in zip(names, live, strict=True)
+        }
+        infos = agent_infos(names, False, masks, world.info_columns(mission, live))
+        for n, info in zip(live, infos.values(), strict=True):
+            info["step"] = self._step
+            if n in last:
+                info.setdefault("action", last[n])
+        return observations, infos
+
+    def step(self, joint: NDArray[np.int8]) -> None:
+        """Advance all missions by one step, and note the results of those that go on.
+
+        Worlds step on after their mission has ended; those steps do not count.
+
+        Args:
+            joint: (M, N), the actions.
+        """
+        world, results, going = self.world, self.results, self._going
+        here = going[:, None] & ~(world.terminated | world.truncated)
+        x, y = world.drones["x"].copy(), world.drones["y"].copy()
+        world.step(joint)
+        self._step += 1
+        legs = np.hypot(world.drones["x"] - x, world.drones["y"] - y) * here
+        for drone in range(world.num_drones):
+            results.path_length_m[:] += legs[:, drone]
+        results.collisions[:] += _collisions(world.drones, here & ~world.drones["clear"])
+        done = world.worlds["done"]
+        found = going & done & (world.worlds["num_missing"] == 0)
+        results.found[found] = True
+        results.steps[found] = self._step
+        if self._step <= world.rules.last_step(world.scenario.timestep_limit):
+            # The end of the time terminates nobody.
+            results.lost[going] = world.terminated[going].sum(axis=1)
+        results.lost[found] = 0
+        self._going = going & ~done
+
+    def withdraw(self) -> None:
+        """Withdraw the last drone of each mission, see `SearchEnv.withdraw`."""
+        drones = self.world.drones
+        self.world.worlds["num_active"] -= drones["alive"][:, -1]
+        drones["alive"][:, -1] = False
 
 
 @dataclass
@@ -73,18 +170,18 @@ class _Group:
     actions: dict[int, int] = field(default_factory=dict)
     drawn: bool = True
 
-    def decide(self, *of_step: Any) -> list[_Group]:
-        """Choose the actions of the next step, see `_decide`.
+    def decide(self, batch: _Batch) -> list[_Group]:
+        """Choose the actions of the next step.
 
         Returns:
             The group, or one for each seed if the planner has drawn for the first time.
         """
         if self.drawn or not isinstance(self.planner, SharedPlanner):
-            self._decide(*of_step)
+            self._decide(batch)
             return [self]
         seeds = np.unique(self.seeds).tolist()
         before, actions = self.planner.copy() if len(seeds) > 1 else self.planner, self.actions
-        self._decide(*of_step)
+        self._decide(batch)
         self.drawn = self.planner.drawn
         if not self.drawn or len(seeds) == 1:
             return [self]
@@ -94,36 +191,15 @@ class _Group:
             group = replace(self, members=self.members[chosen], seeds=self.seeds[chosen])
             if seed != self.seeds[0]:
                 group.planner, group.actions = before.with_seed(seed), actions
-                group._decide(*of_step)
+                group._decide(batch)
             groups.append(group)
         return groups
 
-    def _decide(
-        self,
-        world: World,
-        names: Sequence[str],
-        masks: Sequence[Sequence[NDArray[np.int8]]],
-        fault_masks: NDArray[np.int8] | None,
-        probability: NDArray[np.float32],
-        step: int,
-    ) -> None:
+    def _decide(self, batch: _Batch) -> None:
         """Get the actions of the next step from the planner."""
-        first = int(self.members[0])
-        drones = world.drones[first]
-        live = np.flatnonzero(~(drones["terminated"] | drones["truncated"])).tolist()
-        agents, cells = [names[n] for n in live], np.stack([drones["x"], drones["y"]], axis=1)
-        if world.faults is None or fault_masks is None:
-            of_drones: Iterable[NDArray[np.int8]] = [masks[y][x] for x, y in cells[live].tolist()]
-        else:
-            of_drones, cells = fault_masks[first, live], world.faults.positions()[first]
-        infos = agent_infos(agents, False, of_drones, world.info_columns(first, live))
-        for agent, n in zip(agents, live, strict=True):
-            infos[agent]["step"] = step
-            if n in self.actions:
-                infos[agent].setdefault("action", self.actions[n])
-        observations = {names[n]: Observation(cells[n].copy(), probability) for n in live}
-        chosen = self.planner(observations, infos)
-        self.actions = {n: chosen[names[n]] for n in live}
+        observations, infos = batch.observe(int(self.members[0]), self.actions)
+        chosen, rules = self.planner(observations, infos), batch.world.rules
+        self.actions = {number_of(name): action_of(rules, name, chosen) for name in observations}
 
     def split(self, world: World) -> list[_Group]:
         """Split the group by observation; missions that have ended are in no group."""
@@ -188,16 +264,54 @@ def _each(
     return [made for of_thread in pool.map(do_those_of, threads) for made in of_thread]
 
 
-def _shared(
-    planner: Planner, seeds: NDArray[np.int64], threads: int
-) -> Iterator[tuple[NDArray[np.int64], int]]:
-    """Yield the missions that start with one planner, and the thread that calls it."""
-    if isinstance(planner, SharedPlanner):
+def _groups(
+    make: Callable[[int], Planner], seeds: NDArray[np.int64], threads: int
+) -> Iterator[_Group]:
+    """Yield the missions that start with one planner.
+
+    Args:
+        make: Makes a planner with a seed.
+        seeds: (M,) seed of the planner of each mission.
+        threads: Number of threads that call the planners.
+    """
+    shared = isinstance(make(0), SharedPlanner)
+    parts: list[tuple[NDArray[np.int64], int]] = []
+    if shared:
         for thread in range(min(threads, len(seeds))):
-            yield np.arange(thread, len(seeds), threads), thread
-        return
-    for k, seed in enumerate(dict.fromkeys(seeds.tolist())):
-        yield np.flatnonzero(seeds == seed), k % threads
+            parts.append((np.arange(thread, len(seeds), threads), thread))
+    else:
+        for k, seed in enumerate(dict.fromkeys(seeds.tolist())):
+            parts.append((np.flatnonzero(seeds == seed), k % threads))
+    # One per thread: forecasts are large, and not safe to share between threads.
+    forecasts: dict[int, Forecasts] = {}
+    for members, thread in parts:
+        planner = make(int(seeds[members[0]]))
+        if isinstance(planner, BeliefPlanner):
+            planner.forecasts = forecasts.setdefault(thread, planner.forecasts)
+        yield _Group(members, seeds[members], planner, thread, drawn=not shared)
+
+
+def _checked_seeds(
+    seed: int | Sequence[int], planner_seeds: Sequence[int] | None, count: int
+) -> tuple[list[int], NDArray[np.int64]]:
+    """Return the seeds of the missions and those of their planners, one for each.
+
+    Raises:
+        FieldError: If one is not allowed.
+    """
+    if isinstance(seed, int | np.integer) or np.ndim(seed) == 0:
+        first = check_seed(seed)
+        seeds = list(range(first, first + count))
+    else:
+        seeds = [check_seed(one) for one in seed]
+    if len(seeds) != count:
+        raise FieldError(f"seed must be one number for each of {count} missions, got {len(seeds)}")
+    of_planners = seeds if planner_seeds is None else [check_seed(one) for one in planner_seeds]
+    if not of_planners:
+        raise FieldError("planner_seeds must be one or more, got none")
+    if max(of_planners) >= 2**63:
+        raise FieldError(f"planner_seeds must be less than 2^63, got {max(of_planners)}")
+    return seeds, np.resize(np.asarray(of_planners, np.int64), count)
 
 
 def play_missions(
@@ -214,7 +328,7 @@ def play_missions(
     threads: int = 1,
     **fields: object,
 ) -> Missions:
-    """Play missions to their ends.
+    """Play missions to their ends, each as `play.play` plays it in an environment.
 
     Args:
         count: M.
@@ -237,86 +351,46 @@ def play_missions(
     Raises:
         FieldError: If scenario or rules are not allowed, or the planner cannot be loaded.
     """
-    make = load_planner(planner) if isinstance(planner, str) else planner
+    count = Spec("int", "", low=1).check("count", count)
+    threads = Spec("int", "", low=1, high=1024).check("threads", threads)
+    withdraw_at = Spec("int", "", low=1, optional=True).check("withdraw_at", withdraw_at)
+    factory = load_planner(planner) if isinstance(planner, str) else planner
     chosen, chosen_rules = scenario_and_rules(scenario, rules, **fields)
     if isinstance(planner, str):
         check_task(planner, chosen_rules)
+    seeds, of_planners = _checked_seeds(seed, planner_seeds, count)
     search = SearchDefinition(chosen_rules, assumed or chosen)
     world = World(chosen, chosen_rules, count, write_maps=False, threads=threads)
-    world.seed(seed)
+    world.seed(seeds)
     world.reset()
-    names = [f"drone{n}" for n in range(world.num_drones)]
-    masks = chosen_rules.action_set.within(world.scenario.area_mask).masks(world.grid_size)
-    # One per thread: forecasts are large, and not safe to share between threads.
-    forecasts: dict[int, Forecasts] = {}
-    if planner_seeds is None:
-        planner_seeds = [seed + m for m in range(count)] if isinstance(seed, int) else seed
-    seeds = np.resize(np.asarray(planner_seeds, np.int64), count)
-    groups = []
-    for members, thread in _shared(make(search, seed=0, **(options or {})), seeds, threads):
-        made = make(search, seed=int(seeds[members[0]]), **(options or {}))
-        if isinstance(made, BeliefPlanner):
-            made.forecasts = forecasts.setdefault(thread, made.forecasts)
-        drawn = not isinstance(made, SharedPlanner)
-        groups.append(_Group(members, seeds[members], made, thread, drawn=drawn))
-    actions = len(chosen_rules.actions)
-    fault_masks = None
+    batch = _Batch(world)
+    groups = list(
+        _groups(lambda one: factory(search, seed=one, **(options or {})), of_planners, threads)
+    )
     if world.faults is not None:
-        fault_masks = np.empty((*world.drones.shape, actions), np.int8)
-        table = np.array(masks)
         # Drones may observe different positions from the start.
         groups = [part for group in groups for part in group.split(world)]
-    limit = world.scenario.timestep_limit
-    steps = np.full(count, limit)
-    going = np.ones(count, bool)
-    found = np.zeros(count, bool)
-    lost = np.zeros(count, np.int64)
-    path_length, collisions = np.zeros(count), np.zeros(count, np.int64)
-    drawn_by = np.full(count, -1)
     with ThreadPoolExecutor(threads) as pool:
-        for step in range(limit):
-            # The map depends on no person, so all missions share it unless cells are covered.
-            probability = world.map_of(int(groups[0].members[0]))
-
-            if world.faults is not None and fault_masks is not None:
-                x, y = world.drones["x"], world.drones["y"]
-                fault_masks[:] = table[y, x]
-                world.faults.restrict(world, fault_masks)
-
-            def decide(group: _Group) -> list[_Group]:
-                seen = probability  # noqa: B023
-                if world.coverage is not None:
-                    seen = world.map_of(int(group.members[0]))
-                return group.decide(world, names, masks, fault_masks, seen, step)  # noqa: B023
-
-            groups = _each(pool, decide, groups)
-            joint = np.full(world.drones.shape, HOLD, np.int8)
-            for group in groups:
-                if group.drawn:
-                    drawn_by[group.members] = group.seeds
-                for drone, action in group.actions.items():
-                    joint[group.members, drone] = action
-            here = going[:, None] & ~(world.terminated | world.truncated)
-            x, y = world.drones["x"].copy(), world.drones["y"].copy()
-            world.step(joint)
-            legs = np.hypot(world.drones["x"] - x, world.drones["y"] - y) * here
-            for drone in range(world.num_drones):
-                path_length += legs[:, drone]
-            collisions += _collisions(world.drones, here & ~world.drones["clear"])
-            # Worlds step on after their mission has ended; those steps do not count.
-            now_found = going & world.worlds["done"] & (world.worlds["num_missing"] == 0)
-            found |= now_found
-            steps[now_found] = step + 1
-            lost[going] = world.terminated[going].sum(axis=1)
-            lost[found] = 0
-            going &= ~world.worlds["done"]
-            if step + 1 == withdraw_at:
-                # Like `SearchEnv.withdraw`: the next step terminates the drone.
-                world.worlds["num_active"] -= world.drones["alive"][:, -1]
-                world.drones["alive"][:, -1] = False
+        for step in range(1, chosen_rules.last_acting_step(world.scenario.timestep_limit) + 1):
+            batch.look()
+            groups = _each(pool, lambda group: group.decide(batch), groups)
+            batch.step(_joint(batch, groups))
+            if step == withdraw_at:
+                batch.withdraw()
             groups = [part for group in groups for part in group.split(world)]
             if not groups:
                 break
     world.close()
-    path_length *= world.scenario.cell_size
-    return Missions(found, steps, lost, path_length, collisions, drawn_by)
+    batch.results.path_length_m[:] *= world.scenario.cell_size
+    return batch.results
+
+
+def _joint(batch: _Batch, groups: Sequence[_Group]) -> NDArray[np.int8]:
+    """Return the actions (M, N) that the groups have chosen; note the seeds that made them."""
+    joint = np.full(batch.world.drones.shape, HOLD, np.int8)
+    for group in groups:
+        if group.drawn:
+            batch.results.planner_seeds[group.members] = group.seeds
+        for drone, action in group.actions.items():
+            joint[group.members, drone] = action
+    return joint

@@ -127,8 +127,7 @@ def curves(record: RecordedMission) -> Curves:
 
 def _horizon(record: RecordedMission) -> int:
     """Return the number of steps in a mission's time limit."""
-    limit = record.scenario.timestep_limit + record.rules.time_out_grace
-    return limit + int(record.rules.time_out_acts)
+    return record.rules.last_acting_step(record.scenario.timestep_limit)
 
 
 def _expected_time(record: RecordedMission, of: Curves) -> tuple[float | None, float | None]:

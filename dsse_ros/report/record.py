@@ -132,8 +132,7 @@ class RecordedMission:
         In the step that detects the timeout, no drone acts unless the rules let it.
         """
         acts: NDArray[np.bool_] = self.in_flight & (self.steps > 0)[:, np.newaxis]
-        if not self.rules.time_out_acts:
-            acts[self.steps > self.scenario.timestep_limit + self.rules.time_out_grace] = False
+        acts[self.steps > self.rules.last_acting_step(self.scenario.timestep_limit)] = False
         return acts
 
     @property

@@ -244,6 +244,14 @@ class Rules(PersonRules, SeaRules, TerminationRules, CoverageRules, RewardRules,
         """The actions with their moves and masks."""
         return ActionSet(self.actions)
 
+    def last_step(self, timestep_limit: int) -> int:
+        """Return the last step in time, counted from 1; a mission that goes on ends in the next."""
+        return timestep_limit + self.time_out_grace
+
+    def last_acting_step(self, timestep_limit: int) -> int:
+        """Return the last step in which drones act, counted from 1."""
+        return self.last_step(timestep_limit) + self.time_out_acts
+
     def override(self, **values: Any) -> Rules:
         """Return the rules with these fields replaced.
 

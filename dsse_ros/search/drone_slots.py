@@ -226,9 +226,8 @@ class DroneSlots:
 
     def _note_acting(self, infos: Mapping[str, NDArray[Any]]) -> None:
         """Record which drones act next, from the infos of the last observation."""
-        rules = self.env.rules
-        in_time = rules.time_out_acts | (infos["step"] < self.env.last_step)
-        self.acting = (~self._out & in_time[:, None]).ravel()
+        last = self.env.rules.last_acting_step(self.env.scenario.timestep_limit)
+        self.acting = (~self._out & (infos["step"] < last)[:, None]).ravel()
 
     def _masks(self, infos: Mapping[str, NDArray[Any]]) -> NDArray[np.int8]:
         masks: NDArray[np.int8] = infos["action_mask"].reshape(self.num_slots, -1)

@@ -38,10 +38,10 @@ class MissionHistory:
         Args:
             actions: (N,) int8, the actions of the step.
         """
-        world, rules = self._world, self._world.rules
-        limit = world.scenario.timestep_limit + rules.time_out_grace
+        world = self._world
+        limit = world.rules.last_acting_step(world.scenario.timestep_limit)
         self._doing[:] = np.where(world.drones["alive"][0], actions, HOLD)
-        if world.worlds["done"][0] or (world.worlds["t"][0] >= limit and not rules.time_out_acts):
+        if world.worlds["done"][0] or world.worlds["t"][0] >= limit:
             self._doing[:] = HOLD
 
     def after_step(self) -> None:

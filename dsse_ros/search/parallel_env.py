@@ -106,7 +106,7 @@ class SearchEnv(Rebound, AgentSpaces, ParallelEnv[str, AgentObservation, int]):
         }
         # The share of the time used exceeds 1 in the steps after the limit.
         limit = self.world.scenario.timestep_limit
-        used = (limit + rules.time_out_grace + 1) / limit
+        used = (rules.last_step(limit) + 1) / limit
         most = max(self.world.num_drones, self.scenario.person_amount, used)
         self.state_space = spaces.Box(0.0, float(most), (4, g, g))
         self._live: list[int] = []
@@ -405,7 +405,7 @@ class SearchEnv(Rebound, AgentSpaces, ParallelEnv[str, AgentObservation, int]):
                     f"actions must be one number per live agent, got {shown(actions)}"
                 ) from None
             numbers = bytearray(
-                self._byte_of(agent, actions) if self._alive[i] else HOLD & 0xFF
+                (action_of(self.rules, agent, actions) if self._alive[i] else HOLD) & 0xFF
                 for agent, i in zip(self.agents, self._live)
             )
         if len(numbers) == len(self._action_bytes):
@@ -413,26 +413,26 @@ class SearchEnv(Rebound, AgentSpaces, ParallelEnv[str, AgentObservation, int]):
         else:
             self._actions[0, self._live] = np.frombuffer(numbers, np.int8)
 
-    def _byte_of(self, agent: str, actions: Mapping[str, int]) -> int:
-        """Return an agent's action number as an unsigned byte, `HOLD` for one without an action.
 
-        Raises:
-            FieldError: If the action is missing or the rules do not allow it.
-        """
-        if agent not in actions:
-            raise FieldError(f"actions: {agent} is missing; one action per live agent")
-        value, noop = actions[agent], self.rules.noop_actions
-        try:
-            # If the rules refuse nothing, any value equal to a number is that action, as in DSSE
-            # 0.1.13.
-            known = range(len(self._known_actions))
-            return known.index(value if noop else operator.index(value))
-        except (TypeError, ValueError):
-            if noop:
-                return HOLD & 0xFF
-        raise FieldError(
-            f"action of {agent} must be one of {self.rules.action_set}, got {shown(value)}"
-        ) from None
+def action_of(rules: Rules, agent: str, actions: Mapping[str, int]) -> int:
+    """Return an agent's action number; `HOLD` for what the rules count as nothing.
+
+    Raises:
+        FieldError: If the action is missing or the rules do not allow it.
+    """
+    if agent not in actions:
+        raise FieldError(f"actions: {agent} is missing; one action per live agent")
+    value = actions[agent]
+    try:
+        # If the rules refuse nothing, any value equal to a number is it, as in DSSE 0.1.13.
+        known = range(len(rules.actions))
+        return known.index(value if rules.noop_actions else operator.index(value))
+    except (TypeError, ValueError):
+        if rules.noop_actions:
+            return HOLD
+    raise FieldError(
+        f"action of {agent} must be one of {rules.action_set}, got {shown(value)}"
+    ) from None
 
 
 def parallel_env(

@@ -280,12 +280,7 @@ class VectorEnv:
         """Return which worlds (B,) ended at the time limit, from the infos of a step."""
         # The flags do not show it: if the rules set both at once, a crash has both too.
         over: NDArray[np.bool_] = infos["over"] & ~infos["Found"]
-        return over & (infos["step"] > self.last_step)
-
-    @property
-    def last_step(self) -> int:
-        """The last step in which drones act, counted from 1; the next step is out of time."""
-        return self.scenario.timestep_limit + self.rules.time_out_grace
+        return over & (infos["step"] > self.rules.last_step(self.scenario.timestep_limit))
 
     def close(self) -> None:
         """End the threads; a later step starts them again."""

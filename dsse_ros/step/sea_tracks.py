@@ -120,7 +120,7 @@ def _keep(tracks: SeaTracks) -> None:
 
 def last_step_of(scenario: ResolvedScenario, rules: Rules) -> int:
     """Return the number of steps of the sea until the time limit of a mission."""
-    mission = scenario.timestep_limit + rules.time_out_grace + 1
+    mission = rules.last_step(scenario.timestep_limit) + 1
     return scenario.pre_search_steps + rules.reset_sea_steps + mission
 
 

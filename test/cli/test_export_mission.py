@@ -11,7 +11,7 @@ from pathlib import Path
 import mission_reader
 import pytest
 
-from dsse_ros.cli.export_mission import main, play
+from dsse_ros.cli.export_mission import main, search
 from dsse_ros.search import Scenario, SearchEnv, profile
 from msg_adapters.mission_items import NAV_RETURN_TO_LAUNCH, NAV_TAKEOFF, NAV_WAYPOINT
 
@@ -48,7 +48,7 @@ def export(*arguments: str | Path, code: int = 0) -> str:
 def test_every_drone_gets_a_mission_with_all_its_searches(tmp_path: Path) -> None:
     printed = export("--scenario", SCENARIO, "--out", tmp_path, "--seed", "2", "--every-cell")
     env = SearchEnv(Scenario.from_yaml(SCENARIO), profile("paper"))
-    cells, searched, found = play(env, "greedy", 2)
+    cells, searched, found = search(env, "greedy", 2, {})
     assert found and printed.startswith(f"found after {len(cells) - 1} steps; 6 files")
     for i in range(3):
         items = mission_reader.waypoints((tmp_path / f"drone{i}.waypoints").read_text())

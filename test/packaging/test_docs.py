@@ -37,7 +37,7 @@ from dsse_ros.mission.command_buffer import MISSING_ACTIONS
 from dsse_ros.mission.mission_log import COLUMNS
 from dsse_ros.nodes.settings import SHORT_NAMES
 from dsse_ros.report.record import RecordedMission, read_csv
-from dsse_ros.search import PROFILES
+from dsse_ros.search import PROFILES, SearchEnv
 from msg_adapters.agents import AgentsInfo, agents_message
 from msg_adapters.frames import GridFrame
 from msg_adapters.step_report import step_report_dtype
@@ -436,6 +436,38 @@ def failures(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
 @pytest.mark.parametrize("name", PYTHON)
 def test_the_python_on_a_page_runs(failures: dict[str, str], name: str) -> None:
     assert name not in failures, failures[name]
+
+
+LOOPS = {
+    name: block
+    for name, block in PYTHON.items()
+    if re.search(r"^while env\.agents:", block, re.MULTILINE)
+}
+"""Blocks that play a mission in an environment."""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", LOOPS)
+def test_a_loop_on_a_page_plans_for_the_drones_that_are_in_the_search(
+    name: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setattr("dsse_ros.view.movie.save_movie", lambda *arguments: None)
+    monkeypatch.chdir(ROOT)
+    counts = []
+    step = SearchEnv.step
+
+    def checked(env: SearchEnv, actions: Any) -> Any:
+        assert list(actions) == env.agents
+        counts.append(len(env.agents))
+        if len(counts) == 2:
+            assert env.withdraw(len(env.agents) - 1)
+        return step(env, actions)
+
+    monkeypatch.setattr(SearchEnv, "step", checked)
+    script = tmp_path / "loop.py"
+    script.write_text(LOOPS[name])
+    runpy.run_path(str(script), run_name="__main__")
+    assert counts[2] == counts[1] - 1
 
 
 @pytest.mark.slow

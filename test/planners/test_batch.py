@@ -4,13 +4,16 @@
 
 from __future__ import annotations
 
+import itertools
 from typing import Any
 
+import numpy as np
 import pytest
 from effort import LITTLE_EFFORT
 
 from dsse_ros.planners import PLANNER_NAMES, Planner, planner_for
 from dsse_ros.planners.batch import play_missions
+from dsse_ros.planners.play import play
 from dsse_ros.search import FieldError, SearchDefinition, SearchEnv, parallel_env
 
 NAMES = [name for name in PLANNER_NAMES if name not in ("onnx", "astar")]
@@ -28,16 +31,104 @@ SEEDS = range(70, 76)
 
 def alone(env: SearchEnv, planner: Planner, seed: int, lost: int | None) -> tuple[bool, int]:
     """Play one mission; returns whether all were found, and the steps."""
-    observations, infos = env.reset(seed=seed)
-    steps, limit = 0, env.scenario.timestep_limit
-    while env.agents and steps < limit:
-        observations, _, _, _, infos = env.step(planner(observations, infos))
-        observations = {agent: observations[agent] for agent in env.agents}
-        steps += 1
-        if steps == lost:
+    for _ in play(env, planner, seed=seed):
+        if env.steps_done == lost:
             env.withdraw(env.scenario.num_drones - 1)
-    found = bool(env.world.worlds["num_missing"][0] == 0) and not env.agents
-    return found, steps if found else limit
+    found = bool(env.world.worlds["num_missing"][0] == 0)
+    return found, env.steps_done if found else env.scenario.timestep_limit
+
+
+def measured(env: SearchEnv, planner: Planner, seed: int) -> tuple[bool, int, int, float, int]:
+    """Play one mission; returns what `Missions` has of it, by its definitions."""
+    limit, out, path, meetings = env.scenario.timestep_limit, set[str](), 0.0, 0
+    last = env.rules.last_step(limit)
+    before = np.array(env.scenario.drones_positions)
+    for step in play(env, planner, seed=seed):
+        now = np.stack([env.world.drones["x"][0], env.world.drones["y"][0]], axis=1)
+        flown = [env.possible_agents.index(agent) for agent in step.actions]
+        path += float(np.hypot(*(now - before)[flown].T).sum())
+        cells = [tuple(now[n]) for n in flown if not env.world.drones["clear"][0, n]]
+        if env.steps_done <= env.rules.last_acting_step(limit):
+            meetings += sum(a == b for a, b in itertools.combinations(cells, 2))
+        before = now
+        if env.steps_done <= last:
+            out |= {agent for agent, ended in step.terminations.items() if ended}
+    found, steps = bool(env.world.worlds["num_missing"][0] == 0), env.steps_done
+    path *= env.scenario.cell_size
+    return found, steps if found else limit, 0 if found else len(out), path, meetings
+
+
+LOSSES: dict[str, dict[str, Any]] = {
+    "none": {}, "lost": {"loss_rate": 0.03}, "noisy": {"position_noise": 0.7, "stuck_rate": 0.1},
+    "battery": {"battery_move": 4.0},
+}  # fmt: skip
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("faults", LOSSES)
+@pytest.mark.parametrize("rules", ["paper", "v1", "v2", "coverage"])
+@pytest.mark.parametrize("name", ["greedy", "random", "sweep", "belief_greedy"])
+def test_missions_are_those_of_the_environment_in_all_that_is_counted(
+    name: str, rules: str, faults: str
+) -> None:
+    if rules == "coverage" and name == "belief_greedy":
+        pytest.skip("it looks for persons")
+    fields = {**PAPER, "num_drones": 3, "rules": rules, **LOSSES[faults]}
+    env, seeds = parallel_env(**fields), range(60)
+    missions = play_missions(len(seeds), name, seed=seeds, **fields)
+    for m, seed in enumerate(seeds):
+        found, steps, lost, path, meetings = measured(env, planner_for(env, name, seed=seed), seed)
+        assert (missions.found[m], missions.steps[m], missions.lost[m]) == (found, steps, lost)
+        assert missions.path_length_m[m] == pytest.approx(path)
+        assert missions.collisions[m] == meetings
+
+
+def test_finds_after_the_time_limit_count_where_the_rules_let_drones_act_then() -> None:
+    fields = {**PAPER, "rules": "v1", "timestep_limit": 6, "probability_of_detection": 0.3}
+    played = play_missions(300, "greedy", seed=0, **fields)
+    env = parallel_env(**fields)
+    found = [alone(env, planner_for(env, "greedy"), seed, None) for seed in range(300)]
+    assert [*zip(played.found, played.steps, strict=True)] == found
+    assert (played.steps > 6).any()
+
+
+@pytest.mark.parametrize("kind", [np.int64, np.uint8, np.int16])
+def test_a_seed_of_numpy_is_that_of_python(kind: type) -> None:
+    for given in ({"seed": 5}, {"seed": range(5, 9)}, {"planner_seeds": [3, 4]}):
+        of_numpy = {
+            k: kind(v) if isinstance(v, int) else np.array(v, kind) for k, v in given.items()
+        }
+        ours, theirs = (
+            vars(play_missions(4, "random", **seeds, **PAPER)) for seeds in (given, of_numpy)
+        )
+        for name, values in ours.items():
+            assert np.array_equal(values, theirs[name])
+
+
+@pytest.mark.parametrize(
+    ("seeds", "line"),
+    [
+        ({"seed": -1}, "seed must be an integer >= 0, got -1"),
+        ({"seed": 1.5}, "seed must be an integer >= 0, got 1.5"),
+        ({"seed": [1, 2]}, "seed must be one number for each of 3 missions, got 2"),
+        ({"seed": [1, 2, -3]}, "seed must be an integer >= 0, got -3"),
+        ({"planner_seeds": []}, "planner_seeds must be one or more, got none"),
+        ({"planner_seeds": [1, "2"]}, "seed must be an integer >= 0, got '2'"),
+    ],
+)
+def test_seeds_that_are_none_are_refused(seeds: dict[str, Any], line: str) -> None:
+    with pytest.raises(FieldError, match=f"^{line}"):
+        play_missions(3, "random", **seeds, **PAPER)
+
+
+@pytest.mark.parametrize("answer", [{}, {"drone0": 4}, {"drone0": 4, "drone1": 77}])
+def test_an_answer_that_the_environment_refuses_is_refused(answer: dict[str, int]) -> None:
+    env = parallel_env(**PAPER)
+    with pytest.raises(FieldError) as of_env:
+        list(play(env, lambda observations, infos: answer, seed=1))
+    with pytest.raises(FieldError) as of_batch:
+        play_missions(3, lambda search, seed: lambda observations, infos: answer, seed=1, **PAPER)
+    assert str(of_env.value) == str(of_batch.value)
 
 
 @pytest.mark.slow

@@ -185,7 +185,8 @@ def test_drones_whose_time_is_out_differ_from_those_whose_search_has_ended(
     search = {**MISSION, "person_initial_position": (1, 2), **fields}
     slots = DroneSlots(vector_env(WORLDS, **search), reward=note)
     _, masks = slots.reset(seed=1)
-    last, generator = slots.env.last_step, np.random.default_rng(0)
+    last = slots.env.rules.last_step(slots.env.scenario.timestep_limit)
+    generator = np.random.default_rng(0)
     out = np.zeros(slots.num_slots, bool)
     counts = {"in time": 0, "out of time": 0, "found": 0}
     for _ in range(150):
