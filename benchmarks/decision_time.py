@@ -25,9 +25,9 @@ from benchmarks.compare import CASES, PLANNERS_PAGE
 from benchmarks.intervals import quantile
 from benchmarks.pages import with_table
 from dsse_ros.belief.beliefs import forecast_for
-from dsse_ros.planners.beam_search import BeamOptions
 from dsse_ros.planners.belief import BeamOnBelief
-from dsse_ros.planners.forward_backward import ForwardBackwardOnBelief, ImproveOptions
+from dsse_ros.planners.forward_backward import ForwardBackwardOnBelief
+from dsse_ros.planners.options import BeamOptions, ForwardBackwardOptions
 from dsse_ros.planners.planner import DecisionPoint
 from dsse_ros.step.looks import looks_of
 
@@ -76,7 +76,7 @@ def mean_steps(key: str, factory: BeamOnBelief, seed: int, most: int | None = No
 def run(key: str, seeds: int) -> dict[str, Any]:
     """Return the mean times of a case with both planners, and the gain with its 99 % interval."""
     plain = BeamOnBelief(BeamOptions())
-    improved = ForwardBackwardOnBelief(BeamOptions(), ImproveOptions(budget_ms=BUDGET_MS))
+    improved = ForwardBackwardOnBelief(ForwardBackwardOptions(budget_ms=BUDGET_MS))
     # The deadlines of planners are of wall time, which others on the machine would take from them.
     with mock.patch("time.monotonic", time.process_time):
         for factory in (plain, improved):

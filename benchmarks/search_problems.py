@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Hashable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 
 from benchmarks import mpso
 from dsse_ros.belief.beliefs import forecast_for
-from dsse_ros.planners.beam_search import BeamOptions
-from dsse_ros.planners.forward_backward import ForwardBackwardOnBelief, ImproveOptions
+from dsse_ros.planners.forward_backward import ForwardBackwardOnBelief
+from dsse_ros.planners.options import ForwardBackwardOptions
 from dsse_ros.planners.path_bound import upper_bound
 from dsse_ros.planners.planner import DecisionPoint
 from dsse_ros.scenario.rules import Rules
@@ -44,7 +44,7 @@ class Problem:
         best_known: Value of the best known plan before ours, computed from the plan.
         tolerance: Relative difference from `best_known` that is allowed.
         seconds: CPU time that is allowed.
-        improvement: Options of the planner.
+        options: Options of the planner, without those that follow from the problem.
         lead: Looks in the start cells before the first move.
     """
 
@@ -55,7 +55,7 @@ class Problem:
     best_known: float | None
     tolerance: float
     seconds: float
-    improvement: ImproveOptions
+    options: ForwardBackwardOptions
     lead: int = 0
 
 
@@ -91,7 +91,7 @@ def eagle() -> Iterator[Problem]:
         )  # fmt: skip
         yield Problem(
             f"Eagle, start {start}", scenario, rules, optimum[start], optimum[start], 5e-5, 1.0,
-            ImproveOptions(iterations=0, width=4096),
+            ForwardBackwardOptions(iterations=0, proof_width=4096),
         )  # fmt: skip
 
 
@@ -135,7 +135,7 @@ def _royset_sato(
     )  # fmt: skip
     return Problem(
         f"Royset and Sato, {drones} searchers, {looks} looks", scenario, rules, published,
-        best_known, tolerance, seconds, ImproveOptions(iterations=iterations),
+        best_known, tolerance, seconds, ForwardBackwardOptions(iterations=iterations),
     )  # fmt: skip
 
 
@@ -158,7 +158,7 @@ def phung_ha() -> Iterator[Problem]:
     )  # fmt: skip
     yield Problem(
         "Phung and Ha", scenario, rules, None, 0.18858, 0.0, 5.0,
-        ImproveOptions(iterations=100, width=64, revisits=False), lead=1,
+        ForwardBackwardOptions(iterations=100, proof_width=64, revisits=False), lead=1,
     )  # fmt: skip
 
 
@@ -177,8 +177,8 @@ def solve(problem: Problem) -> Solution:
     """Plan, play the plan with the exact belief, and play it in many worlds."""
     scenario, rules = problem.scenario.resolve(problem.rules), problem.rules
     steps = scenario.timestep_limit
-    options = BeamOptions(horizon=steps - problem.lead, gamma=1.0, kappa=0.0)
-    factory = ForwardBackwardOnBelief(options, problem.improvement)
+    options = replace(problem.options, horizon=steps - problem.lead, gamma=1.0, kappa=0.0)
+    factory = ForwardBackwardOnBelief(options)
     forecast = forecast_for(scenario, rules, horizon=factory.horizon(rules))
     belief, present = forecast.belief(), list(scenario.drones_positions)
     looks, actions = looks_of(scenario, rules), rules.action_set

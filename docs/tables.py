@@ -36,6 +36,8 @@ from dsse_ros.nodes.settings import (
     SimSettings,
     ViewerSettings,
 )
+from dsse_ros.planners.options import Options, PatternOptions
+from dsse_ros.planners.registry import OPTIONS
 from dsse_ros.report.metrics import METRICS
 from dsse_ros.runtime.parameters import descriptor
 from dsse_ros.scenario.fault_fields import FAULTS, FaultFields
@@ -161,6 +163,22 @@ def faults_table() -> str:
                 ]
             )  # fmt: skip
     return table(["Fault", "Field", "Type", "Unit", "Default", "Allowed", "Meaning"], rows)
+
+
+def planner_options_table() -> str:
+    """Return the table of the planners' options, those with the same options in one group."""
+    groups: dict[type[Options], list[str]] = {}
+    for name, options in OPTIONS.items():
+        if options is not PatternOptions and specs(options):
+            groups.setdefault(options, []).append(name)
+    rows = []
+    for options, names in groups.items():
+        values = defaults(options)
+        for number, (name, spec) in enumerate(specs(options).items()):
+            planners = ", ".join(f"`{planner}`" for planner in names) if number == 0 else ""
+            of_spec = [shown(values[name]), allowed(spec) or spec.allowed()]
+            rows.append([planners, f"`{name}`", spec.unit, *of_spec, spec.doc])
+    return table(["Planner", "Option", "Unit", "Default", "Allowed", "Meaning"], rows)
 
 
 def rules_table() -> str:
@@ -295,6 +313,7 @@ TABLES = {
     "scenario": scenario_table,
     "faults": faults_table,
     "rules": rules_table,
+    "planner_options": planner_options_table,
     **{f"card_{profile}": partial(card, profile) for profile in PROFILES},
 }
 PAGES = tuple(
@@ -305,6 +324,7 @@ PAGES = tuple(
         "faults",
         "flight",
         "parameters",
+        "planners",
         "profiles",
         "recording",
         "report",

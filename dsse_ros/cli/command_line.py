@@ -20,7 +20,7 @@ from dsse_ros.nodes.settings import (
     SHORT_NAMES,
     SIM_PARAMETERS,
 )
-from dsse_ros.planners import PLANNER_NAMES, check_task
+from dsse_ros.planners import PLANNER_NAMES, check_options, check_task, read_options
 from dsse_ros.runtime.exit_codes import fail
 from dsse_ros.runtime.ros_arguments import (
     from_ros,
@@ -157,7 +157,25 @@ def search_of(arguments: argparse.Namespace) -> tuple[Path, ResolvedScenario, Ru
     )
     if "planner" in arguments:
         check_task(arguments.planner, rules)
+        check_options(arguments.planner, options_of(arguments))
     return path, scenario.resolve(rules), rules
+
+
+def options_of(arguments: argparse.Namespace) -> dict[str, Any]:
+    """Return the options of the planner of a command line with `Parser.add_search`.
+
+    Raises:
+        FieldError: If one has no value or is given twice, or the planner has no model.
+    """
+    options = read_options(arguments.planner_options)
+    if not arguments.model:
+        return options
+    if arguments.planner != "onnx" or "model" in options:
+        raise FieldError(
+            f"model must be given once, and only with planner onnx, got {arguments.model!r} with "
+            f"{arguments.planner}"
+        )
+    return {**options, "model": arguments.model}
 
 
 def place(name: str, text: str) -> tuple[float, float]:

@@ -8,12 +8,12 @@ import argparse
 import sys
 from pathlib import Path
 
-from dsse_ros.cli.command_line import Parser, make_folder, search_of
+from dsse_ros.cli.command_line import Parser, make_folder, options_of, search_of
 from dsse_ros.cli.mission_file import FILE_HELP, add_mission_file, choose, pictures, read
 from dsse_ros.cli.start import not_found
 from dsse_ros.mission.mission import Mission
 from dsse_ros.mission.mission_log import MissionLog
-from dsse_ros.planners import planner_with
+from dsse_ros.planners import planner_for, play
 from dsse_ros.report.geotiff import write_geotiff
 from dsse_ros.report.gis import GisMission, gis_mission
 from dsse_ros.report.gpx import gpx_text
@@ -52,18 +52,15 @@ def record_search(arguments: argparse.Namespace, path: Path) -> None:
     env, seed = SearchEnv(scenario, rules), arguments.seed
     # The mission repeats the actions: the same seed gives the same search.
     mission = Mission(SearchEnv(scenario, rules), seed, belief=False)
-    policy = planner_with(env, arguments.planner, arguments.planner_options, seed=seed)
-    observations, infos = env.reset(seed=seed)
+    policy = planner_for(env, arguments.planner, seed=seed, **options_of(arguments))
     log = MissionLog(
         path, scenario_frame(env.scenario), covers=rules.covers,
         faults=mission.result.conditions is not None,
     )  # fmt: skip
     log.write(mission, mission.result)
-    while env.agents:
-        actions = policy(observations, infos)
-        mission.command_all([actions.get(name, HOLD) for name in env.possible_agents])
+    for step in play(env, policy, seed=seed):
+        mission.command_all([step.actions.get(name, HOLD) for name in env.possible_agents])
         log.write(mission, mission.advance("hold"))
-        observations, _, _, _, infos = env.step(actions)
     log.close()
 
 

@@ -6,13 +6,14 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from dsse_ros.cli.command_line import Parser, search_of
+from dsse_ros.cli.command_line import Parser, options_of, search_of
 from dsse_ros.cli.pattern_mission import PatternMission, add_pattern, check_no_pattern
 from dsse_ros.cli.start import not_found
 from dsse_ros.mission.vehicle_missions import (
@@ -21,7 +22,7 @@ from dsse_ros.mission.vehicle_missions import (
     search_missions,
     write_missions,
 )
-from dsse_ros.planners import planner_with
+from dsse_ros.planners import planner_for, play
 from dsse_ros.runtime.exit_codes import fail
 from dsse_ros.scenario.fields import specs
 from dsse_ros.search import FieldError, SearchEnv
@@ -34,8 +35,8 @@ OPTIONS = ("autopilot", "merge_legs", *LENGTHS)
 """Parameters of the flight that are options of the same name."""
 
 
-def play(
-    env: SearchEnv, planner: str, seed: int, options: Sequence[str] = ()
+def search(
+    env: SearchEnv, planner: str, seed: int, options: Mapping[str, Any]
 ) -> tuple[NDArray[np.int64], NDArray[np.bool_], bool]:
     """Search until the end.
 
@@ -43,21 +44,19 @@ def play(
         (K, N, 2) cells after each step and before the first, (K, N) flags of their searches,
         and whether everybody was found.
     """
-    observations, infos = env.reset(seed=seed)
-    policy = planner_with(env, planner, options, seed=seed)
-    search = env.rules.action_set.search
+    env.reset(seed=seed)
+    policy = planner_for(env, planner, seed=seed, **options)
     numbers = {name: i for i, name in enumerate(env.possible_agents)}
     cells = [env.positions]
     searched = [np.zeros(len(numbers), bool)]
     found = False
-    while env.agents:
-        actions = policy(observations, infos)
+    for step in play(env, policy, seed=seed):
         flags = np.zeros(len(numbers), bool)
-        flags[[numbers[name] for name in env.agents if actions[name] == search]] = True
-        observations, _, _, _, infos = env.step(actions)
+        for name, action in step.actions.items():
+            flags[numbers[name]] = action == env.rules.action_set.search
         cells.append(env.positions)
         searched.append(flags)
-        found = any(info["Found"] for info in infos.values())
+        found = any(info["Found"] for info in step.infos.values())
     return np.array(cells), np.array(searched), found
 
 
@@ -120,9 +119,8 @@ def main(argv: list[str] | None = None) -> int:
             env = prepared_env(scenario, rules)
             names = env.possible_agents
             frames = layers(scenario_frame(env.scenario), settings, len(names))
-            cells, searched, found = play(
-                env, arguments.planner, arguments.seed, arguments.planner_options
-            )
+            options = options_of(arguments)
+            cells, searched, found = search(env, arguments.planner, arguments.seed, options)
             tracks = [(cells[:, i], searched[:, i]) for i in range(len(names))]
             flown = search_missions(frames, tracks, settings, [home] * len(names))
             missions = dict(zip(names, flown, strict=True))

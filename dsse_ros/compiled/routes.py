@@ -23,7 +23,7 @@ def find_routes(
 
     Args:
         area: (G, G) bool [row, col], cells that moves may enter.
-        moves: (M, 3) int64, steps (dx, dy) and numbers of the moves; each has its opposite.
+        moves: (M, 3) int64, steps (dx, dy) and numbers of the moves.
         ratios: For each number, the share of the move that one step covers.
         col: Column of the goal.
         row: Its row.

@@ -16,6 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dsse_ros.conformance.registered import registered
+from dsse_ros.planners import PERSON_PLANNERS, PLANNERS, planner_for
+from dsse_ros.planners.registry import LOADED_PLANNERS
+from dsse_ros.scenario.actions import STRAIGHT
 from dsse_ros.scenario.fields import FieldError
 from dsse_ros.scenario.rules import Rules
 from dsse_ros.scenario.searcher_fields import endurance_steps, whole_steps
@@ -26,6 +29,13 @@ from dsse_ros.searchers.searcher import Searcher
 
 GRID = 9
 STEPS = 80
+PLANNED_STEPS = 40
+"""Steps for which each planner commands the drones."""
+EFFORT: dict[str, dict[str, Any]] = {
+    "belief": {"samples": 128, "width": 4, "horizon": 5},
+    "forward_backward": {"samples": 128, "width": 4, "horizon": 5, "iterations": 1},
+}
+"""Options of the planners that plan ahead: less of the work for the same promises."""
 ENDURANCE_STEPS = 2000
 """Longest endurance that the test flies to its end."""
 
@@ -36,8 +46,9 @@ def searcher_test(searcher: Searcher, *, rules: str | Rules = "v2", seed: int = 
     A cell takes the whole number of steps that follows from the speed. During a move the only
     possible action completes it. Actions that the mask allows never leave the grid. The drone does
     only its own moves, and flies no longer than its endurance. The same seed gives the same
-    mission, and a mission continues from a snapshot bit for bit. The kind is registered only during
-    the test.
+    mission, and a mission continues from a snapshot bit for bit. Every planner of this package
+    that looks for persons commands only what the masks allow, and moves each drone that can fly in
+    all straight directions. The kind is registered only during the test.
 
     Args:
         searcher: The kind of drone.
@@ -56,15 +67,19 @@ def searcher_test(searcher: Searcher, *, rules: str | Rules = "v2", seed: int = 
             assert _fly(env, seed, swarm) == first, "the same seed gives another mission"
             _check_snapshot(_env(swarm, rules, STEPS), _env(swarm, rules, STEPS), seed)
         _check_endurance(searcher, name, rules)
+        for planner in (*PLANNERS, *PERSON_PLANNERS, "onnx"):
+            _check_planner(planner, name, rules, seed)
 
 
-def _env(swarm: tuple[str, ...], rules: str | Rules, steps: int) -> SearchEnv:
+def _env(
+    swarm: tuple[str, ...], rules: str | Rules, steps: int, *, detection: float = 0.0
+) -> SearchEnv:
     """Return an environment where drones end only by endurance or by leaving the grid."""
     corners = [(0, 0), (GRID - 1, GRID - 1), (GRID - 1, 0), (0, GRID - 1)]
     try:
         return parallel_env(
             rules=rules, grid_size=GRID, searchers=swarm, drones_positions=corners[: len(swarm)],
-            person_initial_position=(GRID // 2, GRID // 2), probability_of_detection=0.0,
+            person_initial_position=(GRID // 2, GRID // 2), probability_of_detection=detection,
             collisions=False, timestep_limit=steps,
         )  # fmt: skip
     except FieldError as error:
@@ -204,3 +219,36 @@ def _check_endurance(searcher: Searcher, name: str, rules: str | Rules) -> None:
     assert steps == limit + 1, (
         f"its endurance is {limit} steps of {step_s:g} s; it was in the search for {steps - 1}"
     )
+
+
+def _check_planner(planner: str, name: str, rules: str | Rules, seed: int) -> None:
+    """Check that a planner commands two drones of a kind by their masks, and moves them."""
+    # With a POD of 0 there is nothing to plan for.
+    env = _env((name, name), rules, PLANNED_STEPS, detection=0.02)
+    try:
+        command = planner_for(env, planner, seed=seed, **EFFORT.get(planner, {}))
+    except FieldError:
+        # Its extra is not installed, or its model is for other rules.
+        if planner in LOADED_PLANNERS and LOADED_PLANNERS[planner].libraries:
+            return
+        raise
+    observations, infos = env.reset(seed=seed)
+    # Other drones may reach no cell that is worth a search.
+    crosses = all(env.scenario.kinds[0].can_do(name) for name in STRAIGHT)
+    visited: dict[str, set[tuple[int, ...]]] = {agent: set() for agent in env.agents}
+    for _ in range(PLANNED_STEPS):
+        if not env.agents:
+            return
+        observations = {agent: observations[agent] for agent in env.agents}
+        joint = command(observations, infos)
+        for agent, action in joint.items():
+            visited[agent].add(tuple(observations[agent][0].tolist()))
+            assert infos[agent]["action_mask"][action], (
+                f"{agent}: planner {planner} commands {env.rules.actions[action]} against its "
+                "action mask"
+            )
+        observations, *_, infos = env.step(joint)
+    for agent in env.agents if crosses else ():
+        assert len(visited[agent]) > 1, (
+            f"{agent}: planner {planner} leaves it in its start cell for {PLANNED_STEPS} steps"
+        )

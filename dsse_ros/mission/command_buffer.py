@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dsse_ros.scenario.actions import Cell
-from dsse_ros.search import HOLD, ActionSet
+from dsse_ros.scenario.swarm import Swarm
+from dsse_ros.search import HOLD
 
 MISSING_ACTIONS = ("search", "repeat", "hold", "abort")
 """Choices for drones without a command when the step cannot wait."""
@@ -21,15 +22,15 @@ class CommandBuffer:
     """The last command of each drone: one action for the next step, or goal cells.
 
     Args:
-        actions: Names of the actions by number.
+        swarm: What the drones can do.
         num_drones: N.
-        area: (G, G) bool [row, col], the searched cells; None for the whole grid.
+
+    Raises:
+        ValueError: If a straight move is missing.
     """
 
-    def __init__(
-        self, actions: Sequence[str], num_drones: int, area: NDArray[np.bool_] | None = None
-    ) -> None:
-        self._action_set = ActionSet(actions, area).with_moves()
+    def __init__(self, swarm: Swarm, num_drones: int) -> None:
+        self._swarm = swarm.with_moves()
         self._num_drones = num_drones
         self.clear()
 
@@ -59,10 +60,16 @@ class CommandBuffer:
         self._actions.pop(drone, None)
         self._goals[drone] = list(goals)
 
-    def out_of_reach(self, start: Cell, goals: Sequence[Cell]) -> list[Cell]:
-        """Return the goals that moves in the area cannot reach."""
-        ((_, water),) = self._action_set.connected_components([start])
-        return [] if water is None else [(col, row) for col, row in goals if not water[row, col]]
+    def out_of_reach(self, drone: int, start: Cell, goals: Sequence[Cell]) -> list[Cell]:
+        """Return the goals that a drone's moves in the area cannot reach, one after the other."""
+        (actions,), unreached = self._swarm.actions_of([drone]), []
+        reachable = actions.reachable(start)
+        for col, row in goals if reachable is not None else ():
+            if reachable is not None and not reachable[row, col]:
+                unreached.append((col, row))
+            elif not actions.two_way:
+                reachable = actions.reachable((col, row))
+        return unreached
 
     def missing(self, live: Sequence[int], cells: NDArray[np.int64]) -> list[int]:
         """Return the live drones without a command; cells (N, 2) are those of the drones."""
@@ -84,9 +91,10 @@ class CommandBuffer:
                 joint[i] = self._actions[i]
             elif goal := self._ahead(i, cells):
                 here = (int(cells[i, 0]), int(cells[i, 1]))
-                joint[i] = self._action_set.action(here, self._action_set.towards(here, goal))
+                (actions,) = self._swarm.actions_of([i])
+                joint[i] = actions.action(here, actions.towards(here, goal))
             elif missing_action == "search":
-                joint[i] = self._action_set.search
+                joint[i] = self._swarm.actions.search
             elif missing_action == "repeat":
                 joint[i] = self._last.get(i, HOLD)
             self._last[i] = int(joint[i])

@@ -17,6 +17,7 @@ from dsse_ros.belief.ensemble_belief import EnsembleBelief
 from dsse_ros.mission.command_buffer import CommandBuffer
 from dsse_ros.mission.mission_snapshots import check_mission
 from dsse_ros.scenario.actions import Cell
+from dsse_ros.scenario.swarm import Swarm
 from dsse_ros.search import HOLD, FieldError, SearchEnv, Snapshot, SnapshotError
 from dsse_ros.search.world_beliefs import WorldBeliefs
 from dsse_ros.step.fault_kernels import LOST
@@ -92,9 +93,7 @@ class Mission:
         self._beliefs = WorldBeliefs(env.world) if belief and not env.rules.covers else None
         # Cache of `belief`, valid until the belief changes.
         self._belief_map: NDArray[np.float32] | None = None
-        self.commands = CommandBuffer(
-            env.rules.actions, env.world.num_drones, env.scenario.area_mask
-        )
+        self.commands = CommandBuffer(Swarm.of(env.scenario, env.rules), env.world.num_drones)
         self.seed = seed
         self.number = 0
         self.aborted = False
@@ -167,7 +166,7 @@ class Mission:
         all_found = rules.ends_together or self.env.world.persons[0]["found"].all()
         if all_found and result.found.any():
             return f"found by {', '.join(names[i] for i in np.flatnonzero(result.found))}"
-        limit = self.env.scenario.timestep_limit + rules.time_out_grace
+        limit = rules.last_step(self.env.scenario.timestep_limit)
         # A mission whose stamps run out leaves drones in flight.
         if self.live or result.step > limit:
             return "out of time"
@@ -254,7 +253,7 @@ class Mission:
     def refuse_goals(self, drone: int, goals: Sequence[Cell]) -> Rejected | None:
         """Return why a drone cannot go to these cells in order; None if it can."""
         col, row = self.env.positions[drone].tolist()
-        out_of_reach = self.commands.out_of_reach((col, row), goals)
+        out_of_reach = self.commands.out_of_reach(drone, (col, row), goals)
         if not out_of_reach:
             return None
         goal = list(out_of_reach[0])

@@ -22,7 +22,7 @@ from dsse_ros.nodes.settings import PlannerSettings
 from dsse_ros.planners import (
     PLANNERS,
     Planner,
-    load_planner,
+    check_options,
     make_planner,
     planner_with,
     read_options,
@@ -60,8 +60,7 @@ class PlannerNode(AlarmNode):
         super().__init__("planner_node")
         self.settings, endpoints = read_settings(self, PlannerSettings)
         # Fail at once, without a simulation, if the planner cannot be loaded.
-        load_planner(self.settings.planner)
-        read_options(self.settings.planner_options)
+        check_options(self.settings.planner, read_options(self.settings.planner_options))
         if self.settings.planner == "onnx":
             from dsse_ros.planners.onnx import read_model
 
@@ -205,14 +204,13 @@ class PlannerNode(AlarmNode):
             ValueError: If the planner needs more than `agents` contains.
         """
         name, seed = self.settings.planner, self.settings.seed
-        covers = info.definition is not None and info.definition.rules.covers
         texts = self.settings.planner_options
-        if name in PLANNERS and not covers and not texts:
+        if info.definition is not None:
+            options = {"model": self.settings.model} if self.settings.model else {}
+            return planner_with(info.definition, name, texts, seed=seed, **options)
+        if name in PLANNERS and not texts:
             return make_planner(name, info.actions, seed=seed, area=info.area_mask)
-        if info.definition is None:
-            raise ValueError("agents.definition: missing; this planner needs it")
-        options = {"model": self.settings.model} if self.settings.model else {}
-        return planner_with(info.definition, name, texts, seed=seed, **options)
+        raise ValueError("agents.definition: missing; this planner needs it")
 
     def _report_failure(self, step: StepId, error: Exception) -> None:
         """Log that the planner has failed, once for each step."""

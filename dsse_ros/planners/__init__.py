@@ -3,11 +3,13 @@
 """Planners: policies from observations to actions, the same for ROS and the PettingZoo env."""
 
 from dsse_ros.planners.planner import Observation, Planner, PlannerFactory, Search
+from dsse_ros.planners.play import play
 from dsse_ros.planners.registry import (
     COVERAGE_PLANNERS,
     PERSON_PLANNERS,
     PLANNER_NAMES,
     PLANNERS,
+    check_options,
     check_task,
     load_planner,
     make_planner,
@@ -25,10 +27,12 @@ __all__ = [
     "Planner",
     "PlannerFactory",
     "Search",
+    "check_options",
     "check_task",
     "load_planner",
     "make_planner",
     "planner_for",
     "planner_with",
+    "play",
     "read_options",
 ]

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dsse_ros.planners.masking import masked_moves
+from dsse_ros.planners.options import Options
 from dsse_ros.planners.planner import (
     Cell,
     DrawsNothing,
@@ -26,6 +27,7 @@ from dsse_ros.planners.planner import (
     probability_of,
 )
 from dsse_ros.scenario.actions import ActionSet
+from dsse_ros.scenario.swarm import Swarm
 
 CLOSENESS = 0.3
 """Factor on the worth of a cell for each move to it."""
@@ -33,11 +35,9 @@ LONELINESS = 3.0
 """How much more a cell with nothing left around it counts: coming back for it later takes long."""
 
 
-def make_astar(search: Search, *, seed: int = 0) -> AStar:
+def make_astar(search: Search, options: Options, *, seed: int) -> AStar:
     """Return a planner for a coverage task; the seed makes no difference."""
-    area = search.scenario.resolve(search.rules).area_mask
-    actions = search.rules.action_set.within(area).with_moves()
-    return AStar(actions, apart=search.scenario.has_slower_drones)
+    return AStar(Swarm.of(search.scenario, search.rules).with_moves())
 
 
 class AStar(DrawsNothing):
@@ -49,13 +49,11 @@ class AStar(DrawsNothing):
     A drone whose path is blocked, or for which no cell is left, stays where it is.
 
     Args:
-        actions: The actions, in the area.
-        apart: Whether drones may be slow to leave their cells, see `masking.keep_apart`.
+        swarm: What the drones can do.
     """
 
-    def __init__(self, actions: ActionSet, *, apart: bool = False) -> None:
-        self._actions = actions
-        self._apart = apart
+    def __init__(self, swarm: Swarm) -> None:
+        self._swarm = swarm
         self._goals: dict[str, Cell] = {}
 
     def __call__(self, observations: Observations, infos: Infos) -> dict[str, int]:
@@ -64,17 +62,23 @@ class AStar(DrawsNothing):
             return {}
         left, present = probability_of(observations), cells_of(observations)
         cells = dict(zip(observations, present, strict=True))
-        self._choose_goals(cells, left)
+        actions = dict(zip(cells, self._swarm.actions_of(cells), strict=True))
+        self._choose_goals(actions, cells, left)
         taken, ends = set(present), []
         for agent, cell in cells.items():
             taken.discard(cell)
             goal = self._goals.get(agent, cell)
-            end = next_cell(self._actions, left, cell, goal, taken)
+            end = next_cell(actions[agent], left, cell, goal, taken)
             taken.add(end)
             ends.append(end)
-        return masked_moves(cells, ends, infos, self._actions, apart=self._apart)
+        return masked_moves(cells, ends, infos, self._swarm)
 
-    def _choose_goals(self, present: Mapping[str, Cell], left: NDArray[np.float32]) -> None:
+    def _choose_goals(
+        self,
+        actions: Mapping[str, ActionSet],
+        present: Mapping[str, Cell],
+        left: NDArray[np.float32],
+    ) -> None:
         """Give each drone a goal, as far as there are cells."""
         self._goals = {
             agent: (col, row)
@@ -85,7 +89,9 @@ class AStar(DrawsNothing):
         for col, row in self._goals.values():
             free[row, col] = 0.0
         waiting = [agent for agent in present if agent not in self._goals]
-        worth = {agent: free * self._closeness(present[agent], len(left)) for agent in waiting}
+        worth = {
+            agent: free * _closeness(actions[agent], present[agent], len(left)) for agent in waiting
+        }
         while worth:
             agent = max(worth, key=lambda one: float(worth[one].max()))
             row, col = divmod(int(worth[agent].argmax()), len(left))
@@ -95,11 +101,12 @@ class AStar(DrawsNothing):
             for others in worth.values():
                 others[row, col] = 0.0
 
-    def _closeness(self, cell: Cell, size: int) -> NDArray[np.float64]:
-        """Return the factor for the distance to each cell (G, G), 0 for unreachable cells."""
-        away = self._actions.distances(cell, size)
-        closeness: NDArray[np.float64] = np.where(away < 0, 0.0, CLOSENESS**away)
-        return closeness
+
+def _closeness(actions: ActionSet, cell: Cell, size: int) -> NDArray[np.float64]:
+    """Return the factor for the distance to each cell (G, G), 0 for unreachable cells."""
+    away = actions.distances(cell, size)
+    closeness: NDArray[np.float64] = np.where(away < 0, 0.0, CLOSENESS**away)
+    return closeness
 
 
 def _share_covered_around(left: NDArray[np.float32]) -> NDArray[np.float64]:

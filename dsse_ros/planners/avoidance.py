@@ -60,14 +60,21 @@ def resolve_actions(
     ]
 
 
-def approach(actions: ActionSet, present: Sequence[Cell], goals: Sequence[Cell]) -> list[Cell]:
+def approach(
+    actions: Sequence[ActionSet], present: Sequence[Cell], goals: Sequence[Cell]
+) -> list[Cell]:
     """Return each drone's next cell towards its goal.
 
     A drone stays if this is another drone's present or already chosen cell.
+
+    Args:
+        actions: Actions of each drone.
+        present: Cell of each drone.
+        goals: Goal of each drone.
     """
     taken, ends = set(present), []
-    for cell, goal in zip(present, goals, strict=True):
-        end = actions.towards(cell, goal)
+    for able, cell, goal in zip(actions, present, goals, strict=True):
+        end = able.towards(cell, goal)
         ends.append(cell if end in taken else end)
         taken.add(ends[-1])
     return ends

@@ -1,155 +1,327 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 # mypy: disable-error-code="no-untyped-def"
-"""The compiled parts of the planner `belief`: a beam search on futures of the persons.
+"""The compiled beam search of the planner `belief` for the best plans of a drone.
 
-The value of a drone's plan is what it finds in M futures, see `Belief.futures`. A plan is a path of
-H + 1 cells, the present one first; staying in a cell searches it. Cells are the columns of a
-belief, see `belief_kernels`. Arguments with the same names mean the same everywhere:
-
-    moves: (A,) int64, what each move adds to a cell's number; 0, the search, comes first.
-    first: (A + 1,) int64, the looks of move a are first[a] .. first[a + 1] - 1.
-    offsets: (L, 2) int64, (dx, dy) of a look from the cell that the move leads to.
-    pods: (L, P) float64, POD of each person.
-    persons: (M,) as in `Futures`.
-    draws: (H, M) float64 in [0, 1), which a POD must exceed to detect the person of a future;
-        (0, 0) if every look has a POD of 1.
-    starts, members: See `future_kernels.index`.
+The value of a drone's plan is what it finds in M futures, see `Belief.futures`. See `plan_kernels`
+for plans and their cells.
 """
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
+from numpy.typing import NDArray
 
 from dsse_ros.belief.belief_kernels import MARGIN
-from dsse_ros.compiled.jit import compiled
+from dsse_ros.compiled.jit import compiled, inlined, part
+from dsse_ros.planners.plan_kernels import cell_seen, detects
+
+CAP = 4
+"""Nodes kept at each step in one cell."""
+
+
+class Tree(NamedTuple):
+    """The nodes of a beam search: W of each step.
+
+    Attributes:
+        cells: (H + 1, W) int64.
+        parents: (H + 1, W) int64, node of the step before.
+    """
+
+    cells: NDArray[np.int64]
+    parents: NDArray[np.int64]
+
+
+class Level(NamedTuple):
+    """What the paths to the nodes of a step have found.
+
+    Attributes:
+        alive: (W, M / 64) uint64, a bit for each scenario that the path's own looks left.
+        gains: (W,) float64, discounted finds in addition to those of the other drones.
+        finds: (W, H) float64, finds of each step among the scenarios that nobody else finds.
+    """
+
+    alive: NDArray[np.uint64]
+    gains: NDArray[np.float64]
+    finds: NDArray[np.float64]
+
+
+class Left(NamedTuple):
+    """The scenarios that the plans of the other drones leave, by their cells at the end.
+
+    Attributes:
+        base: (M,) float64, credit of the other drones' plans for each scenario.
+        counts: (S S,) float64, number of scenarios left in each cell.
+        places: (E,) int64, the cells with any.
+        worths: (S S,) float64, their worth seen from a cell; -1 until it is computed.
+        x: (S S,) int64, column of a cell: divisions would take most of the time.
+        y: (S S,) int64, its row.
+    """
+
+    base: NDArray[np.float64]
+    counts: NDArray[np.float64]
+    places: NDArray[np.int64]
+    worths: NDArray[np.float64]
+    x: NDArray[np.int64]
+    y: NDArray[np.int64]
+
+
+class Candidates(NamedTuple):
+    """Moves from the nodes of a step.
+
+    Attributes:
+        cells: (W A,) int64.
+        parents: (W A,) int64.
+        moves: (W A,) int64.
+        gains: (W A,) float64.
+        ranks: (W A,) float64, gains and the weighted worth of what is left.
+    """
+
+    cells: NDArray[np.int64]
+    parents: NDArray[np.int64]
+    moves: NDArray[np.int64]
+    gains: NDArray[np.float64]
+    ranks: NDArray[np.float64]
 
 
 @compiled()
-def column_at(side, cell, dx, dy):
-    """Return the cell at this offset from another one, -1 off the grid."""
-    x, y = cell % side + dx, cell // side + dy
-    if min(x, y) < MARGIN or max(x, y) >= side - MARGIN:
-        return -1
-    return y * side + x
-
-
-@compiled()
-def detects(draws, pods, persons, h, k, s):
-    """Return whether look k at step h detects the person of scenario s in that cell."""
-    return len(draws) == 0 or draws[h, s] < pods[k, persons[s]]
-
-
-@compiled()
-def move_between(moves, cell, after):
-    """Return the number of the move from a cell to another one."""
-    for a in range(len(moves)):
-        if cell + moves[a] == after:
-            return a
-    return -1
-
-
-@compiled()
-def looks_of_plans(paths, lengths, kinds, moves, first, offsets, side, steps, columns, rows):
-    """Write the looks of plans, step by step, and return their number.
+def left_by_others(scenarios, side, credits, drone):
+    """Return the scenarios that the plans of the others leave.
 
     Args:
-        paths: (N, H + 1) int64.
-        lengths: (N,) int64, number of planned steps of each path.
-        kinds: (N,) int64, kinds of the drones.
-        moves: As in the module.
-        first: (K, A + 1) int64, as in the module, by kind.
-        offsets: As in the module.
+        scenarios: The scenarios.
         side: S.
-        steps: (Q,) int64 out.
-        columns: (Q,) int64 out.
-        rows: (Q,) int64 out, the number of the look.
+        credits: (N, M) float64, of all plans; the drone's own does not count.
+        drone: Number of the drone.
     """
-    count = 0
-    for h in range(paths.shape[1] - 1):
-        for n in range(len(paths)):
-            a = -1
-            if h < lengths[n]:
-                a = move_between(moves, paths[n, h], paths[n, h + 1])
-            if a < 0:
-                continue
-            for k in range(first[kinds[n], a], first[kinds[n], a + 1]):
-                there = column_at(side, paths[n, h + 1], offsets[k, 0], offsets[k, 1])
-                if there >= 0:
-                    steps[count], columns[count], rows[count] = h, there, k
-                    count += 1
-    return count
+    base, counts = np.zeros(len(scenarios.ends)), np.zeros(side * side)
+    for n in range(len(credits)):
+        if n != drone:
+            for s in range(len(base)):
+                base[s] = max(base[s], credits[n, s])
+    for s in range(len(base)):
+        if base[s] == 0.0:
+            counts[scenarios.ends[s]] += 1.0
+    x, y = np.empty(side * side, np.int64), np.empty(side * side, np.int64)
+    for i in range(side):
+        for j in range(side):
+            x[i * side + j], y[i * side + j] = j, i
+    return Left(base, counts, np.flatnonzero(counts), np.full(side * side, -1.0), x, y)
 
 
-@compiled()
-def credit_plan(
-    path, length, gamma, side, moves, first, offsets, pods, persons, draws, starts, members, credit
-):
-    """Write the credit of a plan for each scenario: gamma ** (step of its first find), or 0.
-
-    Args:
-        path: (H + 1,) int64.
-        length: Number of planned steps.
-        gamma: Discount per step.
-        side: S.
-        moves: This and the following arguments are as in the module.
-        first: For the drone's kind.
-        offsets: (L, 2) int64.
-        pods: (L, P) float64.
-        persons: (M,) int64.
-        draws: (H, M) float64.
-        starts: (H, S S + 1) int64.
-        members: (H, M) int64.
-        credit: (M,) float64 out.
-    """
-    credit[:] = 0.0
-    worth = 1.0
-    for h in range(length):
-        a = move_between(moves, path[h], path[h + 1])
-        if a >= 0:
-            for k in range(first[a], first[a + 1]):
-                there = column_at(side, path[h + 1], offsets[k, 0], offsets[k, 1])
-                if there < 0:
-                    continue
-                for j in range(starts[h, there], starts[h, there + 1]):
-                    s = members[h, j]
-                    if detects(draws, pods, persons, h, k, s):
-                        credit[s] = max(credit[s], worth)
-        worth *= gamma
-
-
-@compiled()
-def seen_from(nearness, x, y, i, j):
+@inlined
+def seen_from(moves, left, i, j):
     """Return the worth of a scenario in cell j at the end to a drone in cell i."""
-    return nearness[abs(y[i] - y[j]), abs(x[i] - x[j])]
+    return moves.nearness[abs(left.y[i] - left.y[j]), abs(left.x[i] - left.x[j])]
+
+
+@inlined
+def worth_from(moves, left, cell):
+    """Return the worth of the scenarios left at the end to a drone in a cell."""
+    if left.worths[cell] < 0.0:
+        total = 0.0
+        for place in left.places:
+            total += left.counts[place] * seen_from(moves, left, cell, place)
+        left.worths[cell] = total
+    return left.worths[cell]
+
+
+@inlined
+def gain_of_move(moves, scenarios, left, alive, h, a, cell, gain, discount):
+    """Return a node's gain with one more move, and its finds among the scenarios left.
+
+    Args:
+        moves: Of the drone's kind.
+        scenarios: The scenarios.
+        left: What the others leave.
+        alive: (M / 64,) of the node, as in `Level`.
+        h: Step of the move.
+        a: Number of the move.
+        cell: The cell after it.
+        gain: Of the node.
+        discount: gamma ** h.
+    """
+    hits = 0.0
+    for k in range(moves.first[a], moves.first[a + 1]):
+        there = cell_seen(moves, cell, k)
+        if there < 0:
+            continue
+        for j in range(scenarios.starts[h, there], scenarios.starts[h, there + 1]):
+            s = scenarios.members[h, j]
+            is_alive = alive[s >> 6] >> np.uint64(s & 63) & np.uint64(1)
+            if is_alive and detects(moves, scenarios, h, k, s):
+                gain += max(0.0, discount - left.base[s])
+                hits += left.base[s] == 0.0
+    return gain, hits
+
+
+@part
+def expand(moves, scenarios, left, tree, level, h, nodes, discount, kappa, blocked, tried):
+    """Write the moves from the nodes of a step to `tried`, and return their number.
+
+    Args:
+        moves: Of the drone's kind.
+        scenarios: The scenarios.
+        left: What the others leave.
+        tree: The nodes.
+        level: Of the step.
+        h: The step.
+        nodes: Number of its nodes.
+        discount: gamma ** h.
+        kappa: Weight of the scenarios left at the end.
+        blocked: (H, S S) bool, cells that the drone must not be in after step h + 1.
+        tried: `Candidates` out.
+    """
+    side, found = len(moves.nearness), 0
+    for node in range(nodes):
+        for a in range(len(moves.steps)):
+            cell = tree.cells[h, node] + moves.steps[a]
+            x, y = left.x[cell], left.y[cell]
+            if min(x, y) < MARGIN or max(x, y) >= side - MARGIN:
+                continue
+            if blocked[h, cell] or not moves.able[a]:
+                continue
+            gain, hits = gain_of_move(
+                moves, scenarios, left, level.alive[node], h, a, cell, level.gains[node], discount
+            )
+            rank = worth_from(moves, left, cell) - hits
+            at, back = node, h
+            while back > 0:
+                # Of the scenarios left, the path's own looks have found some.
+                if level.finds[node, back - 1] > 0.0:
+                    near = seen_from(moves, left, cell, tree.cells[back, at])
+                    rank -= level.finds[node, back - 1] * near
+                at = tree.parents[back, at]
+                back -= 1
+            tried.cells[found], tried.parents[found], tried.moves[found] = cell, node, a
+            tried.gains[found], tried.ranks[found] = gain, gain + kappa * rank
+            found += 1
+    return found
+
+
+@inlined
+def take(moves, scenarios, left, level, h, node, a, cell, after, kept):
+    """Write to a node of the next level what the path to it has found.
+
+    Args:
+        moves: Of the drone's kind.
+        scenarios: The scenarios.
+        left: What the others leave.
+        level: Of the step before.
+        h: Step of the move.
+        node: Its node.
+        a: Number of the move.
+        cell: The cell after it.
+        after: `Level` out.
+        kept: Number of the new node.
+    """
+    for word in range(level.alive.shape[1]):
+        after.alive[kept, word] = level.alive[node, word]
+    for back in range(h):
+        after.finds[kept, back] = level.finds[node, back]
+    hits = 0.0
+    for k in range(moves.first[a], moves.first[a + 1]):
+        there = cell_seen(moves, cell, k)
+        if there < 0:
+            continue
+        for j in range(scenarios.starts[h, there], scenarios.starts[h, there + 1]):
+            s = scenarios.members[h, j]
+            bit = np.uint64(1) << np.uint64(s & 63)
+            if after.alive[kept, s >> 6] & bit and detects(moves, scenarios, h, k, s):
+                after.alive[kept, s >> 6] ^= bit
+                hits += left.base[s] == 0.0
+    after.finds[kept, h] = hits
+
+
+@part
+def keep_best(moves, scenarios, left, tree, level, h, tried, order, after, in_cell):
+    """Keep the moves of the highest rank as the nodes of the next step, and return their number.
+
+    Args:
+        moves: Of the drone's kind.
+        scenarios: The scenarios.
+        left: What the others leave.
+        tree: The nodes, in and out.
+        level: Of the step.
+        h: The step.
+        tried: Of `expand`.
+        order: (F,) int64, its moves in order of their ranks.
+        after: `Level` out.
+        in_cell: (S S,) int64 scratch, zeros in and out.
+    """
+    kept, width = 0, tree.cells.shape[1]
+    for k in order:
+        cell, node = tried.cells[k], tried.parents[k]
+        if in_cell[cell] >= CAP:
+            continue
+        same = False
+        for other in range(kept):
+            if tree.cells[h + 1, other] == cell and after.gains[other] == tried.gains[k]:
+                same = True
+                break
+        if same:
+            continue
+        in_cell[cell] += 1
+        tree.cells[h + 1, kept], tree.parents[h + 1, kept] = cell, node
+        after.gains[kept] = tried.gains[k]
+        take(moves, scenarios, left, level, h, node, tried.moves[k], cell, after, kept)
+        kept += 1
+        if kept == width:
+            break
+    for k in range(kept):
+        in_cell[tree.cells[h + 1, k]] = 0
+    return kept
+
+
+@part
+def write_values(moves, scenarios, left, tree, level, depth, kappa, values):
+    """Write the value of the path to each of the last nodes.
+
+    Args:
+        moves: Of the drone's kind.
+        scenarios: The scenarios.
+        left: What the others leave.
+        tree: The nodes.
+        level: Of the last step.
+        depth: The last step.
+        kappa: Weight of the scenarios left at the end.
+        values: (nodes,) float64 out.
+    """
+    full = ~np.uint64(0)
+    for node in range(len(values)):
+        cell = tree.cells[depth, node]
+        value = worth_from(moves, left, cell)
+        for word in range(level.alive.shape[1]):
+            alive = level.alive[node, word]
+            if alive == full:
+                continue
+            for s in range(64 * word, min(64 * word + 64, len(left.base))):
+                if left.base[s] == 0.0 and not alive >> np.uint64(s & 63) & np.uint64(1):
+                    value -= seen_from(moves, left, cell, scenarios.ends[s])
+        values[node] = level.gains[node] + kappa * value
 
 
 @compiled()
-def plan_drone(
-    moves, first, offsets, pods, persons, draws, starts, members,
-    width, cap, gamma, kappa, nearness, ends, credits, drone, blocked, horizon, paths,
-):  # fmt: skip
+def new_level(width, words, horizon):
+    """Return a level of W nodes."""
+    return Level(np.empty((width, words), np.uint64), np.zeros(width), np.zeros((width, horizon)))
+
+
+@compiled()
+def plan_drone(moves, scenarios, width, gamma, kappa, credits, drone, blocked, paths):
     """Search for a drone's best plans, given those of the others.
 
     Args:
-        moves: This and the following arguments are as in the module.
-        first: For the drone's kind.
-        offsets: (L, 2) int64.
-        pods: (L, P) float64.
-        persons: (M,) int64.
-        draws: (H, M) float64.
-        starts: (H, S S + 1) int64.
-        members: (H, M) int64.
+        moves: Of the drone's kind.
+        scenarios: The scenarios.
         width: Nodes kept at each step.
-        cap: Nodes kept at each step in one cell.
         gamma: Discount per step.
         kappa: Weight of the scenarios left at the end.
-        nearness: (S, S) float64, worth of a scenario left at the end by its distance, [y, x].
-        ends: (M,) int64, cells of the scenarios at the end.
         credits: (N, M) float64, of all plans; the function ignores the drone's own.
         drone: Number of the drone.
         blocked: (H, S S) bool, cells that the drone must not be in after step h + 1.
-        horizon: Steps to plan.
         paths: (V, H + 1) int64 out, the best plans, the best one first; the caller sets the first
             cells.
 
@@ -157,156 +329,35 @@ def plan_drone(
         The number of plans, and their length: less than the horizon if the blocked cells leave no
         path.
     """
-    count, side = len(ends), len(nearness)
-    # Look up coordinates: divisions would take most of the time.
-    x, y = np.empty(side * side, np.int64), np.empty(side * side, np.int64)
-    for i in range(side):
-        for j in range(side):
-            x[i * side + j], y[i * side + j] = j, i
-    base = np.zeros(count)
-    for n in range(len(credits)):
-        if n != drone:
-            for s in range(count):
-                base[s] = max(base[s], credits[n, s])
-    # Scenarios left at the end, by cell, and their worth seen from a cell, computed on first use.
-    left = np.zeros(side * side)
-    for s in range(count):
-        if base[s] == 0.0:
-            left[ends[s]] += 1.0
-    places = np.flatnonzero(left)
-    worths = np.full(side * side, -1.0)
-
-    words = (count + 63) >> 6
-    alive, after = np.empty((width, words), np.uint64), np.empty((width, words), np.uint64)
-    full = ~np.uint64(0)
-    alive[0] = full
-    cells = np.empty((horizon + 1, width), np.int64)
-    parents = np.empty((horizon + 1, width), np.int64)
-    gains, next_gains = np.zeros(width), np.zeros(width)
-    tried = width * len(moves)
-    c_cell, c_parent = np.empty(tried, np.int64), np.empty(tried, np.int64)
-    c_move, c_gain, c_rank = np.empty(tried, np.int64), np.empty(tried), np.empty(tried)
+    side, horizon = len(moves.nearness), paths.shape[1] - 1
+    words, most = (len(scenarios.ends) + 63) >> 6, width * len(moves.steps)
+    left = left_by_others(scenarios, side, credits, drone)
+    tree = Tree(np.empty((horizon + 1, width), np.int64), np.empty((horizon + 1, width), np.int64))
+    now, after = new_level(width, words, horizon), new_level(width, words, horizon)
+    tried = Candidates(
+        np.empty(most, np.int64), np.empty(most, np.int64), np.empty(most, np.int64),
+        np.empty(most), np.empty(most),
+    )  # fmt: skip
     in_cell = np.zeros(side * side, np.int64)
-    # The finds of a node's searches so far, to subtract from the scenarios that are left.
-    finds, next_finds = np.zeros((width, horizon)), np.zeros((width, horizon))
-    cells[0, 0] = paths[0, 0]
+    now.alive[0] = ~np.uint64(0)
+    tree.cells[0, 0] = paths[0, 0]
     nodes, depth, discount = 1, 0, 1.0
     for h in range(horizon):
-        found = 0
-        for node in range(nodes):
-            for a in range(len(moves)):
-                cell = cells[h, node] + moves[a]
-                if min(x[cell], y[cell]) < MARGIN or max(x[cell], y[cell]) >= side - MARGIN:
-                    continue
-                if blocked[h, cell]:
-                    continue
-                gain, hits = gains[node], 0.0
-                for k in range(first[a], first[a + 1]):
-                    there = column_at(side, cell, offsets[k, 0], offsets[k, 1])
-                    if there < 0:
-                        continue
-                    for j in range(starts[h, there], starts[h, there + 1]):
-                        s = members[h, j]
-                        left_alive = alive[node, s >> 6] >> np.uint64(s & 63) & np.uint64(1)
-                        if left_alive and detects(draws, pods, persons, h, k, s):
-                            gain += max(0.0, discount - base[s])
-                            hits += base[s] == 0.0
-                if worths[cell] < 0.0:
-                    total = 0.0
-                    for place in places:
-                        total += left[place] * seen_from(nearness, x, y, cell, place)
-                    worths[cell] = total
-                rank = worths[cell] - hits
-                at, back = node, h
-                while back > 0:
-                    if finds[node, back - 1] > 0.0:
-                        rank -= finds[node, back - 1] * seen_from(
-                            nearness, x, y, cell, cells[back, at]
-                        )
-                    at = parents[back, at]
-                    back -= 1
-                c_cell[found], c_parent[found], c_move[found] = cell, node, a
-                c_gain[found], c_rank[found] = gain, gain + kappa * rank
-                found += 1
+        found = expand(moves, scenarios, left, tree, now, h, nodes, discount, kappa, blocked, tried)
         if found == 0:
             break
-        order = np.argsort(-c_rank[:found])
-        kept = 0
-        for k in order:
-            cell, node = c_cell[k], c_parent[k]
-            if in_cell[cell] >= cap:
-                continue
-            same = False
-            for other in range(kept):
-                if cells[h + 1, other] == cell and next_gains[other] == c_gain[k]:
-                    same = True
-                    break
-            if same:
-                continue
-            in_cell[cell] += 1
-            cells[h + 1, kept], parents[h + 1, kept] = cell, node
-            next_gains[kept] = c_gain[k]
-            for word in range(words):
-                after[kept, word] = alive[node, word]
-            for back in range(h):
-                next_finds[kept, back] = finds[node, back]
-            hits = 0.0
-            for look in range(first[c_move[k]], first[c_move[k] + 1]):
-                there = column_at(side, cell, offsets[look, 0], offsets[look, 1])
-                if there < 0:
-                    continue
-                for j in range(starts[h, there], starts[h, there + 1]):
-                    s = members[h, j]
-                    bit = np.uint64(1) << np.uint64(s & 63)
-                    if after[kept, s >> 6] & bit and detects(draws, pods, persons, h, look, s):
-                        after[kept, s >> 6] ^= bit
-                        hits += base[s] == 0.0
-            next_finds[kept, h] = hits
-            kept += 1
-            if kept == width:
-                break
-        for k in range(kept):
-            in_cell[cells[h + 1, k]] = 0
-        alive, after = after, alive
-        gains, next_gains = next_gains, gains
-        finds, next_finds = next_finds, finds
-        nodes, depth = kept, h + 1
+        order = np.argsort(-tried.ranks[:found])
+        nodes = keep_best(moves, scenarios, left, tree, now, h, tried, order, after, in_cell)
+        now, after, depth = after, now, h + 1
         discount *= gamma
     values = np.empty(nodes)
-    for node in range(nodes):
-        cell = cells[depth, node]
-        value = worths[cell]
-        for word in range(words):
-            if alive[node, word] == full:
-                continue
-            for s in range(64 * word, min(64 * word + 64, count)):
-                if base[s] == 0.0 and not alive[node, word] >> np.uint64(s & 63) & np.uint64(1):
-                    value -= seen_from(nearness, x, y, cell, ends[s])
-        values[node] = gains[node] + kappa * value
-    found = min(nodes, len(paths))
-    order = np.argsort(-values)
+    write_values(moves, scenarios, left, tree, now, depth, kappa, values)
+    found, order = min(nodes, len(paths)), np.argsort(-values)
     for k in range(found):
         node = order[k]
         for h in range(depth, 0, -1):
-            paths[k, h] = cells[h, node]
-            node = parents[h, node]
+            paths[k, h] = tree.cells[h, node]
+            node = tree.parents[h, node]
         for h in range(depth, horizon):
             paths[k, h + 1] = paths[k, h]
     return found, depth
-
-
-@compiled()
-def worth_of_left(left, nearness, end):
-    """Return the worth of the persons left at the end to a drone in a cell.
-
-    Args:
-        left: (S S,) float64, the probability that a person is in a cell and was not found.
-        nearness: As in `plan_drone`.
-        end: The drone's cell.
-    """
-    side = len(nearness)
-    worth = 0.0
-    for y in range(side):
-        for x in range(side):
-            worth += left[y * side + x] * nearness[abs(y - end // side), abs(x - end % side)]
-    return worth

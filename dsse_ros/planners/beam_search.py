@@ -10,9 +10,8 @@ from __future__ import annotations
 
 import copy
 import time
-from collections.abc import Hashable, Mapping, Sequence
-from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
+from collections.abc import Hashable, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,107 +19,43 @@ from numpy.typing import NDArray
 from dsse_ros.belief.belief_kernels import MARGIN
 from dsse_ros.belief.future_kernels import index
 from dsse_ros.belief.protocol import LooksToCome, TargetBelief, TargetForecast
-from dsse_ros.planners import beam
-from dsse_ros.planners.planner import DecisionPoint, number_of
+from dsse_ros.planners import plan_kernels
+from dsse_ros.planners.beam import plan_drone
+from dsse_ros.planners.options import BeamOptions
+from dsse_ros.planners.planner import DecisionPoint
 from dsse_ros.planners.reach import Reach
-from dsse_ros.scenario.actions import ACTION_VECTORS, DIAGONAL, STRAIGHT, Cell
-from dsse_ros.scenario.rules import Rules
+from dsse_ros.scenario.actions import Cell
+from dsse_ros.scenario.swarm import Swarm, number_of
 from dsse_ros.step.looks import Looks, looks_of
-from dsse_ros.targets.registry import has_own_drift
+
+CLOSENESS = 0.7
+"""Factor on the worth of a scenario left at the end of a plan for each move to it."""
+WARM_DRONES = 4
+"""With up to so many drones, each allows for the last plans of the drones that plan after it."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class BeamOptions:
-    """Options of the beam search.
-
-    Attributes:
-        samples: M, scenarios drawn from the belief.
-        horizon: H, steps planned; None: see `BY_DRIFT`.
-        width: W, nodes kept at each step.
-        cap: Nodes kept at each step in one cell.
-        gamma: Discount of a find per step.
-        kappa: Weight of the scenarios left at the end of a plan.
-        closeness: g, factor on the worth of a remaining scenario for each move to it.
-        drift_samples: K, angles of the persons' own drift, see `Forecast`.
-        finalists: Number of a beam's plans, in addition to the drone's last plan, among which the
-            exact filter chooses: the samples overrate a plan that was optimized on them. 1: the
-            samples decide. None: see `BY_DRIFT`, but at most `FINALISTS` for all drones together.
-        warm_start: Whether a drone allows for the last plans of the drones that plan after it.
-            None: with up to 4 drones.
-        passes: How often each drone plans in a step.
-        budget_ms: Wall time of a step after which no further drone plans; the others continue
-            their last plans. None: no limit, so that the same seed gives the same mission.
-    """
-
-    samples: int = 4096
-    horizon: int | None = None
-    width: int = 32
-    cap: int = 4
-    gamma: float = 0.95
-    kappa: float = 0.2
-    closeness: float = 0.7
-    drift_samples: int = 16
-    finalists: int | None = None
-    warm_start: bool | None = None
-    passes: int = 1
-    budget_ms: float | None = None
-
-    def completed(self, rules: Rules) -> BeamOptions:
-        """Return the options, with the defaults that depend on the rules filled in."""
-        given = {name: value for name, value in vars(self).items() if value is not None}
-        own_drift = has_own_drift(rules.person_motion)
-        return replace(self, **{**BY_DRIFT[own_drift], **given})
-
-
-BY_DRIFT: Mapping[bool, Mapping[str, Any]] = {
-    # Persons stay near the datum, so look further ahead, and small differences count. The exact
-    # filter is also cheap for an ensemble.
-    False: {"horizon": 15, "finalists": 8},
-    # If each person has its own drift, the exact filter costs K times as much, for no gain.
-    True: {"horizon": 10, "finalists": 1},
-}
-"""Default options, by whether each person has a drift of its own."""
-
-FINALISTS = 32
-"""Plans of all drones together that the exact filter compares in a step."""
-
-
-class _Scenarios(NamedTuple):
-    """Futures, as arguments of `beam`."""
-
-    persons: NDArray[np.int64]
-    draws: NDArray[np.float64]
-    starts: NDArray[np.int64]
-    members: NDArray[np.int64]
-
-
-class _BeamLooks(NamedTuple):
-    """The looks of the beam's moves, as arguments of `beam`, with `first` by kind of drone."""
-
-    first: NDArray[np.int64]
-    offsets: NDArray[np.int64]
-    pods: NDArray[np.float64]
-
-    @classmethod
-    def of(cls, looks: Looks, actions: Sequence[int]) -> _BeamLooks:
-        """Return the looks of these actions, in their order."""
-        rows: list[int] = []
-        first = np.zeros((len(looks.first), len(actions) + 1), np.int64)
-        for kind, of_kind in enumerate(looks.first):
-            first[kind, 0] = len(rows)
-            for a, action in enumerate(actions):
-                rows += range(of_kind[action], of_kind[action + 1])
-                first[kind, a + 1] = len(rows)
-        return cls(first, looks.offsets[rows], looks.pods[rows])
-
-    @property
-    def most(self) -> int:
-        """Largest number of looks of a move."""
-        return max(int(np.diff(self.first, axis=1).max()), 1)
-
-    def of_kind(self, kind: int) -> _BeamLooks:
-        """Return the arguments of `beam` for a kind of drone."""
-        return self._replace(first=self.first[kind])
+def _moves_of_kinds(swarm: Swarm, looks: Looks, side: int) -> list[plan_kernels.Moves]:
+    """Return the moves of each kind of drone; all kinds number their moves and looks alike."""
+    steps = [(0, 0), *swarm.actions.steps]
+    actions = [swarm.actions.action((0, 0), step) for step in steps]
+    rows: list[int] = []
+    first = np.zeros((len(looks.first), len(actions) + 1), np.int64)
+    for kind, of_kind in enumerate(looks.first):
+        first[kind, 0] = len(rows)
+        for a, action in enumerate(actions):
+            rows += range(of_kind[action], of_kind[action + 1])
+            first[kind, a + 1] = len(rows)
+    return [
+        plan_kernels.Moves(
+            np.array([dy * side + dx for dx, dy in steps]),
+            np.array([step in ((0, 0), *able.steps) for step in steps]),
+            first[kind],
+            looks.offsets[rows],
+            looks.pods[rows],
+            CLOSENESS ** able.distances((0, 0), side, as_if_open=True).astype(np.float64),
+        )
+        for kind, able in enumerate(swarm.of_kinds)
+    ]
 
 
 @dataclass
@@ -146,25 +81,20 @@ class BeamSearch:
 
     def __init__(self, forecast: TargetForecast, options: BeamOptions, *, seed: int = 0) -> None:
         self._forecast = forecast
-        self._options = full = options.completed(forecast.rules)
-        assert full.finalists is not None
-        self._finalists = full.finalists
-        if options.finalists is None:
-            self._finalists = min(full.finalists, max(FINALISTS // forecast.scenario.num_drones, 1))
+        self._options = options
+        num_drones = forecast.scenario.num_drones
+        self._finalists = options.num_finalists(forecast.rules, num_drones)
         self._rng = np.random.default_rng(seed)
-        side = forecast.side
-        actions = forecast.rules.action_set.with_moves()
-        self._measure = actions.distance
-        names = (*STRAIGHT, *(DIAGONAL if actions.diagonal else ()))
-        steps = [(0, 0), *(ACTION_VECTORS[name] for name in names)]
-        self._moves = np.array([dy * side + dx for dx, dy in steps])
-        self._kinds = looks_of(forecast.scenario, forecast.rules)
-        self._looks = _BeamLooks.of(self._kinds, [actions.action((0, 0), step) for step in steps])
-        self._masked = np.zeros(side**2, np.bool_)
+        self._swarm = Swarm.of(forecast.scenario, forecast.rules)
+        looks = looks_of(forecast.scenario, forecast.rules)
+        self._kinds = _moves_of_kinds(self._swarm, looks, forecast.side)
+        self._first = np.stack([kind.first for kind in self._kinds])
+        self._most_looks = max(int(np.diff(self._first, axis=1).max()), 1)
+        self._sure = not (self._kinds[0].pods < 1.0).any()
+        self._measure = forecast.rules.action_set.distance
+        self._masked = np.zeros(forecast.side**2, np.bool_)
         if forecast.area is not None:
             self._masked = ~np.pad(forecast.area, MARGIN).ravel()
-        away = actions.distances((0, 0), side).astype(np.float64)
-        self._nearness: NDArray[np.float64] = options.closeness**away
         self._plans: dict[Hashable, PlannedPath] = {}
         self._reach: Reach | None = None
         self.drawn = False
@@ -193,34 +123,33 @@ class BeamSearch:
             deadline_s = min(deadline_s, time.monotonic() + options.budget_ms / 1000)
         left = forecast.scenario.timestep_limit - belief.step
         horizon = max(1, min(forecast.horizon, left))
-        ends, scenarios = self._scenarios(belief, horizon)
+        scenarios = self._scenarios(belief, horizon)
         plans = self._last_plans(agents, present, horizon)
-        warm = len(agents) <= 4 if options.warm_start is None else options.warm_start
+        warm = len(agents) <= WARM_DRONES
         credits = np.zeros((len(agents), options.samples))
-        kinds = self._kinds.kind[[number_of(agent) for agent in agents]]
+        kinds = np.array([self._swarm.kind_of(agent) for agent in agents])
 
         def credit(n: int) -> None:
-            beam.credit_plan(
-                plans[n].path, plans[n].length, options.gamma, forecast.side,
-                self._moves, *self._looks.of_kind(kinds[n]), *scenarios, credits[n],
-            )  # fmt: skip
+            moves, plan = self._kinds[kinds[n]], plans[n]
+            plan_kernels.credit_plan(
+                moves, scenarios, plan.path, plan.length, options.gamma, credits[n]
+            )
 
         for n, plan in enumerate(plans):
             if warm and plan.length:
                 credit(n)
         beyond = self._beyond(agents, batteries, horizon)
         planned: set[int] = set()
-        for n in self._order(belief, present) * options.passes:
+        for n in self._order(belief, present):
             if planned and time.monotonic() > deadline_s:
                 break
-            paths = np.full((self._finalists, horizon + 1), self._forecast.column(present[n]))
+            paths = np.full((self._finalists, horizon + 1), forecast.column(present[n]))
             blocked = self._blocked(n, plans, planned, horizon)
             if beyond:
                 blocked |= beyond[n]
-            found, length = beam.plan_drone(
-                self._moves, *self._looks.of_kind(kinds[n]), *scenarios,
-                options.width, options.cap, options.gamma, options.kappa, self._nearness, ends,
-                credits, n, blocked, horizon, paths,
+            found, length = plan_drone(
+                self._kinds[kinds[n]], scenarios, options.width, options.gamma, options.kappa,
+                credits, n, blocked, paths,
             )  # fmt: skip
             candidates = [PlannedPath(path, length) for path in paths[:found]]
             if plans[n].length and not blocked[np.arange(horizon), plans[n].path[1:]].any():
@@ -243,42 +172,38 @@ class BeamSearch:
         counted: Sequence[int],
     ) -> PlannedPath:
         """Return the candidate that the exact filter rates best, given the counted plans."""
-        options = self._options
+        options, moves = self._options, self._kinds[kinds[drone]]
         if self._finalists == 1:
             return candidates[0]
         together = np.stack([plan.path for plan in plans])
         lengths = np.array([p.length if n in counted else 0 for n, p in enumerate(plans)])
 
-        horizon, looks = together.shape[1] - 1, self._looks
-        steps, columns, rows = np.empty((3, together.size * looks.most), np.int64)
+        horizon = together.shape[1] - 1
+        steps, columns, rows = np.empty((3, together.size * self._most_looks), np.int64)
 
         def value(candidate: PlannedPath) -> float:
             together[drone], lengths[drone] = candidate.path, candidate.length
-            count = beam.looks_of_plans(
-                together, lengths, kinds, self._moves, looks.first, looks.offsets,
+            count = plan_kernels.looks_of_plans(
+                together, lengths, kinds, moves.steps, self._first, moves.offsets,
                 self._forecast.side, steps, columns, rows,
             )  # fmt: skip
-            to_come = LooksToCome(steps[:count], columns[:count], looks.pods[rows[:count]])
+            to_come = LooksToCome(steps[:count], columns[:count], moves.pods[rows[:count]])
             expected = belief.expect(to_come, horizon, options.gamma)
-            left = beam.worth_of_left(expected.left, self._nearness, candidate.path[-1])
+            left = plan_kernels.worth_of_left(expected.left, moves.nearness, candidate.path[-1])
             return expected.finds + options.kappa * float(left)
 
         return max(candidates, key=value)
 
-    def _scenarios(
-        self, belief: TargetBelief, horizon: int
-    ) -> tuple[NDArray[np.int64], _Scenarios]:
-        """Return the last cells of the futures, (M,), and the futures sorted by cell."""
+    def _scenarios(self, belief: TargetBelief, horizon: int) -> plan_kernels.Scenarios:
+        """Return futures of the persons, sorted by cell."""
         count = self._options.samples
         self.drawn = True
         cells, persons = belief.futures(count, horizon, self._rng)
-        draws = np.zeros((0, 0))
-        if (self._looks.pods < 1.0).any():
-            draws = self._rng.random((horizon, count))
+        draws = np.zeros((0, 0)) if self._sure else self._rng.random((horizon, count))
         starts = np.empty((horizon, self._forecast.side**2 + 1), np.int64)
         members = np.empty((horizon, count), np.int64)
         index(cells, starts, members)
-        return cells[-1], _Scenarios(persons, draws, starts, members)
+        return plan_kernels.Scenarios(persons, draws, starts, members, cells[-1])
 
     def _last_plans(
         self, agents: Sequence[Hashable], present: Sequence[Cell], horizon: int

@@ -24,8 +24,9 @@ from dsse_ros.belief.beliefs import forecast_for, is_ensemble
 from dsse_ros.belief.drift_estimate import FIRST_OBSERVED, DriftEstimate
 from dsse_ros.belief.protocol import TargetBelief, TargetForecast
 from dsse_ros.planners.avoidance import approach
-from dsse_ros.planners.beam_search import BeamOptions, BeamSearch
-from dsse_ros.planners.masking import apply_masks, is_returning
+from dsse_ros.planners.beam_search import BeamSearch
+from dsse_ros.planners.masking import is_returning, masked_moves
+from dsse_ros.planners.options import BeamOptions, BeliefOptions
 from dsse_ros.planners.planner import (
     Cell,
     DecisionPoint,
@@ -34,12 +35,13 @@ from dsse_ros.planners.planner import (
     Observations,
     Search,
     cells_of,
-    number_of,
     probability_of,
 )
+from dsse_ros.scenario.actions import ActionSet, connected_components
 from dsse_ros.scenario.probable_cells import most_probable
 from dsse_ros.scenario.rules import Rules
 from dsse_ros.scenario.scenario import ResolvedScenario
+from dsse_ros.scenario.swarm import Swarm, number_of
 from dsse_ros.step.looks import Looked, looks_of
 
 
@@ -100,20 +102,27 @@ class GreedyOnBelief(DrawsNothing):
 
     def start(self, forecast: TargetForecast, seed: int) -> GreedyOnBelief:
         """Return the tactic for a mission; the seed makes no difference."""
-        area = forecast.scenario.area_mask
-        self._actions = forecast.rules.action_set.within(area).with_moves()
+        self._swarm = Swarm.of(forecast.scenario, forecast.rules)
         return self
 
     def __call__(self, at: DecisionPoint) -> list[Cell]:
         """Return the cell that each drone goes to; see `Tactic`."""
-        return approach(self._actions, at.present, self._goals(at.belief.poc(), at.present))
+        actions = self._swarm.actions_of(at.agents)
+        return approach(actions, at.present, self._goals(actions, at.present, at.belief.poc()))
 
-    def _goals(self, likely: NDArray[np.float64], present: Sequence[Cell]) -> list[Cell]:
+    def _goals(
+        self, actions: Sequence[ActionSet], present: Sequence[Cell], likely: NDArray[np.float64]
+    ) -> list[Cell]:
         """Return a goal for each drone."""
-        size, anywhere = len(likely), self._actions.within(None)
-        away = np.stack([anywhere.distances(cell, size) for cell in present])
+        size = len(likely)
+        away = np.stack(
+            [
+                able.distances(cell, size, as_if_open=True)
+                for able, cell in zip(actions, present, strict=True)
+            ]
+        )
         worth = likely * self.closeness**away
-        for drones, component in self._actions.connected_components(present):
+        for drones, component in connected_components(actions, present):
             if component is not None:
                 worth[drones] = np.where(component, worth[drones], -1.0)
         goals = list(present)
@@ -198,9 +207,8 @@ class BeliefPlanner:
         self._factory = tactic
         self._seed = seed
         self.forecasts = Forecasts(search.rules, tactic)
-        self._actions = search.rules.action_set.with_moves()
+        self._swarm = Swarm.of(search.scenario, search.rules).with_moves()
         self._may_be_held_up = search.scenario.may_be_held_up
-        self._has_slower_drones = search.scenario.has_slower_drones
         self._learn_drift = (
             learn_drift and search.observed == "map" and not is_ensemble(search.rules)
         )
@@ -246,8 +254,7 @@ class BeliefPlanner:
                 occupied = {cells[agent] for agent in steered}
                 ends |= {agent: cells[agent] for agent in steered if ends[agent] in occupied}
         self._commanded = {agent: (cell, ends[agent]) for agent, cell in cells.items()}
-        actions = {agent: self._actions.action(cell, ends[agent]) for agent, cell in cells.items()}
-        return apply_masks(actions, cells, infos, self._actions, apart=self._has_slower_drones)
+        return masked_moves(cells, list(ends.values()), infos, self._swarm)
 
     def copy(self) -> BeliefPlanner:
         """Return an independent copy in the same state; the forecasts are shared."""
@@ -351,10 +358,11 @@ class BeliefPlanner:
             if agent not in self._commanded:
                 continue
             info, (before, end) = infos[agent], self._commanded[agent]
-            action = info.get("action", self._actions.action(before, end))
-            if not 0 <= action < len(self._actions):
+            actions = self._swarm.actions
+            action = info.get("action", actions.action(before, end))
+            if not 0 <= action < len(actions):
                 continue
-            dx, dy = self._actions.moves[action]
+            dx, dy = actions.moves[action]
             if cell != (before[0] + dx, before[1] + dy):
                 continue
             finds = int(info.get("finds", info.get("found_person", False)))
@@ -376,36 +384,18 @@ class BeamOnBelief:
 
     def horizon(self, rules: Rules) -> int:
         """Return how many steps the plans look ahead."""
-        horizon = self._options.completed(rules).horizon
-        assert horizon is not None
-        return horizon
+        return self._options.steps_planned(rules)
 
     def start(self, forecast: TargetForecast, seed: int) -> BeamSearch:
         """Return the tactic for a mission."""
         return BeamSearch(forecast, self._options, seed=seed)
 
 
-def make_belief(
-    search: Search, *, seed: int = 0, learn_drift: bool = True, **options: Any
-) -> BeliefPlanner:
-    """Return the planner `belief`: beam search on the belief.
-
-    Args:
-        search: The rules and the scenario.
-        seed: Seed for drawing the scenarios.
-        learn_drift: See `BeliefPlanner`.
-        options: Fields of `BeamOptions`.
-    """
-    tactic = BeamOnBelief(BeamOptions(**options))
-    return BeliefPlanner(search, tactic, seed=seed, learn_drift=learn_drift)
+def make_belief(search: Search, options: BeamOptions, *, seed: int) -> BeliefPlanner:
+    """Return the planner `belief`: beam search on the belief, with scenarios drawn by this seed."""
+    return BeliefPlanner(search, BeamOnBelief(options), seed=seed, learn_drift=options.learn_drift)
 
 
-def make_belief_greedy(search: Search, *, seed: int = 0, learn_drift: bool = True) -> BeliefPlanner:
-    """Return the planner `belief_greedy`: each drone goes to a likely cell near it.
-
-    Args:
-        search: The rules and the scenario.
-        seed: Not used: the planner draws nothing.
-        learn_drift: See `BeliefPlanner`.
-    """
-    return BeliefPlanner(search, GreedyOnBelief(), seed=seed, learn_drift=learn_drift)
+def make_belief_greedy(search: Search, options: BeliefOptions, *, seed: int) -> BeliefPlanner:
+    """Return the planner `belief_greedy`: each drone goes to a likely cell near it."""
+    return BeliefPlanner(search, GreedyOnBelief(), learn_drift=options.learn_drift)

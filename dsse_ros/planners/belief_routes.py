@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Callable, Hashable, Sequence
+from dataclasses import replace
 from typing import TypeAlias
 
 import numpy as np
@@ -15,14 +16,15 @@ from dsse_ros.planners.planner import Cell, DecisionPoint
 from dsse_ros.planners.routes import RouteFollower
 from dsse_ros.scenario.actions import ActionSet
 from dsse_ros.scenario.rules import Rules
+from dsse_ros.scenario.swarm import Swarm
 from dsse_ros.search.observation import Observation
 
 BeliefRoutePlan: TypeAlias = Callable[
-    [TargetBelief, Sequence[Cell], int, ActionSet], Sequence[Sequence[Cell]]
+    [TargetBelief, Sequence[Cell], int, Sequence[ActionSet]], Sequence[Sequence[Cell]]
 ]
-"""Maps a belief, the drones' cells, the steps until the next plan and the actions in the area to
-one route per drone: the cells to search in order, with a cell to search twice listed twice. No
-route is empty."""
+"""Maps a belief, the drones' cells, the steps until the next plan and the actions of each drone in
+the area to one route per drone: the cells to search in order, with a cell to search twice listed
+twice. No route is empty."""
 
 
 class RoutesOnBelief:
@@ -42,8 +44,7 @@ class RoutesOnBelief:
         self, plan: BeliefRoutePlan, forecast: TargetForecast, period: int, seed: int
     ) -> None:
         self._plan = plan
-        self._area = forecast.scenario.area_mask
-        self._actions = forecast.rules.action_set.within(self._area).with_moves()
+        self._swarm = Swarm.of(forecast.scenario, forecast.rules)
         self._limit = forecast.scenario.timestep_limit
         self._period = period
         self._seed = seed
@@ -72,12 +73,12 @@ class RoutesOnBelief:
         due = belief.step >= self._planned_at + self._period or list(agents) != self._agents
         if self._follower is None or due:
             steps = max(1, min(self._period, self._limit - belief.step))
-            routes = self._plan(belief, present, steps, self._actions)
+            routes = self._plan(belief, present, steps, self._swarm.actions_of(agents))
             self._follower = RouteFollower(
                 lambda cells, probability, actions: routes,
-                self._actions.names,
+                # Whoever flies the tactic keeps slower drones apart.
+                replace(self._swarm, has_slower=False),
                 seed=self._seed + belief.step,
-                area=self._area,
             )
             self._agents, self._planned_at = list(agents), belief.step
         size = belief.forecast.scenario.grid_size
@@ -88,7 +89,7 @@ class RoutesOnBelief:
         }
         chosen = self._follower(observations, {}).values()
         self.drawn = self.drawn or self._follower.drawn
-        return self._actions.ends(present, chosen)
+        return self._swarm.actions.ends(present, chosen)
 
 
 class RoutePlanning:

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from dsse_ros.planners.patterns import square_legs
 from dsse_ros.planners.planner import Cell
-from dsse_ros.scenario.actions import ActionSet
+from dsse_ros.scenario.actions import ActionSet, connected_components
 from dsse_ros.scenario.probable_cells import most_probable
 
 _MOVES = {0: (0, -1), 90: (1, 0), 180: (0, 1), 270: (-1, 0)}
@@ -27,7 +27,7 @@ _MOVES = {0: (0, -1), 90: (1, 0), 180: (0, 1), 270: (-1, 0)}
 
 
 def square_routes(
-    cells: Sequence[Cell], probability: NDArray[np.float32], actions: ActionSet
+    cells: Sequence[Cell], probability: NDArray[np.float32], actions: Sequence[ActionSet]
 ) -> list[list[Cell]]:
     """Return the route of each drone; together the routes visit every reachable cell once.
 
@@ -38,14 +38,14 @@ def square_routes(
     Args:
         cells: Present cell of each drone.
         probability: Map (G, G); the most probable cell is the datum.
-        actions: The actions; they measure the distance to the ends of an arc.
+        actions: Actions of each drone; they measure the distance to the ends of an arc.
     """
     size = len(probability)
     datum = most_probable(probability, 1)[0]
     routes = [[cell] for cell in cells]
-    for members, component in actions.connected_components(cells):
+    for members, component in connected_components(actions, cells):
         drones = sorted(members, key=lambda drone: _clockwise(datum, cells[drone]))
-        shared = shared_square(datum, size, len(drones), actions, component)
+        shared = shared_square(datum, size, [actions[drone] for drone in drones], component)
         for drone, route in zip(drones, shared, strict=True):
             routes[drone] = route or routes[drone]
     return routes
@@ -70,16 +70,21 @@ def square_spiral(datum: Cell, size: int) -> Iterator[Cell]:
 def shared_square(
     datum: Cell,
     size: int,
-    drones: int,
-    actions: ActionSet,
+    actions: Sequence[ActionSet],
     component: NDArray[np.bool_] | None = None,
 ) -> list[list[Cell]]:
     """Divide the square spiral into one route per drone, clockwise from the north-west diagonal.
 
     A drone enters its arc of the next ring at the nearer end. The lengths of the routes differ
-    by one at most. Cells outside `component` (G, G) are left out.
+    by one at most.
+
+    Args:
+        datum: First cell of the spiral.
+        size: G.
+        actions: Actions of each drone.
+        component: (G, G) bool [row, col], the cells to share; None for all.
     """
-    spiral = square_spiral(datum, size)
+    drones, spiral = len(actions), square_spiral(datum, size)
     if component is not None:
         spiral = ((col, row) for col, row in spiral if component[row, col])
     if drones == 1:
@@ -98,7 +103,7 @@ def shared_square(
             end = start + each + (i in favoured)
             arc = cells[start:end]
             if route and arc:
-                first, last = (actions.distance(route[-1], arc[k]) for k in (0, -1))
+                first, last = (actions[i].distance(route[-1], arc[k]) for k in (0, -1))
                 if last < first:
                     arc.reverse()
             route += arc

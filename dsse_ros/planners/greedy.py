@@ -23,8 +23,9 @@ from dsse_ros.planners.planner import (
     cells_of,
     probability_of,
 )
-from dsse_ros.scenario.actions import ActionSet
+from dsse_ros.scenario.actions import ActionSet, connected_components
 from dsse_ros.scenario.probable_cells import most_probable
+from dsse_ros.scenario.swarm import Swarm
 
 
 class Greedy(DrawsNothing):
@@ -34,43 +35,35 @@ class Greedy(DrawsNothing):
     cell. Drone i is the i-th live drone.
 
     Args:
-        actions: Names of the actions by number.
+        swarm: What the drones can do.
         seed: Not used: the policy draws nothing.
-        area: (G, G) bool [row, col], the cells to search; None for the whole grid.
-        apart: Whether drones may be slow to leave their cells, see `masking.keep_apart`.
 
     Raises:
-        ValueError: If search or a straight move is missing.
+        ValueError: If a straight move is missing.
     """
 
-    def __init__(
-        self,
-        actions: Sequence[str],
-        *,
-        seed: int = 0,
-        area: NDArray[np.bool_] | None = None,
-        apart: bool = False,
-    ) -> None:
-        self._actions = ActionSet(actions, area).with_moves()
-        self._apart = apart
+    def __init__(self, swarm: Swarm, *, seed: int = 0) -> None:
+        self._swarm = swarm.with_moves()
 
     def __call__(self, observations: Observations, infos: Infos) -> dict[str, int]:
         """Return an action number for every observed drone; see `Planner`."""
         if not observations:
             return {}
         present = cells_of(observations)
-        goals = self._goals(present, probability_of(observations))
-        ends = approach(self._actions, present, goals)
+        actions = self._swarm.actions_of(observations)
+        goals = _goals(actions, present, probability_of(observations))
+        ends = approach(actions, present, goals)
         cells = dict(zip(observations, present, strict=True))
-        return masked_moves(cells, ends, infos, self._actions, apart=self._apart)
+        return masked_moves(cells, ends, infos, self._swarm)
 
-    def _goals(self, present: Sequence[Cell], probability: NDArray[np.float32]) -> list[Cell]:
-        """Return the goal of each drone, among the cells that it can reach."""
-        goals = list(present)
-        for drones, component in self._actions.connected_components(present):
-            reached = (
-                probability if component is None else np.where(component, probability, -np.inf)
-            )
-            for drone, goal in zip(drones, most_probable(reached, len(drones)), strict=True):
-                goals[drone] = goal
-        return goals
+
+def _goals(
+    actions: Sequence[ActionSet], present: Sequence[Cell], probability: NDArray[np.float32]
+) -> list[Cell]:
+    """Return the goal of each drone, among the cells that it can reach."""
+    goals = list(present)
+    for drones, component in connected_components(actions, present):
+        reached = probability if component is None else np.where(component, probability, -np.inf)
+        for drone, goal in zip(drones, most_probable(reached, len(drones)), strict=True):
+            goals[drone] = goal
+    return goals

@@ -12,6 +12,7 @@ import numpy as np
 from dsse_ros.planners.avoidance import resolve_actions
 from dsse_ros.planners.planner import Cell, Infos
 from dsse_ros.scenario.actions import ActionSet
+from dsse_ros.scenario.swarm import Swarm
 
 
 def is_returning(info: Mapping[str, Any]) -> bool:
@@ -28,9 +29,7 @@ def apply_masks(
     actions: Mapping[str, int],
     present: Mapping[str, Cell],
     infos: Infos,
-    action_set: ActionSet,
-    *,
-    apart: bool = False,
+    swarm: Swarm,
 ) -> dict[str, int]:
     """Return the actions, with those that the masks forbid replaced.
 
@@ -42,16 +41,15 @@ def apply_masks(
         actions: By agent.
         present: Cells of the agents.
         infos: By agent; an agent without `action_mask` may do anything.
-        action_set: The actions.
-        apart: Whether to keep drones out of the cells of others, see `keep_apart`.
+        swarm: What the drones can do; if some are slower, see `keep_apart`.
     """
-    masked = dict(actions)
+    masked, action_set = dict(actions), swarm.actions
     for agent, action in actions.items():
         mask = infos[agent].get("action_mask") if agent in infos else None
         if mask is not None and not mask[action] and mask.any():
             allowed = mask[action_set.search]
             masked[agent] = action_set.search if allowed else int(np.flatnonzero(mask)[0])
-    if apart:
+    if swarm.has_slower:
         return keep_apart(masked, present, infos, action_set)
     if masked == actions:
         return masked
@@ -64,16 +62,14 @@ def masked_moves(
     present: Mapping[str, Cell],
     ends: Sequence[Cell],
     infos: Infos,
-    action_set: ActionSet,
-    *,
-    apart: bool = False,
+    swarm: Swarm,
 ) -> dict[str, int]:
     """Return the masked actions that take drones to these cells; see `apply_masks`."""
     actions = {
-        agent: action_set.action(cell, end)
+        agent: swarm.actions.action(cell, end)
         for (agent, cell), end in zip(present.items(), ends, strict=True)
     }
-    return apply_masks(actions, present, infos, action_set, apart=apart)
+    return apply_masks(actions, present, infos, swarm)
 
 
 def keep_apart(

@@ -38,6 +38,7 @@ from dsse_ros.extras import pip_install
 from dsse_ros.planners.avoidance import resolve_actions
 from dsse_ros.planners.belief import BeliefPlanner
 from dsse_ros.planners.masking import apply_masks
+from dsse_ros.planners.options import OnnxOptions
 from dsse_ros.planners.planner import (
     Cell,
     DecisionPoint,
@@ -53,6 +54,7 @@ from dsse_ros.scenario.actions import ActionSet
 from dsse_ros.scenario.fields import FieldError, shown
 from dsse_ros.scenario.options import OBSERVED
 from dsse_ros.scenario.rules import Rules
+from dsse_ros.scenario.swarm import Swarm
 from dsse_ros.search.world_beliefs import DRIFT_SAMPLES
 from dsse_ros.search.wrappers import own_first
 
@@ -134,16 +136,16 @@ class OnnxPlanner(DrawsNothing):
 
     Args:
         policy: The policy.
-        apart: The actions of the search, if drones may be slow to leave their cells, see
-            `masking.keep_apart`; else None.
+        swarm: What the drones can do, to keep them apart if some are slower than others; None for
+            a policy that does not.
     """
 
-    def __init__(self, policy: Policy, apart: ActionSet | None = None) -> None:
-        self._policy, self._apart = policy, apart
+    def __init__(self, policy: Policy, swarm: Swarm | None = None) -> None:
+        self._policy, self._swarm = policy, swarm
 
     def copy(self) -> OnnxPlanner:
         """Return an independent copy in the same state; the model is shared."""
-        return OnnxPlanner(self._policy.copy(), self._apart)
+        return OnnxPlanner(self._policy.copy(), self._swarm)
 
     def __call__(self, observations: Observations, infos: Infos) -> dict[str, int]:
         """Return an action number for every drone, see `Planner`."""
@@ -153,9 +155,9 @@ class OnnxPlanner(DrawsNothing):
         masks = np.stack([infos[name]["action_mask"] for name in observations])
         chosen = self._policy.actions(present, probability_of(observations), masks)
         actions = dict(zip(observations, chosen, strict=True))
-        if self._apart is None:
+        if self._swarm is None or not self._swarm.has_slower:
             return actions
-        return apply_masks(actions, present, infos, self._apart, apart=True)
+        return apply_masks(actions, present, infos, self._swarm)
 
 
 class OnnxOnBelief(DrawsNothing):
@@ -163,13 +165,13 @@ class OnnxOnBelief(DrawsNothing):
 
     Args:
         policy: The policy.
-        actions: The actions of the search, in its area.
+        swarm: What the drones can do.
         grid_size: G.
     """
 
-    def __init__(self, policy: Policy, actions: ActionSet, grid_size: int) -> None:
-        self._policy, self._actions = policy, actions
-        self._masks = actions.masks(grid_size)
+    def __init__(self, policy: Policy, swarm: Swarm, grid_size: int) -> None:
+        self._policy, self._swarm = policy, swarm
+        self._masks = [actions.masks(grid_size) for actions in swarm.of_kinds]
 
     def copy(self) -> OnnxOnBelief:
         """Return an independent copy in the same state; the model is shared."""
@@ -180,10 +182,12 @@ class OnnxOnBelief(DrawsNothing):
     def __call__(self, at: DecisionPoint) -> list[Cell]:
         """Return the cell that each drone goes to; see `Tactic`."""
         belief, agents, present, *_ = at
-        masks = np.stack([self._masks[row][col] for col, row in present])
+        kinds = [self._swarm.kind_of(agent) for agent in agents]
+        cells_of_kinds = zip(kinds, present, strict=True)
+        masks = np.stack([self._masks[kind][row][col] for kind, (col, row) in cells_of_kinds])
         probability = belief.poc().astype(np.float32)
         cells = dict(zip(agents, present, strict=True))
-        return self._actions.ends(present, self._policy.actions(cells, probability, masks))
+        return self._swarm.actions.ends(present, self._policy.actions(cells, probability, masks))
 
 
 class OnnxTactics:
@@ -205,8 +209,8 @@ class OnnxTactics:
 
     def start(self, forecast: TargetForecast, seed: int) -> OnnxOnBelief:
         """Return the tactic for a mission; the seed makes no difference."""
-        actions = forecast.rules.action_set.within(forecast.scenario.area_mask)
-        return OnnxOnBelief(self._new_policy(), actions, forecast.scenario.grid_size)
+        swarm = Swarm.of(forecast.scenario, forecast.rules)
+        return OnnxOnBelief(self._new_policy(), swarm, forecast.scenario.grid_size)
 
 
 def encode(
@@ -262,24 +266,19 @@ def read_model(model: str = "") -> onnxruntime.InferenceSession:
     return session
 
 
-def make_onnx(search: Search, *, seed: int = 0, model: str = "") -> Planner:
-    """Return the planner of a model.
-
-    Args:
-        search: The rules and the scenario.
-        seed: Not used: a model draws nothing.
-        model: ONNX file, by default the model of this package.
+def make_onnx(search: Search, options: OnnxOptions, *, seed: int) -> Planner:
+    """Return the planner of a model; the seed makes no difference.
 
     Raises:
         FieldError: If the model cannot be read, or does not fit the search.
     """
-    session = read_model(model)
+    session = read_model(options.model)
     stated = _metadata(session.get_modelmeta().custom_metadata_map, search)
-    apart = search.rules.action_set if stated["avoid_collisions"] else None
-    new_policy = partial(Policy, session, apart)
+    swarm = Swarm.of(search.scenario, search.rules) if stated["avoid_collisions"] else None
+    new_policy = partial(Policy, session, None if swarm is None else swarm.actions)
     if stated["observe"] == "belief" and search.observed == "map":
-        return BeliefPlanner(search, OnnxTactics(new_policy), seed=seed)
-    return OnnxPlanner(new_policy(), apart if search.scenario.has_slower_drones else None)
+        return BeliefPlanner(search, OnnxTactics(new_policy))
+    return OnnxPlanner(new_policy(), swarm)
 
 
 def _metadata(metadata: Mapping[str, str], search: Search) -> dict[str, Any]:

@@ -22,33 +22,32 @@ from numpy.typing import NDArray
 from dsse_ros.belief.protocol import TargetBelief
 from dsse_ros.planners.belief import BeliefPlanner
 from dsse_ros.planners.belief_routes import RoutePlanning
+from dsse_ros.planners.options import EffortOptions
 from dsse_ros.planners.planner import Cell, Search
 from dsse_ros.scenario.actions import ActionSet
 from dsse_ros.step.looks import searches_of
 
 
-def make_optimal_effort(
-    search: Search, *, seed: int = 0, learn_drift: bool = True, period: int = 4
-) -> BeliefPlanner:
+def make_optimal_effort(search: Search, options: EffortOptions, *, seed: int) -> BeliefPlanner:
     """Return a planner that allocates the effort of the next steps and routes it.
 
     The effort is the number of searches that the drones could do if they did not have to move.
 
     Args:
         search: The rules and the scenario.
+        options: The options.
         seed: Seed for the choice of the cell to step aside to when a route is blocked.
-        learn_drift: See `BeliefPlanner`.
-        period: Steps between two plans.
     """
 
     def plan(
-        belief: TargetBelief, present: Sequence[Cell], steps: int, actions: ActionSet
+        belief: TargetBelief, present: Sequence[Cell], steps: int, actions: Sequence[ActionSet]
     ) -> list[list[Cell]]:
-        searches = allocate(belief.poc(), looks_of_search(belief), steps * len(present))
+        reach = reach_of(actions, present)
+        searches = allocate(belief.poc(), looks_of_search(belief), steps * len(present), reach)
         return nearest_routes(present, searches, actions)
 
-    tactic = RoutePlanning(plan, period)
-    return BeliefPlanner(search, tactic, seed=seed, learn_drift=learn_drift)
+    tactic = RoutePlanning(plan, options.period)
+    return BeliefPlanner(search, tactic, seed=seed, learn_drift=options.learn_drift)
 
 
 LookAround = Sequence[tuple[int, int, float]]
@@ -83,21 +82,45 @@ def _seen(likely: NDArray[np.float64], look: tuple[int, int, float]) -> NDArray[
     return around[abs(dy) + dy :, abs(dx) + dx :][:rows, :cols] * pod
 
 
-def allocate(likely: NDArray[np.float64], looks: LookAround, searches: int) -> dict[Cell, int]:
+def reach_of(actions: Sequence[ActionSet], present: Sequence[Cell]) -> NDArray[np.bool_] | None:
+    """Return the cells to which moves of any drone lead, (G, G) bool [row, col]; None for all.
+
+    Args:
+        actions: Actions of each drone.
+        present: Cells of the drones.
+    """
+    reach: NDArray[np.bool_] | None = None
+    for able, cell in zip(actions, present, strict=True):
+        of_drone = able.reachable(cell)
+        if of_drone is None:
+            return None
+        reach = of_drone if reach is None else reach | of_drone
+    return reach
+
+
+def allocate(
+    likely: NDArray[np.float64],
+    looks: LookAround,
+    searches: int,
+    reach: NDArray[np.bool_] | None = None,
+) -> dict[Cell, int]:
     """Return how often to search each cell (col, row) for the greatest POS.
 
     Args:
         likely: (G, G) probability of containment, [row, col].
         looks: Looks of a search.
         searches: Searches to allocate; the function allocates fewer if nothing is left to gain.
+        reach: (G, G) bool [row, col], the cells in which to search; None for all.
     """
     if not looks:
         return {}
     rows, cols = likely.shape
     parts = [_seen(likely, look) for look in looks]
+    if reach is not None:
+        parts = [np.where(reach, part, 0.0) for part in parts]
     # Searches can overlap and take gain from each other, so consider more cells than searches.
     count = min(searches * len(looks) ** 2, likely.size)
-    best = np.argpartition(-np.sum(parts, axis=0) if looks[1:] else -likely, count - 1, axis=None)
+    best = np.argpartition(-np.sum(parts, axis=0), count - 1, axis=None)
     gains = [(-float(sum(part.flat[i] for part in parts)), int(i)) for i in best[:count]]
     heapq.heapify(gains)
     allocated: dict[Cell, int] = {}
@@ -124,14 +147,14 @@ def allocate(likely: NDArray[np.float64], looks: LookAround, searches: int) -> d
 
 
 def nearest_routes(
-    present: Sequence[Cell], searches: dict[Cell, int], actions: ActionSet
+    present: Sequence[Cell], searches: dict[Cell, int], actions: Sequence[ActionSet]
 ) -> list[list[Cell]]:
     """Assign cells to drones: always the cell and drone where the drone arrives first.
 
     Args:
         present: Cells of the drones.
         searches: How often to search each cell.
-        actions: The actions; they measure the distances.
+        actions: Actions of each drone; they measure the distances.
 
     Returns:
         The cells that each drone searches, in order, with a cell to search twice listed twice. A
@@ -145,7 +168,7 @@ def nearest_routes(
             (busy[n] + way, place, cell, n)
             for n, end in enumerate(ends)
             for place, cell in enumerate(left)
-            if (way := actions.distance(end, cell)) >= 0
+            if (way := actions[n].distance(end, cell)) >= 0
         ]
         if not ways:
             break

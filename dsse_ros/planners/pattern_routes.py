@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from dsse_ros.planners.patterns import SearchPattern
 from dsse_ros.planners.planner import Cell
 from dsse_ros.planners.sweep import split
-from dsse_ros.scenario.actions import ActionSet
+from dsse_ros.scenario.actions import ActionSet, connected_components
 from dsse_ros.scenario.probable_cells import most_probable
 
 
@@ -36,7 +36,10 @@ class PatternRoutes:
     datum: Cell | None = None
 
     def __call__(
-        self, cells: Sequence[Cell], probability: NDArray[np.float32], actions: ActionSet
+        self,
+        cells: Sequence[Cell],
+        probability: NDArray[np.float32],
+        actions: Sequence[ActionSet],
     ) -> list[list[Cell]]:
         """Return the route of each drone, its present cell if no cell is left for it."""
         datum = self.datum or most_probable(probability, 1)[0]
@@ -45,7 +48,7 @@ class PatternRoutes:
         flown = cells_along(points.tolist())
         inside = [cell for cell in flown if min(cell) >= 0 and max(cell) < size]
         routes = [[cell] for cell in cells]
-        for drones, component in actions.connected_components(cells):
+        for drones, component in connected_components(actions, cells):
             reached = [c for c in inside if component is None or component[c[1], c[0]]]
             for drone, piece in zip(drones, split(len(reached), len(drones)), strict=True):
                 routes[drone] = reached[piece.start : piece.stop] or routes[drone]

@@ -138,11 +138,6 @@ class DecisionPoint(NamedTuple):
     batteries: Sequence[float] = ()
 
 
-def number_of(agent: Hashable) -> int:
-    """Return the number of an agent, `drone3` or 3."""
-    return int(str(agent).removeprefix("drone"))
-
-
 PlannerFactory: TypeAlias = Callable[..., Planner]
 """Takes a `Search`, the keyword `seed` and the planner's own options as keywords."""
 

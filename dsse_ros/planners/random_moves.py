@@ -5,15 +5,13 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dsse_ros.planners.avoidance import resolve_actions
 from dsse_ros.planners.masking import keep_apart
 from dsse_ros.planners.planner import Infos, Observations, cells_of
-from dsse_ros.scenario.actions import ActionSet
+from dsse_ros.scenario.swarm import Swarm
 
 
 class RandomMoves:
@@ -23,28 +21,15 @@ class RandomMoves:
     `resolve_conflicts` refuses searches where it is.
 
     Args:
-        actions: Names of the actions by number.
+        swarm: What the drones can do; the masks of the infos say it too.
         seed: Seed of all draws.
-        area: Not used: the masks forbid moves out of the area.
-        apart: Whether drones may be slow to leave their cells, see `masking.keep_apart`.
 
     Attributes:
         drawn: See `SharedPlanner`.
-
-    Raises:
-        ValueError: If search is missing.
     """
 
-    def __init__(
-        self,
-        actions: Sequence[str],
-        *,
-        seed: int = 0,
-        area: NDArray[np.bool_] | None = None,
-        apart: bool = False,
-    ) -> None:
-        self._actions = ActionSet(actions)
-        self._apart = apart
+    def __init__(self, swarm: Swarm, *, seed: int = 0) -> None:
+        self._swarm = swarm
         self._rng = np.random.default_rng(seed)
         self.drawn = False
 
@@ -67,9 +52,9 @@ class RandomMoves:
             allowed = np.flatnonzero(infos[agent]["action_mask"])
             actions.append(int(allowed[int(draw * allowed.size)]))
         present = cells_of(observations)
-        if self._apart:
+        if self._swarm.has_slower:
             drawn = dict(zip(observations, actions, strict=True))
             cells = dict(zip(observations, present, strict=True))
-            return keep_apart(drawn, cells, infos, self._actions)
-        resolved = resolve_actions(self._actions, present, actions)
+            return keep_apart(drawn, cells, infos, self._swarm.actions)
+        resolved = resolve_actions(self._swarm.actions, present, actions)
         return dict(zip(observations, resolved, strict=True))

@@ -10,6 +10,7 @@ planner to a `PlannerFactory`. In its setup.py, for example:
 
 from __future__ import annotations
 
+import inspect
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import partial
 from importlib.metadata import EntryPoint, entry_points
@@ -17,79 +18,107 @@ from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import numpy as np
-import yaml
 from numpy.typing import NDArray
 
 from dsse_ros.planners.expanding_square import square_routes
 from dsse_ros.planners.greedy import Greedy
+from dsse_ros.planners.options import (
+    PATTERNS,
+    BeamOptions,
+    BeliefOptions,
+    EffortOptions,
+    ForwardBackwardOptions,
+    OnnxOptions,
+    Options,
+    PatternOptions,
+    RouteOptions,
+)
 from dsse_ros.planners.pattern_routes import PatternRoutes
-from dsse_ros.planners.patterns import SearchPattern
 from dsse_ros.planners.planner import Planner, PlannerFactory, Search
 from dsse_ros.planners.random_moves import RandomMoves
-from dsse_ros.planners.routes import RouteFollower
+from dsse_ros.planners.routes import RouteFollower, RoutePlan
 from dsse_ros.planners.sector import sector_routes
 from dsse_ros.planners.spiral import spiral_routes
 from dsse_ros.planners.sweep import sweep_routes
 from dsse_ros.scenario.cell_checks import check_cell
-from dsse_ros.scenario.fields import FieldError, Spec, shown, specs
+from dsse_ros.scenario.fields import FieldError, shown
+from dsse_ros.scenario.options import check_seed
 from dsse_ros.scenario.rules import Rules
-from dsse_ros.scenario.scenario import ResolvedScenario
+from dsse_ros.scenario.swarm import Swarm
+from dsse_ros.scenario.yaml_file import parse_yaml
 
 GROUP = "dsse_ros.planners"
 """Group of the entry points."""
 
+_ROUTES: Mapping[str, RoutePlan] = MappingProxyType(
+    {
+        "sweep": sweep_routes,
+        "creeping_line": partial(sweep_routes, creeping=True),
+        "expanding_square": square_routes,
+        "sector": sector_routes,
+        "spiral": spiral_routes,
+    }
+)
+
 PLANNERS: Mapping[str, Callable[..., Planner]] = MappingProxyType(
     {
-        "sweep": partial(RouteFollower, sweep_routes),
-        "creeping_line": partial(RouteFollower, partial(sweep_routes, creeping=True)),
-        "expanding_square": partial(RouteFollower, square_routes),
-        "sector": partial(RouteFollower, sector_routes),
-        "spiral": partial(RouteFollower, spiral_routes),
+        **{name: partial(RouteFollower, plan) for name, plan in _ROUTES.items()},
         "greedy": Greedy,
         "random": RandomMoves,
     }
 )
-"""Planners that need only the actions and the area; see `make_planner` for their arguments."""
-
-PATTERN_PLANNERS: Mapping[str, str] = MappingProxyType(
-    {"sweep": "PS", "creeping_line": "CS", "sector": "VS", "expanding_square": "SS"}
-)
-"""Planners that can fly a `SearchPattern`: its fields and `datum`, see `PatternRoutes`, are their
-options."""
-
-PATTERN_OPTIONS = ("datum", *(name for name in specs(SearchPattern) if name != "pattern"))
+"""Planners that need only the actions and the area: factories of a `Swarm` and a seed."""
 
 
 class LoadedPlanner(NamedTuple):
     """A planner of this package that is imported on request.
 
     Attributes:
-        factory: Its `PlannerFactory`, as `module:name`.
+        factory: Takes a `Search`, its options and the keyword `seed`, as `module:name`.
+        options: The class of its options.
         task: What it does: "persons" looks for persons, "cells" covers cells, "" does either.
         libraries: Installed by its extra, if it needs one; their versions also affect the results.
     """
 
     factory: str
+    options: type[Options]
     task: str
     libraries: tuple[str, ...] = ()
 
 
 LOADED_PLANNERS: Mapping[str, LoadedPlanner] = MappingProxyType(
     {
-        "belief": LoadedPlanner("dsse_ros.planners.belief:make_belief", "persons"),
-        "belief_greedy": LoadedPlanner("dsse_ros.planners.belief:make_belief_greedy", "persons"),
+        "belief": LoadedPlanner("dsse_ros.planners.belief:make_belief", BeamOptions, "persons"),
+        "belief_greedy": LoadedPlanner(
+            "dsse_ros.planners.belief:make_belief_greedy", BeliefOptions, "persons"
+        ),
         "forward_backward": LoadedPlanner(
-            "dsse_ros.planners.forward_backward:make_forward_backward", "persons"
+            "dsse_ros.planners.forward_backward:make_forward_backward",
+            ForwardBackwardOptions,
+            "persons",
         ),
         "optimal_effort": LoadedPlanner(
-            "dsse_ros.planners.optimal_effort:make_optimal_effort", "persons"
+            "dsse_ros.planners.optimal_effort:make_optimal_effort", EffortOptions, "persons"
         ),
-        "astar": LoadedPlanner("dsse_ros.planners.astar:make_astar", "cells"),
-        "onnx": LoadedPlanner("dsse_ros.planners.onnx:make_onnx", "", ("onnxruntime",)),
-        "route": LoadedPlanner("dsse_ros.planners.route:make_route", "persons", ("ortools",)),
+        "astar": LoadedPlanner("dsse_ros.planners.astar:make_astar", Options, "cells"),
+        "onnx": LoadedPlanner(
+            "dsse_ros.planners.onnx:make_onnx", OnnxOptions, "", ("onnxruntime",)
+        ),
+        "route": LoadedPlanner(
+            "dsse_ros.planners.route:make_route", RouteOptions, "persons", ("ortools",)
+        ),
     }
 )
 """Planners that need the rules and the scenario too."""
+
+OPTIONS: Mapping[str, type[Options]] = MappingProxyType(
+    {
+        **dict.fromkeys(PLANNERS, Options),
+        **dict.fromkeys(PATTERNS, PatternOptions),
+        **{name: planner.options for name, planner in LOADED_PLANNERS.items()},
+    }
+)
+"""The class of the options of each planner of this package."""
 
 
 def _of_task(task: str) -> tuple[str, ...]:
@@ -102,58 +131,60 @@ COVERAGE_PLANNERS = _of_task("cells")
 """Planners that cover cells only."""
 
 
-def _pattern_routes(name: str, scenario: ResolvedScenario, given: dict[str, Any]) -> PatternRoutes:
-    """Return the routes of a planner with options of a pattern.
+def _by_actions(name: str, search: Search, options: Options, *, seed: int) -> Planner:
+    """Return a planner of `PLANNERS` for a search.
 
     Raises:
-        FieldError: If a value is not allowed, or the planner flies no pattern.
+        ValueError: If the datum is off the grid, or an action that the planner needs is missing.
     """
-    if name not in PATTERN_PLANNERS:
-        raise FieldError(
-            f"{next(iter(given))} is an option of {', '.join(PATTERN_PLANNERS)}, not of {name}"
-        )
-    datum = Spec("cell", "", optional=True).check("datum", given.pop("datum", None))
-    if datum is not None:
-        check_cell("datum", datum, scenario.grid_size)
-    values = {"length": None, **given, "pattern": PATTERN_PLANNERS[name]}
-    return PatternRoutes(SearchPattern(**values), scenario.cell_size, datum)
-
-
-def _from_actions(name: str, search: Search, **options: Any) -> Planner:
-    rules, make = search.rules, PLANNERS[name]
-    given = {option: options.pop(option) for option in PATTERN_OPTIONS if option in options}
-    scenario = search.scenario.resolve(rules)
-    if given:
-        make = partial(RouteFollower, _pattern_routes(name, scenario, given))
-    if rules.covers and isinstance(make, partial):
-        options["covers"] = True
-    if search.scenario.has_slower_drones:
-        options["apart"] = True
-    return make(rules.actions, area=scenario.area_mask, **options)
+    swarm = Swarm.of(search.scenario, search.rules)
+    if name not in _ROUTES:
+        return PLANNERS[name](swarm, seed=seed)
+    plan = _ROUTES[name]
+    if isinstance(options, PatternOptions) and options.pattern is not None:
+        scenario = search.scenario.resolve(search.rules)
+        if options.datum is not None:
+            check_cell("datum", options.datum, scenario.grid_size)
+        plan = PatternRoutes(options.pattern, scenario.cell_size, options.datum)
+    return RouteFollower(plan, swarm, seed=seed, covers=search.rules.covers)
 
 
 def _registered() -> dict[str, list[EntryPoint]]:
-    """Return the planners that are loaded on request, by name; several may share a name."""
-    found = {name: [EntryPoint(name, p.factory, GROUP)] for name, p in LOADED_PLANNERS.items()}
+    """Return the planners of other packages by name; several may share a name."""
+    found: dict[str, list[EntryPoint]] = {}
     for entry in entry_points(group=GROUP):
-        if entry.name not in PLANNERS and entry.name not in LOADED_PLANNERS:
+        if entry.name not in OPTIONS:
             found.setdefault(entry.name, []).append(entry)
     return found
 
 
-PLANNER_NAMES = (*PLANNERS, *_registered())
+PLANNER_NAMES = (*PLANNERS, *LOADED_PLANNERS, *_registered())
 """All installed planners. Other packages cannot replace a planner of this package."""
 
 
 def load_planner(name: str) -> PlannerFactory:
-    """Return the factory of a planner.
+    """Return the factory of a planner, which checks the seed and the options that it is given.
 
     Raises:
         FieldError: If the name is unknown, or the package that registers it is defective.
     """
+    factory = _loaded(name)
+    return partial(_with_options if name in OPTIONS else _of_package, name, factory)
+
+
+def _loaded(name: str) -> Callable[..., Planner]:
+    """Return the factory of a planner; those of this package take an `Options`.
+
+    Raises:
+        FieldError: As `load_planner`.
+    """
     if isinstance(name, str) and name in PLANNERS:
-        return partial(_from_actions, name)
-    entries = _registered().get(name, []) if isinstance(name, str) else []
+        return partial(_by_actions, name)
+    entries: list[EntryPoint] = []
+    if isinstance(name, str) and name in LOADED_PLANNERS:
+        entries = [EntryPoint(name, LOADED_PLANNERS[name].factory, GROUP)]
+    elif isinstance(name, str):
+        entries = _registered().get(name, [])
     if not entries:
         raise FieldError(f"planner must be one of {', '.join(PLANNER_NAMES)}, got {shown(name)}")
     if len(entries) > 1:
@@ -166,8 +197,51 @@ def load_planner(name: str) -> PlannerFactory:
         raise FieldError(f"planner: {name!r} cannot be loaded: {reason}") from error
     if not callable(factory):
         raise FieldError(f"planner: {name!r} cannot be loaded: {entries[0].value} is not a factory")
-    made: PlannerFactory = factory
+    made: Callable[..., Planner] = factory
     return made
+
+
+def _with_options(
+    name: str, factory: Callable[..., Planner], search: Search, *, seed: int = 0, **given: Any
+) -> Planner:
+    """Return a planner of this package."""
+    return factory(search, OPTIONS[name].of(name, given), seed=check_seed(seed))
+
+
+def _of_package(
+    name: str, factory: Callable[..., Planner], search: Search, *, seed: int = 0, **given: Any
+) -> Planner:
+    """Return a planner of another package, which checks the values of its options itself."""
+    _check_names(name, factory, given)
+    return factory(search, seed=check_seed(seed), **given)
+
+
+def _check_names(name: str, factory: Callable[..., Planner], given: Mapping[str, Any]) -> None:
+    """Check that the factory of another package has arguments of these names.
+
+    Raises:
+        FieldError: If it has not.
+    """
+    try:
+        inspect.signature(factory).bind(None, seed=0, **given)
+    except TypeError as error:
+        raise FieldError(f"planner_options: {name}: {error}") from None
+    except ValueError:
+        # Functions in C may have no signature.
+        return
+
+
+def check_options(name: str, given: Mapping[str, Any]) -> None:
+    """Check the options of a planner as far as possible without a search.
+
+    Raises:
+        FieldError: If an option is unknown or not allowed, or as `load_planner`.
+    """
+    factory = _loaded(name)
+    if name in OPTIONS:
+        OPTIONS[name].of(name, given)
+    else:
+        _check_names(name, factory, given)
 
 
 def planner_for(search: Search, name: str, *, seed: int = 0, **options: Any) -> Planner:
@@ -177,12 +251,12 @@ def planner_for(search: Search, name: str, *, seed: int = 0, **options: Any) -> 
         search: An environment, or a `SearchDefinition`. The planner reads nothing hidden from it.
         name: One of `PLANNER_NAMES`.
         seed: Seed of the planner's random draws.
-        options: Options of the planner, such as the fields of `BeamOptions` for `belief`, or of
-            `SearchPattern` for `PATTERN_PLANNERS`.
+        options: Options of the planner, see `options`.
 
     Raises:
-        ValueError: If the name is unknown, the planner's package is defective, an action that the
-            planner needs is missing, or the planner is for another task.
+        ValueError: If the name is unknown, the planner's package is defective, an option is unknown
+            or not allowed, an action that the planner needs is missing, or the planner is for
+            another task.
     """
     factory = load_planner(name)
     check_task(name, search.rules)
@@ -190,20 +264,24 @@ def planner_for(search: Search, name: str, *, seed: int = 0, **options: Any) -> 
 
 
 def read_options(options: Iterable[str]) -> dict[str, Any]:
-    """Return options by name, each given as name=value with a value in YAML.
+    """Return options by name, each given as name=value with a value in YAML, see `read_yaml`.
 
     Raises:
-        FieldError: If one has no name or no value.
+        FieldError: If one has no name or no value, or is given twice.
     """
-    values = {}
+    values: dict[str, Any] = {}
     for text in options:
         name, _, value = text.partition("=")
+        name = name.strip()
         try:
-            values[name.strip()] = yaml.safe_load(value)
-        except yaml.YAMLError:
+            parsed = parse_yaml(value)
+        except FieldError:
             value = ""
         if not (name and value):
             raise FieldError(f"planner_options must be name=value each, got {shown(text)}")
+        if name in values:
+            raise FieldError(f"planner_options must name each option once, got {name} twice")
+        values[name] = parsed
     return values
 
 
@@ -217,15 +295,16 @@ def planner_with(
         name: One of `PLANNER_NAMES`.
         options: See `read_options`.
         seed: Seed of the planner's random draws.
-        others: Further options.
+        others: Further options, which the text must not have.
 
     Raises:
-        ValueError: See `planner_for`; also if an option is unknown or has no value.
+        ValueError: See `planner_for` and `read_options`.
     """
-    try:
-        return planner_for(search, name, seed=seed, **read_options(options), **others)
-    except TypeError as error:
-        raise FieldError(f"planner_options: {name}: {error}") from None
+    given = read_options(options)
+    for other in others:
+        if other in given:
+            raise FieldError(f"planner_options must not have {other}, which is given already")
+    return planner_for(search, name, seed=seed, **given, **others)
 
 
 def check_task(name: str, rules: Rules) -> None:
@@ -252,23 +331,21 @@ def make_planner(
     *,
     seed: int = 0,
     area: NDArray[np.bool_] | None = None,
-    **options: Any,
 ) -> Planner:
-    """Return a planner that needs only the actions and the area.
+    """Return a planner that needs only the actions and the area, for drones that can do them all.
 
     Args:
         name: A key of `PLANNERS`.
         actions: Names of the actions by number, as in the rules.
         seed: Seed of the planner's random draws.
         area: (G, G) bool [row, col], the cells to search; None for the whole grid.
-        options: Options of the planner.
 
     Raises:
-        ValueError: If the name is unknown, the planner needs the rules and the scenario too, or an
-            action that it needs is missing.
+        ValueError: If the name is unknown, the planner needs the rules and the scenario too, the
+            seed is not allowed, or an action that the planner needs is missing.
     """
     if isinstance(name, str) and name in PLANNERS:
-        return PLANNERS[name](actions, seed=seed, area=area, **options)
+        return PLANNERS[name](Swarm.alike(actions, area), seed=check_seed(seed))
     if name in PLANNER_NAMES:
         raise FieldError(f"planner: {name!r} also needs the rules and the scenario")
     raise FieldError(f"planner must be one of {', '.join(PLANNER_NAMES)}, got {shown(name)}")

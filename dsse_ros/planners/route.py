@@ -22,7 +22,9 @@ from dsse_ros.planners.optimal_effort import (
     allocate,
     expected_finds,
     looks_of_search,
+    reach_of,
 )
+from dsse_ros.planners.options import RouteOptions
 from dsse_ros.planners.planner import Cell, Search
 from dsse_ros.scenario.actions import ActionSet
 
@@ -39,48 +41,43 @@ _UNLIMITED_S = 86_400
 """Wall time for each part of the local search, which takes microseconds."""
 
 
-def make_route(
-    search: Search,
-    *,
-    seed: int = 0,
-    learn_drift: bool = True,
-    period: int = 3,
-    reach: int = 15,
-    cells_per_drone: int = 12,
-) -> BeliefPlanner:
+def make_route(search: Search, options: RouteOptions, *, seed: int) -> BeliefPlanner:
     """Return a planner that flies the routes of a solver.
 
     Args:
         search: The rules and the scenario.
+        options: The options.
         seed: Seed for the choice of the cell to step aside to when a route is blocked.
-        learn_drift: See `BeliefPlanner`.
-        period: Steps between two plans.
-        reach: Steps that a route may take after the drones have arrived, unless the mission ends
-            sooner.
-        cells_per_drone: Number of the most likely cells per drone to choose the routes from.
     """
 
     def plan(
-        belief: TargetBelief, present: Sequence[Cell], steps: int, actions: ActionSet
+        belief: TargetBelief, present: Sequence[Cell], steps: int, actions: Sequence[ActionSet]
     ) -> list[list[Cell]]:
         likely = belief.poc()
-        chosen = list(allocate(likely, SURE_LOOK, cells_per_drone * len(present)))
+        count, reach = options.cells_per_drone * len(present), reach_of(actions, present)
+        chosen = list(allocate(likely, SURE_LOOK, count, reach))
         chosen = chosen or [present[0]]
         found = expected_finds(likely, looks_of_search(belief))
         gains = [float(found[row, col]) for col, row in chosen]
         nodes = [*present, *chosen]
-        ways = [[_steps(actions.distance(a, b)) for b in nodes] for a in nodes]
-        nearest = [min(row[len(present) :]) for row in ways[: len(present)]]
+        of_kinds = {able: _ways(able, nodes) for able in actions}
+        ways = [of_kinds[able] for able in actions]
+        nearest = [min(of_drone[n][len(present) :]) for n, of_drone in enumerate(ways)]
         there = max((steps for steps in nearest if steps < NEVER), default=0)
         limit = belief.forecast.scenario.timestep_limit
-        time = max(1, min(there + reach, limit - belief.step))
+        time = max(1, min(there + options.reach, limit - belief.step))
         return [
             [nodes[i] for i in route] or [cell]
-            for route, cell in zip(solve(ways, gains, len(present), time), present, strict=True)
+            for route, cell in zip(solve(ways, gains, time), present, strict=True)
         ]
 
-    tactic = RoutePlanning(plan, period)
-    return BeliefPlanner(search, tactic, seed=seed, learn_drift=learn_drift)
+    tactic = RoutePlanning(plan, options.period)
+    return BeliefPlanner(search, tactic, seed=seed, learn_drift=options.learn_drift)
+
+
+def _ways(actions: ActionSet, nodes: Sequence[Cell]) -> list[list[int]]:
+    """Return the moves between any two cells of a drone with these actions."""
+    return [[_steps(actions.distance(a, b)) for b in nodes] for a in nodes]
 
 
 def _steps(distance: int) -> int:
@@ -88,28 +85,29 @@ def _steps(distance: int) -> int:
 
 
 def solve(
-    ways: Sequence[Sequence[int]], gains: Sequence[float], drones: int, time: int
+    ways: Sequence[Sequence[Sequence[int]]], gains: Sequence[float], time: int
 ) -> list[list[int]]:
     """Return the nodes that each drone searches, in order.
 
     Args:
-        ways: (N + K, N + K) moves between any two nodes, the N drones first.
+        ways: (N, N + K, N + K) moves of each drone between any two nodes, the starts of the N
+            drones first.
         gains: (K,) expected finds of a search of each of the K other nodes.
-        drones: N.
         time: Steps that a route may take; a search takes one.
     """
-    end = len(ways)
+    drones, end = len(ways), len(ways[0])
     manager = pywrapcp.RoutingIndexManager(end + 1, drones, list(range(drones)), [end] * drones)
     routing = pywrapcp.RoutingModel(manager)
     # The search of a node counts as part of the way from it. Routes end at their last node.
-    durations = np.zeros((end + 1, end + 1), int)
-    durations[:end, :end] = ways
-    durations[drones:end] += 1
-    transit = routing.RegisterTransitMatrix(durations.tolist())
-    routing.AddDimension(transit, 0, time, True, "time")
+    durations = np.zeros((drones, end + 1, end + 1), int)
+    durations[:, :end, :end] = ways
+    durations[:, drones:end] += 1
+    transits = [routing.RegisterTransitMatrix(of_drone) for of_drone in durations.tolist()]
+    routing.AddDimensionWithVehicleTransits(transits, 0, time, True, "time")
     times = routing.GetDimensionOrDie("time")
-    # Of two routes with the same gain, the shorter one is better.
-    routing.SetArcCostEvaluatorOfAllVehicles(transit)
+    for drone, transit in enumerate(transits):
+        # Of two routes with the same gain, the shorter one is better.
+        routing.SetArcCostEvaluatorOfVehicle(transit, drone)
     for k, gain in enumerate(gains):
         index = manager.NodeToIndex(drones + k)
         worth = round(MICRO * gain)

@@ -5,7 +5,7 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TypeAlias
 
@@ -16,14 +16,16 @@ from dsse_ros.planners.avoidance import resolve_conflicts_with_yielding
 from dsse_ros.planners.masking import is_under_way, masked_moves
 from dsse_ros.planners.planner import Cell, Infos, Observations, cells_of, probability_of
 from dsse_ros.scenario.actions import ActionSet
+from dsse_ros.scenario.swarm import Swarm
 
 MAX_WAIT = 2
 """Turns that a drone waits for a blocked cell before it steps aside."""
 
 RoutePlan: TypeAlias = Callable[
-    [Sequence[Cell], NDArray[np.float32], ActionSet], Sequence[Sequence[Cell]]
+    [Sequence[Cell], NDArray[np.float32], Sequence[ActionSet]], Sequence[Sequence[Cell]]
 ]
-"""Maps the drones' cells, the map (G, G) and the actions to one route per drone, none empty."""
+"""Maps the drones' cells, the map (G, G) and the actions of each drone to one route per drone, none
+empty."""
 
 
 @dataclass
@@ -46,6 +48,13 @@ class Track:
     def skip_covered(self, left: NDArray[np.float32]) -> None:
         """Advance to the next cell of the route where probability is left, or to its end."""
         while not self.finished and left[self.goal[1], self.goal[0]] <= 0:
+            self.advance()
+
+    def skip_unreachable(self, actions: ActionSet, cell: Cell) -> None:
+        """Advance to a cell of the route that a drone with these actions can reach."""
+        for _ in range(2 * len(self.route)):
+            if actions.distance(cell, self.goal) >= 0:
+                return
             self.advance()
 
     def advance(self) -> None:
@@ -72,33 +81,28 @@ class RouteFollower:
 
     Args:
         plan: Makes the routes.
-        actions: Names of the actions by number.
+        swarm: What the drones can do.
         seed: Seed for the choice of the cell to step aside to.
-        area: (G, G) bool [row, col], the cells to search; None for the whole grid.
         covers: Whether the task is to cover cells.
-        apart: Whether drones may be slow to leave their cells, see `masking.keep_apart`.
 
     Attributes:
         drawn: See `SharedPlanner`.
 
     Raises:
-        ValueError: If search or a straight move is missing.
+        ValueError: If a straight move is missing.
     """
 
     def __init__(
         self,
         plan: RoutePlan,
-        actions: Sequence[str],
+        swarm: Swarm,
         *,
         seed: int = 0,
-        area: NDArray[np.bool_] | None = None,
         covers: bool = False,
-        apart: bool = False,
     ) -> None:
         self._plan = plan
-        self._apart = apart
         self._covers = covers
-        self._actions = ActionSet(actions, area).with_moves()
+        self._swarm = swarm.with_moves()
         self._rng = np.random.default_rng(seed)
         self._shuffled: list[int] = []
         self.drawn = False
@@ -129,45 +133,25 @@ class RouteFollower:
         if not observations.keys() <= self._tracks.keys():
             self._start(list(observations), present, probability_of(observations))
         tracks = [self._tracks[agent] for agent in observations]
-        if self._covers:
-            left = probability_of(observations)
-            for track in tracks:
-                track.skip_covered(left)
+        actions = self._swarm.actions_of(observations)
+        self._skip(tracks, actions, present, probability_of(observations))
         self._swept = self._swept or all(track.finished for track in tracks)
 
         requested: list[Cell | None] = []
-        exits: dict[int, list[Cell]] = {}
         ways: dict[int, Cell] = {}
+        exits: dict[int, list[Cell]] = {}
         for drone, (agent, track, cell) in enumerate(
             zip(observations, tracks, present, strict=True)
         ):
             if is_under_way(infos.get(agent, {})):
                 requested.append(cell)
-            elif track.finished and not self._swept:
-                ways[drone] = self._actions.towards(cell, self._holding_cell(track, cell))
-                exits[drone] = self._exits(cell, ways[drone])
-                requested.append(None)
-            elif cell == track.goal:
-                track.advance()
-                requested.append(cell)
-            elif track.waited >= MAX_WAIT:
-                ways[drone] = self._actions.towards(cell, track.goal)
-                exits[drone] = self._exits(cell, ways[drone])
-                requested.append(None)
-            else:
-                requested.append(self._actions.towards(cell, track.goal))
-
-        if self._apart:
-            # A cell with another drone in it may stay occupied.
-            occupied = set(present)
-            free = [
-                cell if end in occupied else end
-                for cell, end in zip(present, requested, strict=True)
-            ]
-            exits = {n: [c for c in cells if c not in occupied] for n, cells in exits.items()}
-            granted = resolve_conflicts_with_yielding(present, free, exits)
-        else:
-            granted = resolve_conflicts_with_yielding(present, requested, exits)
+                continue
+            end = self._request(track, actions[drone], cell)
+            requested.append(end)
+            if end is None:
+                ways[drone] = self._way_out(track, actions[drone], cell)
+                exits[drone] = self._exits(actions[drone], cell, ways[drone])
+        granted = self._resolved(present, requested, exits)
         # If all drones take their preferred exit, the random order of the others does not matter.
         self.drawn = self.drawn or any(
             present[drone] == way or granted[drone] != way for drone, way in ways.items()
@@ -176,24 +160,67 @@ class RouteFollower:
             blocked = request is not None and request != end
             track.waited = track.waited + 1 if blocked else 0
         cells = dict(zip(observations, present, strict=True))
-        return masked_moves(cells, granted, infos, self._actions, apart=self._apart)
+        return masked_moves(cells, granted, infos, self._swarm)
 
     def _start(
         self, agents: Sequence[str], cells: Sequence[Cell], probability: NDArray[np.float32]
     ) -> None:
         self._size = len(probability)
-        routes = self._plan(cells, probability, self._actions)
+        routes = self._plan(cells, probability, self._swarm.actions_of(agents))
         self._tracks = {a: Track(route) for a, route in zip(agents, routes, strict=True)}
         self._swept = False
 
-    @staticmethod
-    def _holding_cell(track: Track, cell: Cell) -> Cell:
-        """Return the route's last cell or, once there, the one before it: a drone keeps moving."""
-        return track.route[-1] if cell != track.route[-1] else track.goal
+    def _skip(
+        self,
+        tracks: Sequence[Track],
+        actions: Sequence[ActionSet],
+        present: Sequence[Cell],
+        left: NDArray[np.float32],
+    ) -> None:
+        """Skip the cells of routes that need no visit, or to which no moves lead."""
+        for track, able, cell in zip(tracks, actions, present, strict=True):
+            if self._covers:
+                track.skip_covered(left)
+            if not able.two_way:
+                track.skip_unreachable(able, cell)
 
-    def _exits(self, cell: Cell, ahead: Cell) -> list[Cell]:
+    def _request(self, track: Track, actions: ActionSet, cell: Cell) -> Cell | None:
+        """Return the cell that a drone wants to be in next; None if it only makes room."""
+        if track.finished and not self._swept:
+            return None
+        if cell == track.goal:
+            track.advance()
+            return cell
+        return None if track.waited >= MAX_WAIT else actions.towards(cell, track.goal)
+
+    def _way_out(self, track: Track, actions: ActionSet, cell: Cell) -> Cell:
+        """Return the cell that a drone which makes room would rather be in next."""
+        if not track.finished or self._swept:
+            return actions.towards(cell, track.goal)
+        # At the route's last cell, go to the one before it: a drone keeps moving.
+        holding = track.route[-1] if cell != track.route[-1] else track.goal
+        return actions.towards(cell, holding)
+
+    def _exits(self, actions: ActionSet, cell: Cell, ahead: Cell) -> list[Cell]:
         """Return the neighbouring cells, the one ahead first, without the drone's own cell."""
-        others = self._actions.neighbours(cell, self._size)
+        others = actions.neighbours(cell, self._size)
         self._rng.shuffle(others)
         self._shuffled.append(len(others))
         return others if ahead == cell else [ahead, *(c for c in others if c != ahead)]
+
+    def _resolved(
+        self,
+        present: Sequence[Cell],
+        requested: Sequence[Cell | None],
+        exits: Mapping[int, Sequence[Cell]],
+    ) -> list[Cell]:
+        """Return the next cell of each drone; see `resolve_conflicts_with_yielding`."""
+        if self._swarm.has_slower:
+            # A cell with another drone in it may stay occupied.
+            occupied = set(present)
+            requested = [
+                cell if end in occupied else end
+                for cell, end in zip(present, requested, strict=True)
+            ]
+            exits = {n: [c for c in cells if c not in occupied] for n, cells in exits.items()}
+        return resolve_conflicts_with_yielding(present, requested, exits)

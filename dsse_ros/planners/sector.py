@@ -20,14 +20,14 @@ from numpy.typing import NDArray
 from dsse_ros.planners.pattern_routes import cells_along
 from dsse_ros.planners.patterns import TRIANGLE_HEADINGS_DEG, triangle_legs, turning_points
 from dsse_ros.planners.planner import Cell
-from dsse_ros.scenario.actions import ActionSet
+from dsse_ros.scenario.actions import ActionSet, connected_components
 from dsse_ros.scenario.probable_cells import most_probable
 
 PATTERN_TURN_DEG = 30
 
 
 def sector_routes(
-    cells: Sequence[Cell], probability: NDArray[np.float32], actions: ActionSet
+    cells: Sequence[Cell], probability: NDArray[np.float32], actions: Sequence[ActionSet]
 ) -> list[list[Cell]]:
     """Return the route of each drone; together the routes form whole patterns.
 
@@ -36,13 +36,13 @@ def sector_routes(
     Args:
         cells: Present cell of each drone.
         probability: Map (G, G); the most probable cell is the datum.
-        actions: The actions, with the area if there is one.
+        actions: Actions of each drone, with the area if there is one.
     """
     size = len(probability)
     datum = most_probable(probability, 1)[0]
     farthest = hypot(*(max(c, size - 1 - c) for c in datum))
     routes = [[cell] for cell in cells]
-    for drones, component in actions.connected_components(cells):
+    for drones, component in connected_components(actions, cells):
         # Patterns until one reaches beyond the grid, repeated so that each drone has as many
         # triangles.
         count = 3 * len(drones) * _patterns(farthest, size)

@@ -16,12 +16,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dsse_ros.planners.planner import Cell
-from dsse_ros.scenario.actions import ActionSet
+from dsse_ros.scenario.actions import ActionSet, connected_components
 from dsse_ros.scenario.probable_cells import most_probable
 
 
 def spiral_routes(
-    cells: Sequence[Cell], probability: NDArray[np.float32], actions: ActionSet
+    cells: Sequence[Cell], probability: NDArray[np.float32], actions: Sequence[ActionSet]
 ) -> list[list[Cell]]:
     """Return the route of each drone; together the routes visit every reachable cell once.
 
@@ -30,11 +30,11 @@ def spiral_routes(
     Args:
         cells: Present cell of each drone.
         probability: Map (G, G); the most probable cell is the datum.
-        actions: The actions, with the area if there is one.
+        actions: Actions of each drone, with the area if there is one.
     """
     datum = most_probable(probability, 1)[0]
     routes = [[cell] for cell in cells]
-    for members, component in actions.connected_components(cells):
+    for members, component in connected_components(actions, cells):
         drones = sorted(members, key=lambda drone: turns(datum, cells[drone]))
         for drone, arm in zip(drones, arms(datum, len(probability), len(drones)), strict=True):
             route = [(col, row) for col, row in arm if component is None or component[row, col]]

@@ -13,13 +13,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dsse_ros.planners.planner import Cell
-from dsse_ros.scenario.actions import ActionSet
+from dsse_ros.scenario.actions import ActionSet, connected_components
 
 
 def sweep_routes(
     cells: Sequence[Cell],
     probability: NDArray[np.float32],
-    actions: ActionSet,
+    actions: Sequence[ActionSet],
     *,
     creeping: bool = False,
 ) -> list[list[Cell]]:
@@ -34,37 +34,37 @@ def sweep_routes(
     Args:
         cells: Present cell of each drone.
         probability: Any map (G, G); only its size matters.
-        actions: The actions; they measure the distance to the corners.
+        actions: Actions of each drone; they measure the distance to the corners.
         creeping: Whether lanes go from west to east and not from north to south.
     """
     lay = _creeping_line if creeping else boustrophedon
-    if actions.area is not None:
-        return _area_routes(cells, actions, lay)
-    drones = sorted(range(len(cells)), key=lambda drone: cells[drone])
-    routes: list[list[Cell]] = [[] for _ in cells]
-    for drone, (cols, rows) in zip(drones, shares(len(probability), len(cells)), strict=True):
-        passes = [lay(c, r) for r in (rows, rows[::-1]) for c in (cols, cols[::-1])]
-        ways = [actions.distance(cells[drone], route[0]) for route in passes]
-        routes[drone] = passes[ways.index(min(ways))]
-    return routes
-
-
-def _area_routes(
-    cells: Sequence[Cell], actions: ActionSet, lay: Callable[[range, range], list[Cell]]
-) -> list[list[Cell]]:
-    """Return the route of each drone through its piece of the cells that it can reach."""
     routes = [[cell] for cell in cells]
-    for members, component in actions.connected_components(cells):
-        assert component is not None
-        side = range(len(component))
-        lanes = [cell for cell in lay(side, side) if component[cell[1], cell[0]]]
+    for members, component in connected_components(actions, cells):
         drones = sorted(members, key=lambda drone: cells[drone])
-        for drone, piece in zip(drones, split(len(lanes), len(drones)), strict=True):
-            route = lanes[piece.start : piece.stop]
-            ends = [actions.distance(cells[drone], cell) for cell in (*route[:1], *route[-1:])]
-            if route:
-                routes[drone] = route if ends[0] <= ends[-1] else route[::-1]
+        if component is None:
+            shared = shares(len(probability), len(drones))
+            passes = [
+                [lay(c, r) for r in (rows, rows[::-1]) for c in (cols, cols[::-1])]
+                for cols, rows in shared
+            ]
+        else:
+            passes = [[piece, piece[::-1]] for piece in _pieces(component, len(drones), lay)]
+        for drone, ways in zip(drones, passes, strict=True):
+            if ways[0]:
+                lengths = [actions[drone].distance(cells[drone], way[0]) for way in ways]
+                # A drone that cannot fly in all directions may reach one of them only.
+                shortest = min((length for length in lengths if length >= 0), default=lengths[0])
+                routes[drone] = ways[lengths.index(shortest)]
     return routes
+
+
+def _pieces(
+    component: NDArray[np.bool_], count: int, lay: Callable[[range, range], list[Cell]]
+) -> list[list[Cell]]:
+    """Return the cells of a component lane by lane, cut into pieces of about equal length."""
+    side = range(len(component))
+    lanes = [cell for cell in lay(side, side) if component[cell[1], cell[0]]]
+    return [lanes[piece.start : piece.stop] for piece in split(len(lanes), count)]
 
 
 def shares(size: int, count: int) -> list[tuple[range, range]]:

@@ -4,13 +4,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Collection, Iterable, Sequence
 from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dsse_ros.scenario.paths import Paths
+from dsse_ros.searchers.searcher import Searcher
 
 T = TypeVar("T")
 
@@ -37,37 +38,50 @@ DIAGONAL = ("up_left", "up_right", "down_left", "down_right")
 class ActionSet:
     """Actions by number, and the routes over the grid that their moves allow.
 
-    Routes use diagonal moves if all four exist. An action with an unknown name stays in its cell
-    and is never chosen.
+    Routes use diagonal moves if all four are possible, or if a straight one is not. An action with
+    an unknown name stays in its cell and is never chosen.
 
     Args:
         names: Names of the actions; the index is the action number.
         area: (G, G) bool [row, col], the cells that moves may enter; None for the whole grid.
+        able: Names of the actions that a drone can do besides `search`, see `of_kind`; None for
+            all.
 
     Attributes:
         names: The names.
         area: As given.
         moves: Move (dx, dy) of each action in cells, to the east and to the south.
         search: Number of the action `search`.
-        diagonal: Whether a move may change both coordinates.
+        steps: Moves that routes use, straight ones first.
+        diagonal: Whether routes may change both coordinates at each move.
 
     Raises:
         ValueError: If the action `search` is missing.
     """
 
-    def __init__(self, names: Iterable[str], area: NDArray[np.bool_] | None = None) -> None:
+    def __init__(
+        self,
+        names: Iterable[str],
+        area: NDArray[np.bool_] | None = None,
+        able: Collection[str] | None = None,
+    ) -> None:
         self.names = tuple(names)
         self.area = area
         self._check("search")
         self.moves = tuple(ACTION_VECTORS.get(name, (0, 0)) for name in self.names)
         self.search = self.names.index("search")
-        self.diagonal = all(name in self.names for name in DIAGONAL)
-        usable = (*STRAIGHT, *(DIAGONAL if self.diagonal else ()), "search")
+        self._able = tuple(able is None or name in (*able, "search") for name in self.names)
+        known = {name for name, can in zip(self.names, self._able, strict=True) if can}
+        straight = [name for name in STRAIGHT if name in known]
+        diagonal = [name for name in DIAGONAL if name in known]
+        crosses = able is None or len(straight) == len(STRAIGHT)
+        self.diagonal = crosses and len(diagonal) == len(DIAGONAL)
+        usable = straight if crosses and not self.diagonal else [*straight, *diagonal]
         self._number = {
-            ACTION_VECTORS[name]: self.names.index(name) for name in usable if name in self.names
+            ACTION_VECTORS[name]: self.names.index(name) for name in (*usable, "search")
         }
-        moves = [step for step in self._number if step != (0, 0)]
-        self._paths = None if area is None else Paths(area, moves)
+        self.steps = tuple(ACTION_VECTORS[name] for name in usable)
+        self._paths = None if area is None else Paths(area, self.steps)
 
     def __len__(self) -> int:
         return len(self.names)
@@ -82,8 +96,26 @@ class ActionSet:
             raise ValueError(f"actions: {', '.join(missing)} missing in {list(self.names)!r}")
 
     def within(self, area: NDArray[np.bool_] | None) -> ActionSet:
-        """Return these actions restricted to an area."""
+        """Return the actions of the rules restricted to an area."""
         return ActionSet(self.names, area)
+
+    def of_kind(self, kind: Searcher, grid_size: int) -> ActionSet:
+        """Return these actions without those that a kind of drone cannot do.
+
+        Masks leave them out, and routes go without their moves.
+
+        Args:
+            kind: The kind of drone.
+            grid_size: G.
+        """
+        able = [name for name in self.names if kind.can_do(name)]
+        if len(able) == len(self.names):
+            return self
+        area = self.area
+        if area is None and not {*STRAIGHT} <= {*able}:
+            # Distances have a closed form only if a drone can fly in all directions.
+            area = np.ones((grid_size, grid_size), np.bool_)
+        return ActionSet(self.names, area, able)
 
     def with_moves(self) -> ActionSet:
         """Return these actions after checking that they reach every cell of a grid.
@@ -124,18 +156,23 @@ class ActionSet:
     def distance(self, start: Cell, end: Cell) -> int:
         """Return the number of moves between two cells, -1 without a path."""
         if self._paths is not None:
-            return int(self._paths.distances(end)[start[1], start[0]])
+            return int(self._paths.distances_to(end)[start[1], start[0]])
         d_col, d_row = abs(start[0] - end[0]), abs(start[1] - end[1])
         return max(d_col, d_row) if self.diagonal else d_col + d_row
 
-    def distances(self, cell: Cell, size: int) -> NDArray[np.int32]:
+    def distances(self, cell: Cell, size: int, *, as_if_open: bool = False) -> NDArray[np.int32]:
         """Return the `distance` from a cell to each cell of a size x size grid.
+
+        Args:
+            cell: The cell.
+            size: G.
+            as_if_open: Whether to measure as if nothing but the rules limited the moves.
 
         Returns:
             (G, G) [row, col].
         """
-        if self._paths is not None:
-            return self._paths.distances(cell)
+        if self._paths is not None and not as_if_open:
+            return self._paths.distances_from(cell)
         line = np.arange(size, dtype=np.int32)
         across, down = abs(line - cell[0])[np.newaxis], abs(line - cell[1])[:, np.newaxis]
         return np.maximum(across, down) if self.diagonal else across + down
@@ -145,48 +182,36 @@ class ActionSet:
         col, row = cell
         cells = [
             (col + d_col, row + d_row)
-            for d_col, d_row in self._number
-            if (d_col, d_row) != (0, 0) and 0 <= col + d_col < size and 0 <= row + d_row < size
+            for d_col, d_row in self.steps
+            if 0 <= col + d_col < size and 0 <= row + d_row < size
         ]
         return cells if self.area is None else [(x, y) for x, y in cells if self.area[y, x]]
 
-    def connected_components(
-        self, cells: Sequence[Cell]
-    ) -> list[tuple[list[int], NDArray[np.bool_] | None]]:
-        """Group drones by the connected components of the area.
+    @property
+    def two_way(self) -> bool:
+        """Whether a drone can fly back each way that it came."""
+        return self._paths is None or self._paths.two_way
 
-        A drone observed outside the area is alone, in a component without cells.
-
-        Args:
-            cells: Cell of each drone, on the grid.
+    def reachable(self, cell: Cell) -> NDArray[np.bool_] | None:
+        """Return the cells to which moves lead from a cell on the grid.
 
         Returns:
-            For each component, the indices of its drones and its cells (G, G) bool [row, col],
-            None for the whole grid.
+            (G, G) bool [row, col], none for a cell outside the area; None for the whole grid.
         """
-        if self._paths is None:
-            return [(list(range(len(cells))), None)]
-        components: list[tuple[list[int], NDArray[np.bool_] | None]] = []
-        left = list(range(len(cells)))
-        while left:
-            first, *others = left
-            component = self._paths.distances(cells[first]) >= 0
-            members = [first, *(i for i in others if component[cells[i][1], cells[i][0]])]
-            components.append((members, component))
-            left = [i for i in others if i not in members]
-        return components
+        return None if self._paths is None else self._paths.distances_from(cell) >= 0
 
     def masks(self, grid_size: int) -> list[list[NDArray[np.int8]]]:
         """Return the action masks (A,) int8 by [row][col], 0 where a move would leave the grid.
 
-        They are also 0 where a move would leave the area. They are read-only, and equal masks are
-        the same object. The last row and column are for a drone just outside, at -1 or G.
+        They are also 0 where a move would leave the area, and for actions that the drone cannot do.
+        They are read-only, and equal masks are the same object. The last row and column are for a
+        drone just outside, at -1 or G.
         """
 
         def mask(west: bool, east: bool, north: bool, south: bool) -> NDArray[np.int8]:
             blocked = {(-1, 0): west, (1, 0): east, (0, -1): north, (0, 1): south}
             free = [not (blocked.get((dx, 0)) or blocked.get((0, dy))) for dx, dy in self.moves]
-            made = np.array(free, np.int8)
+            made = np.array(free, np.int8) * np.array(self._able, np.int8)
             made.flags.writeable = False
             return made
 
@@ -205,7 +230,7 @@ class ActionSet:
         size, around = len(area), np.pad(area, 1)
         free = np.stack(
             [around[1 + dy : 1 + dy + size, 1 + dx : 1 + dx + size] for dx, dy in self.moves], -1
-        ).astype(np.int8)
+        ).astype(np.int8) * np.array(self._able, np.int8)
         free.flags.writeable = False
         distinct: dict[bytes, NDArray[np.int8]] = {}
         inner = [
@@ -214,3 +239,52 @@ class ActionSet:
         ]
         margin = table[size]
         return [[*masks, table[i][size]] for i, masks in enumerate(inner)] + [margin]
+
+
+def connected_components(
+    actions: Sequence[ActionSet], cells: Sequence[Cell]
+) -> list[tuple[list[int], NDArray[np.bool_] | None]]:
+    """Group drones by the cells that they can reach.
+
+    A drone observed outside the area is alone, in a component without cells.
+
+    Args:
+        actions: Actions of each drone.
+        cells: Cell of each drone, on the grid.
+
+    Returns:
+        For each component, the indices of its drones and its cells (G, G) bool [row, col], None for
+        the whole grid.
+    """
+    components: list[tuple[list[int], NDArray[np.bool_] | None]] = []
+    left = list(range(len(cells)))
+    while left:
+        first, *others = left
+        component = actions[first].reachable(cells[first])
+        members = [first]
+        for drone in others:
+            alike = actions[drone] is actions[first] and actions[drone].two_way
+            if _reaches_the_same(actions[drone], cells[drone], component, alike):
+                members.append(drone)
+        components.append((members, component))
+        left = [drone for drone in others if drone not in members]
+    return components
+
+
+def _reaches_the_same(
+    actions: ActionSet, cell: Cell, component: NDArray[np.bool_] | None, alike: bool
+) -> bool:
+    """Return whether a drone can reach the cells of a component, and no others.
+
+    Args:
+        actions: Actions of the drone.
+        cell: Cell of the drone.
+        component: Cells that another drone can reach.
+        alike: Whether the drone has the other's actions, which lead back too.
+    """
+    if component is None:
+        return actions.reachable(cell) is None
+    if not component[cell[1], cell[0]]:
+        return False
+    reached = component if alike else actions.reachable(cell)
+    return reached is not None and np.array_equal(reached, component)

@@ -216,6 +216,7 @@ def check_known(
     names: Iterable[Any],
     known: Iterable[str],
     full_names: Mapping[str, str] | None = None,
+    noun: str = "a field",
 ) -> None:
     """Raise for the first name that is not a known field, and suggest the nearest known one.
 
@@ -224,6 +225,7 @@ def check_known(
         names: The names to check.
         known: The known names.
         full_names: Names without their group, with the full ones to suggest.
+        noun: What the names are names of, for the error.
 
     Raises:
         FieldError: If a name is unknown.
@@ -237,6 +239,6 @@ def check_known(
             hint = (
                 f"did you mean {full_names.get(near[0], near[0])}?"
                 if near
-                else f"known are {', '.join(known)}"
+                else f"known are {', '.join(known) or 'none'}"
             )
-            raise FieldError(f"{shown(name)} is not a field of {what}; {hint}")
+            raise FieldError(f"{shown(name)} is not {noun} of {what}; {hint}")

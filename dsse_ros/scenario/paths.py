@@ -20,22 +20,35 @@ class Paths:
 
     Args:
         area: (G, G) bool, [row, col].
-        steps: The moves (dx, dy) in cells; each has its opposite.
+        steps: The moves (dx, dy) in cells.
+
+    Attributes:
+        two_way: Whether each move has its opposite, so that a path leads back too.
     """
 
     def __init__(self, area: NDArray[np.bool_], steps: Sequence[Cell]) -> None:
         self._area = area
-        self._steps = np.array(steps, np.int64).reshape(-1, 2)
-        self.distances = lru_cache(maxsize=64)(self._distances)
+        self._steps = [(dx, dy) for dx, dy in steps]
+        self.two_way = {(-dx, -dy) for dx, dy in steps} == set(steps)
+        self._distances = lru_cache(maxsize=64)(self._find)
 
-    def _distances(self, goal: Cell) -> NDArray[np.int32]:
+    def distances_to(self, goal: Cell) -> NDArray[np.int32]:
         """Return the number of moves from each cell to the goal, (G, G); -1 without a path."""
+        return self._distances(goal, 1)
+
+    def distances_from(self, start: Cell) -> NDArray[np.int32]:
+        """Return the number of moves from the start to each cell, (G, G); -1 without a path."""
+        return self._distances(start, 1 if self.two_way else -1)
+
+    def _find(self, end: Cell, sign: int) -> NDArray[np.int32]:
+        """Return the distances to a cell (`sign` 1), or from it (-1)."""
         distances = np.full(self._area.shape, -1, np.int32)
         size, number = len(distances), np.arange(len(self._steps))
-        if 0 <= goal[0] < size and 0 <= goal[1] < size and self._area[goal[1], goal[0]]:
-            moves, ratios = np.column_stack([self._steps, number]), np.ones(len(number))
+        if 0 <= end[0] < size and 0 <= end[1] < size and self._area[end[1], end[0]]:
+            steps = sign * np.array(self._steps, np.int64).reshape(-1, 2)
+            moves, ratios = np.column_stack([steps, number]), np.ones(len(number))
             find_routes(
-                self._area, moves, ratios, *goal, distances, np.empty(distances.shape, np.int8)
+                self._area, moves, ratios, *end, distances, np.empty(distances.shape, np.int8)
             )
         return distances
 
@@ -44,12 +57,14 @@ class Paths:
 
         Without a path, return the present cell.
         """
-        distances = self.distances(goal)
+        distances = self.distances_to(goal)
         left = distances[start[1], start[0]]
         if left <= 0:
             return start
         col, row = start
-        ahead = [preferred, *((col + dx, row + dy) for dx, dy in self._steps.tolist())]
+        ahead = [(col + dx, row + dy) for dx, dy in self._steps]
+        if preferred in ahead:
+            ahead.insert(0, preferred)
         size = len(distances)
         return next(
             (x, y)

@@ -32,7 +32,7 @@ def read_yaml(path: str | os.PathLike[str]) -> Any:
             data = file.read(MAX_BYTES + 1)
         if len(data) > MAX_BYTES:
             raise FieldError(f"size must be at most {MAX_BYTES} bytes")
-        return yaml.load(data.decode("utf-8"), _Loader)
+        return parse_yaml(data.decode("utf-8"))
     except OSError as error:
         raise FieldError(str(error.strerror)) from None
     except UnicodeDecodeError:
@@ -42,6 +42,16 @@ def read_yaml(path: str | os.PathLike[str]) -> Any:
     except ValueError as error:
         # The path is invalid on every file system.
         raise FieldError(str(error)) from None
+
+
+def parse_yaml(text: str) -> Any:
+    """Return the content of a text, see `read_yaml`.
+
+    Raises:
+        FieldError: If it is not YAML, or has what fields never need.
+    """
+    try:
+        return yaml.load(text, _Loader)
     except yaml.YAMLError as error:
         raise FieldError(f"not YAML: {' '.join(str(error).split())}") from None
 

@@ -55,7 +55,7 @@ def ground_speed_ratios(
         length = math.hypot(dx, dy) or 1.0
         along, across = (east * dx + south * dy) / length, (east * dy - south * dx) / length
         ground_speed = math.sqrt(v**2 - across**2) + along
-        if kind is not None and kind.moves is not None and name not in (*kind.moves, "search"):
+        if kind is not None and not kind.can_do(name):
             shares.append(0.0)
         elif v < fastest:
             shares.append(1.0 if dx == dy == 0 else 1.0 / whole_steps(fastest, ground_speed))

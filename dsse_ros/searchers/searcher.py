@@ -26,3 +26,7 @@ class Searcher:
     endurance_min: float | None = None
     sensor: str | None = None
     moves: tuple[str, ...] | None = None
+
+    def can_do(self, action: str) -> bool:
+        """Return whether the kind can do an action, by its name."""
+        return self.moves is None or action in (*self.moves, "search")

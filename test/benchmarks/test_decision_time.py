@@ -12,8 +12,8 @@ from benchmarks.bench import RESULTS
 from benchmarks.compare import PLANNERS_PAGE
 from benchmarks.decision_time import mean_steps, table
 from benchmarks.pages import with_table
-from dsse_ros.planners.beam_search import BeamOptions
 from dsse_ros.planners.belief import BeamOnBelief
+from dsse_ros.planners.options import BeamOptions
 
 ROW = {
     "title": "santos", "seeds": 4, "belief": 15.1, "forward_backward": 15.0, "gain": 0.1,

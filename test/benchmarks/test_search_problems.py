@@ -26,14 +26,16 @@ from benchmarks.search_problems import (
     solve,
     table,
 )
-from dsse_ros.planners.forward_backward import ImproveOptions
+from dsse_ros.planners.options import ForwardBackwardOptions
 
 EAGLE, (SMALLEST, *_), (DRIFTING,) = list(eagle()), royset_sato(), phung_ha()
 SOME = [
     EAGLE[0],
-    dataclasses.replace(SMALLEST, improvement=ImproveOptions(iterations=80)),
+    dataclasses.replace(SMALLEST, options=ForwardBackwardOptions(iterations=80)),
     dataclasses.replace(
-        DRIFTING, best_known=0.18, improvement=ImproveOptions(iterations=0, revisits=False)
+        DRIFTING,
+        best_known=0.18,
+        options=ForwardBackwardOptions(iterations=0, revisits=False),
     ),
 ]
 

@@ -9,9 +9,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from dsse_ros.mission.command_buffer import CommandBuffer
-from dsse_ros.search import ACTION_VECTORS, HOLD
+from dsse_ros.scenario.swarm import Swarm
+from dsse_ros.search import ACTION_VECTORS, HOLD, ActionSet
+from dsse_ros.searchers.searcher import Searcher
 
 ACTIONS = ("left", "right", "up", "down", "search")
+SWARM = Swarm.alike(ACTIONS)
 SEARCH = ACTIONS.index("search")
 GRID = 6
 
@@ -38,7 +41,7 @@ def moved(cell: tuple[int, int], action: int) -> tuple[int, int]:
 def test_the_last_command_of_each_drone_counts(
     given_commands: list[tuple[int, int | list[tuple[int, int]]]], places: list[tuple[int, int]]
 ) -> None:
-    every, last = CommandBuffer(ACTIONS, 4), CommandBuffer(ACTIONS, 4)
+    every, last = CommandBuffer(SWARM, 4), CommandBuffer(SWARM, 4)
     for drone, command in given_commands:
         give(every, drone, command)
     for drone, command in dict(given_commands).items():
@@ -56,7 +59,7 @@ def test_the_last_command_of_each_drone_counts(
 def test_an_action_is_for_one_step_and_for_drones_in_flight(
     actions: dict[int, int], live: set[int], missing_action: str
 ) -> None:
-    buffer, at = CommandBuffer(ACTIONS, 4), np.zeros((4, 2), np.int64)
+    buffer, at = CommandBuffer(SWARM, 4), np.zeros((4, 2), np.int64)
     for drone, action in actions.items():
         buffer.set_action(drone, action)
     active = sorted(live)
@@ -74,7 +77,7 @@ def test_an_action_is_for_one_step_and_for_drones_in_flight(
 
 @given(st.integers(0, len(ACTIONS) - 1))
 def test_repeat_repeats_the_last_action(action: int) -> None:
-    buffer, at = CommandBuffer(ACTIONS, 2), np.zeros((2, 2), np.int64)
+    buffer, at = CommandBuffer(SWARM, 2), np.zeros((2, 2), np.int64)
     buffer.set_action(1, action)
     for _ in range(3):
         assert buffer.take([0, 1], at, "repeat").tolist() == [HOLD, action]
@@ -84,7 +87,7 @@ def test_repeat_repeats_the_last_action(action: int) -> None:
 def test_goals_are_flown_cell_by_cell_in_their_order(
     goals: list[tuple[int, int]], start: tuple[int, int]
 ) -> None:
-    buffer, here = CommandBuffer(ACTIONS, 1), start
+    buffer, here = CommandBuffer(SWARM, 1), start
     buffer.set_goals(0, goals)
     visited = [start]
     while not buffer.missing([0], np.array([here])):
@@ -104,9 +107,9 @@ def test_goals_are_flown_around_what_is_not_searched_and_out_of_reach_if_none_le
     area = np.ones((5, 5), bool)
     area[1:, 2] = False
     area[4, 3] = area[3, 4] = False
-    buffer, here = CommandBuffer(ACTIONS, 1, area), (0, 4)
+    buffer, here = CommandBuffer(Swarm.alike(ACTIONS, area), 1), (0, 4)
     goals = [(4, 2), (4, 4), (2, 3)]
-    assert buffer.out_of_reach(here, goals) == goals[1:]
+    assert buffer.out_of_reach(0, here, goals) == goals[1:]
     buffer.set_goals(0, goals)
     for _ in range(4 + 4 + 2):
         assert here != goals[0]
@@ -114,6 +117,29 @@ def test_goals_are_flown_around_what_is_not_searched_and_out_of_reach_if_none_le
         assert area[here[1], here[0]]
     assert here == goals[0]
     assert buffer.take([0], np.array([here]), "hold").tolist() == [SEARCH]
+
+
+def test_goals_are_flown_by_the_moves_of_a_drone_s_kind() -> None:
+    actions = ActionSet(tuple(ACTION_VECTORS))
+    rook = Searcher(doc="flies straight", moves=("left", "right", "up", "down"))
+    never_back = Searcher(doc="flies to the south-east", moves=("right", "down"))
+    kinds = (actions, actions.of_kind(rook, GRID), actions.of_kind(never_back, GRID))
+    buffer = CommandBuffer(Swarm(actions, kinds, (0, 1, 2)), 3)
+    names, at = [], np.zeros((3, 2), np.int64)
+    for drone in range(3):
+        assert not buffer.out_of_reach(drone, (0, 0), [(2, 2)])
+        buffer.set_goals(drone, [(2, 2)])
+    while missing := set(range(3)) - set(buffer.missing([0, 1, 2], at)):
+        joint = buffer.take([0, 1, 2], at, "hold")
+        for drone in missing:
+            names.append((drone, actions.names[joint[drone]]))
+            at[drone] += ACTION_VECTORS[names[-1][1]]
+    assert [name for drone, name in names if drone == 0] == ["down_right"] * 2
+    for drone, kind in ((1, rook), (2, never_back)):
+        flown = [name for n, name in names if n == drone]
+        assert len(flown) == 4 and all(kind.can_do(name) for name in flown)
+    # After (2, 2) the drone that never flies back does not come to (1, 4), but to (4, 4).
+    assert buffer.out_of_reach(2, (0, 0), [(2, 2), (1, 4), (4, 4)]) == [(1, 4)]
 
 
 def without_repeats(goals: list[tuple[int, int]]) -> list[tuple[int, int]]:
@@ -124,7 +150,7 @@ def without_repeats(goals: list[tuple[int, int]]) -> list[tuple[int, int]]:
 def test_clearing_forgets_everything(
     given_commands: list[tuple[int, int | list[tuple[int, int]]]],
 ) -> None:
-    buffer, at, live = CommandBuffer(ACTIONS, 4), np.zeros((4, 2), np.int64), [0, 1, 2, 3]
+    buffer, at, live = CommandBuffer(SWARM, 4), np.zeros((4, 2), np.int64), [0, 1, 2, 3]
     for drone, command in given_commands:
         give(buffer, drone, command)
     buffer.take(live, at, "hold")

@@ -15,7 +15,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from dsse_ros.cli.export_mission import play
+from dsse_ros.cli import export_mission
 from dsse_ros.mission.vehicle_missions import FlightSettings, layers, search_missions
 from dsse_ros.planners import COVERAGE_PLANNERS, PLANNER_NAMES
 from dsse_ros.search import FieldError, parallel_env
@@ -153,7 +153,7 @@ def test_vehicles_on_missions_keep_apart_whenever_each_of_them_is_where(
         rules=profile, grid_size=size, cell_size=cell_m, num_drones=drones, timestep_limit=40,
         altitude=120.0, **search,
     )  # fmt: skip
-    cells, searched, _ = play(env, planner, seed)
+    cells, searched, _ = export_mission.search(env, planner, seed, {})
     tracks = [(cells[:, i], searched[:, i]) for i in range(drones)]
     frames = layers(scenario_frame(env.scenario), flight, drones)
     # As mission files, below the first cell of each, and as the bridge flies them.

@@ -341,7 +341,7 @@ class Failing:
         return dict.fromkeys(observations, 4)
 
 planner = Failing()
-planner_node.make_planner = lambda *arguments, **options: planner
+planner_node.planner_with = lambda *arguments, **options: planner
 sys.exit(planner_node.main())
 """
 

@@ -100,7 +100,9 @@ if __name__ == "__main__":
     ]  # fmt: skip
     nodes = {
         "sim_node": started(SimNode, *options),
-        "planner_node": started(PlannerNode, "-p", "planner_options:=['heading=45']"),
+        "planner_node": started(
+            PlannerNode, "-p", "planner:=belief", "-p", "planner_options:=['width=8']"
+        ),
         "mavlink_bridge": started(BridgeNode, *of_bridge),
         # What has no value has no type.
         "recorder": started(RecorderNode, "-p", "exclude:=['*/odom']"),

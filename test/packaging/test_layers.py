@@ -88,7 +88,10 @@ LAYERS: dict[str, tuple[set[str], set[str]]] = {
         {"ros", "messages", "mavlink"},
     ),
     "dsse_ros.search": (WORLD | {"dsse_ros.extras"}, {"ros", "messages", "mavlink"}),
-    "dsse_ros.conformance": (WORLD | {"dsse_ros.conformance"}, {"ros", "messages", "mavlink"}),
+    "dsse_ros.conformance": (
+        WORLD | {"dsse_ros.conformance", "dsse_ros.planners"},
+        {"ros", "messages", "mavlink"},
+    ),
     "dsse_ros.planners": (
         WORLD | {"dsse_ros.planners", "dsse_ros.extras"},
         {"ros", "messages", "mavlink"},

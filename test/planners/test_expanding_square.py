@@ -71,7 +71,7 @@ def test_the_drones_share_each_ring_in_contiguous_arcs(
 ) -> None:
     size, datum = square
     count = data.draw(st.integers(1, size * size))
-    routes = shared_square(datum, size, count, ActionSet(actions))
+    routes = shared_square(datum, size, [ActionSet(actions)] * count)
     spiral = list(square_spiral(datum, size))
     assert sorted(cell for route in routes for cell in route) == sorted(spiral)
     lengths = [len(route) for route in routes]
@@ -90,7 +90,7 @@ def test_several_drones_enter_each_arc_at_its_nearer_end(
 ) -> None:
     size, datum = square
     action_set = ActionSet(actions)
-    for route in shared_square(datum, size, min(drones, size * size), action_set):
+    for route in shared_square(datum, size, [action_set] * min(drones, size * size)):
         arcs = [list(arc) for _, arc in groupby(route, key=lambda cell: ring(datum, cell))]
         for before, arc in pairwise(arcs):
             first, last = (action_set.distance(before[-1], arc[k]) for k in (0, -1))
@@ -124,7 +124,7 @@ def test_drones_take_the_side_of_the_datum_on_which_they_are(actions: tuple[str,
     probability = np.zeros((41, 41), np.float32)
     probability[20, 20] = 1
     south, west, north, east = (20, 40), (0, 20), (20, 0), (40, 20)
-    routes = square_routes([south, west, north, east], probability, ActionSet(actions))
+    routes = square_routes([south, west, north, east], probability, [ActionSet(actions)] * 4)
     side = [{(np.sign(c - 20), np.sign(r - 20)) for c, r in route[10:]} for route in routes]
     assert (0, 1) in side[0] and (0, -1) not in side[0]
     assert (-1, 0) in side[1] and (1, 0) not in side[1]
@@ -135,5 +135,5 @@ def test_drones_take_the_side_of_the_datum_on_which_they_are(actions: tuple[str,
 def test_an_unknown_probability_is_never_the_datum() -> None:
     probability = np.full((3, 3), np.nan, np.float32)
     probability[1, 2] = 0.1
-    (route,) = square_routes([(0, 0)], probability, ActionSet(STRAIGHT))
+    (route,) = square_routes([(0, 0)], probability, [ActionSet(STRAIGHT)])
     assert route[0] == (2, 1)

@@ -70,7 +70,7 @@ def test_every_search_is_on_one_route(
     searches: dict[tuple[int, int], int], drones: int, actions: tuple[str, ...]
 ) -> None:
     present = [(k, 8) for k in range(drones)]
-    routes = nearest_routes(present, searches, ActionSet(actions))
+    routes = nearest_routes(present, searches, [ActionSet(actions)] * len(present))
     assert all(routes)
     planned = [
         c for route, own in zip(routes, present, strict=True) for c in route if route != [own]

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from dsse_ros.belief.belief import Belief, Forecast
 from dsse_ros.planners import COVERAGE_PLANNERS, PERSON_PLANNERS, PLANNER_NAMES, planner_for
-from dsse_ros.scenario.actions import ActionSet
+from dsse_ros.scenario.actions import ActionSet, connected_components
 from dsse_ros.search import PROFILES, parallel_env
 
 NAMES = [name for name in PLANNER_NAMES if name != "onnx"]
@@ -75,7 +75,8 @@ def test_every_planner_decides_for_drones_that_are_observed_outside_the_area(
 
 def test_a_drone_outside_the_area_is_alone_in_an_empty_component() -> None:
     area = np.array([[1, 1, 0], [1, 0, 0], [0, 0, 1]], bool)
-    components = ActionSet(STRAIGHT, area).connected_components([(2, 0), (0, 1), (1, 1), (1, 0)])
+    cells = [(2, 0), (0, 1), (1, 1), (1, 0)]
+    components = connected_components([ActionSet(STRAIGHT, area)] * 4, cells)
     assert [members for members, _ in components] == [[0], [1, 3], [2]]
     assert [cells.sum() for _, cells in components if cells is not None] == [0, 3, 0]
 
@@ -125,7 +126,8 @@ def test_every_cell_that_a_drone_can_get_to_is_searched(name: str, drones: int) 
         given = scenario_of(mask, rng, drones) | {"timestep_limit": 600}
         env = parallel_env(given, probability_of_detection=0.0, collisions=False)
         actions = ActionSet(env.rules.actions, mask)
-        components = actions.connected_components([(x, y) for x, y in given["drones_positions"]])
+        starts = [(x, y) for x, y in given["drones_positions"]]
+        components = connected_components([actions] * len(starts), starts)
         left = np.any([component for _, component in components], axis=0)
         planner = planner_for(env, name)
         observations, infos = env.reset(seed=seed)

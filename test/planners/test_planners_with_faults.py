@@ -17,12 +17,12 @@ from dsse_ros.planners import COVERAGE_PLANNERS, PLANNER_NAMES, planner_for
 from dsse_ros.planners.batch import play_missions
 from dsse_ros.planners.belief import BeliefPlanner
 from dsse_ros.planners.masking import apply_masks
-from dsse_ros.scenario.actions import ActionSet
+from dsse_ros.scenario.swarm import Swarm
 from dsse_ros.search import parallel_env
 
 NAMES = [name for name in PLANNER_NAMES if name not in (*COVERAGE_PLANNERS, "onnx")]
 """Planners that look for persons and need no file."""
-ACTIONS = ActionSet(("left", "right", "up", "down", "search"))
+SWARM = Swarm.alike(("left", "right", "up", "down", "search"))
 SEARCH: dict[str, Any] = {
     "grid_size": 9, "num_drones": 3, "person_initial_position": (6, 6), "timestep_limit": 45,
     "probability_of_detection": 0.2, "battery_move": 4.0, "battery_search": 5.0, "relief_steps": 2,
@@ -83,10 +83,10 @@ def test_an_action_that_a_mask_forbids_is_a_search_or_what_is_left() -> None:
     }
     present = {"drone0": (1, 1), "drone1": (5, 5), "drone2": (0, 1)}
     allowed = {"drone0": 0, "drone1": 3, "drone2": 2}
-    assert apply_masks(allowed, present, infos, ACTIONS) == allowed
+    assert apply_masks(allowed, present, infos, SWARM) == allowed
     # drone0 stays, so that drone2 may not come.
     chosen = {"drone0": 1, "drone1": 4, "drone2": 1}
-    assert apply_masks(chosen, present, infos, ACTIONS) == {"drone0": 4, "drone1": 3, "drone2": 4}
+    assert apply_masks(chosen, present, infos, SWARM) == {"drone0": 4, "drone1": 3, "drone2": 4}
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -99,7 +99,7 @@ def test_a_planner_does_nothing_that_the_masks_forbid(name: str) -> None:
         actions = planner(observations, infos)
         for agent, action in actions.items():
             # One that may only go where it would meet another drone goes home above it.
-            assert infos[agent]["action_mask"][action] or action == ACTIONS.search
+            assert infos[agent]["action_mask"][action] or action == SWARM.actions.search
         observations, *_, infos = env.step(actions)
         observations = {agent: observations[agent] for agent in env.agents}
         statuses |= {info["status"] for info in infos.values()}

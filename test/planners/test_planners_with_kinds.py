@@ -8,13 +8,15 @@ from typing import Any
 
 import numpy as np
 import pytest
+from areas import CELL_M, ORIGIN, geojson_of
 from effort import LITTLE_EFFORT
 from test_batch import alone
 
 from dsse_ros.planners import PERSON_PLANNERS, PLANNERS, planner_for
 from dsse_ros.planners.batch import play_missions
 from dsse_ros.planners.masking import keep_apart
-from dsse_ros.scenario.actions import ActionSet
+from dsse_ros.planners.play import play
+from dsse_ros.scenario.actions import DIAGONAL, ActionSet
 from dsse_ros.search import SearchEnv, parallel_env
 from dsse_ros.searchers.registry import SEARCHERS
 from dsse_ros.searchers.searcher import Searcher
@@ -26,6 +28,13 @@ KINDS = {
         moves=("left", "right", "up", "down"),
     ),
     "halting": Searcher(doc="goes to the east alone", moves=("right",)),
+    "rook": Searcher(doc="flies straight", moves=("left", "right", "up", "down")),
+    "seven": Searcher(
+        doc="lacks a diagonal",
+        moves=("left", "right", "up", "down", "up_left", "up_right", "down_left"),
+    ),
+    "bishop": Searcher(doc="flies diagonally", moves=DIAGONAL),
+    "never_back": Searcher(doc="flies to the south-east", moves=("right", "down")),
 }  # fmt: skip
 SWARM = ("drone", "slow", "straight", "slow", "halting", "drone")
 SEARCH: dict[str, Any] = {
@@ -85,6 +94,46 @@ def test_planners_cover_with_a_mix_of_kinds_without_a_collision(name: str) -> No
     fly(env, name, 1)
     # They get on: nobody waits forever for somebody who waits for them.
     assert env.world.coverage_metrics()["coverage_rate"][0] == 1.0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("in_area", [False, True], ids=["grid", "area"])
+@pytest.mark.parametrize("kind", ["rook", "seven", "bishop", "never_back"])
+@pytest.mark.parametrize("name", [*FOR_PERSONS, "astar"])
+def test_a_planner_commands_each_drone_what_its_kind_can_do_and_none_stands_still(
+    name: str, kind: str, in_area: bool
+) -> None:
+    swarm = (kind, "drone", kind)
+    fields: dict[str, Any] = {
+        "grid_size": 9, "searchers": swarm, "drones_positions": [(0, 0), (8, 8), (1, 1)],
+        "timestep_limit": 60,
+    }  # fmt: skip
+    if name == "astar":
+        fields |= {"rules": "coverage", "probability_matrix": np.ones((9, 9))}
+    else:
+        # Persons are hard to find, but not impossible: then there would be nothing to plan for.
+        fields |= {
+            "rules": "v2",
+            "person_initial_position": (4, 4),
+            "probability_of_detection": 0.01,
+        }
+    if in_area:
+        mask = np.ones((9, 9), bool)
+        mask[3, 2:7] = mask[6, 6] = False
+        fields |= {"area": geojson_of(mask), "cell_size": CELL_M}
+        fields |= {"origin_lat": ORIGIN[0], "origin_lon": ORIGIN[1]}
+    env = parallel_env(**fields)
+    planner = planner_for(env, name, seed=1, **LITTLE_EFFORT.get(name, {}))
+    _, infos = env.reset(seed=3)
+    visited: dict[str, set[tuple[int, ...]]] = {agent: set() for agent in env.agents}
+    for step in play(env, planner, seed=3):
+        for agent, action in step.actions.items():
+            assert infos[agent]["action_mask"][action], (agent, action)
+        for agent, (cell, _) in step.observations.items():
+            visited[agent].add(tuple(cell.tolist()))
+        infos = step.infos
+    if env.steps_done >= 40:
+        assert min(map(len, visited.values())) >= 4, visited
 
 
 @pytest.mark.parametrize("name", ["greedy", "sweep", "belief"])

@@ -43,12 +43,12 @@ def test_the_routes_keep_to_the_time_and_have_each_node_once() -> None:
     solve = pytest.importorskip("dsse_ros.planners.route", exc_type=ImportError).solve
     cells = [(0, 0), (7, 7), (1, 0), (2, 0), (7, 6), (7, 5), (0, 7)]
     ways = [[abs(a - c) + abs(b - d) for c, d in cells] for a, b in cells]
-    routes = solve(ways, [0.2, 0.2, 0.2, 0.2, 0.1], 2, 4)
+    routes = solve([ways] * 2, [0.2, 0.2, 0.2, 0.2, 0.1], 4)
     assert routes == [[2, 3], [4, 5]]
     for drone, route in enumerate(routes):
         steps = sum(ways[a][b] + 1 for a, b in pairwise([drone, *route]))
         assert steps <= 4
-    (first, second) = solve(ways, [0.2, 0.2, 0.2, 0.2, 0.1], 2, 20)
+    (first, second) = solve([ways] * 2, [0.2, 0.2, 0.2, 0.2, 0.1], 20)
     assert sorted(first + second) == [2, 3, 4, 5, 6]
 
 
@@ -57,7 +57,7 @@ def test_a_busy_machine_gets_the_routes_of_an_idle_one(monkeypatch: pytest.Monke
     rng = np.random.default_rng(0)
     cells = rng.integers(0, 40, (52, 2))
     ways = np.abs(cells[:, None] - cells[None]).max(axis=-1).tolist()
-    problem = (ways, (0.02 * rng.random(48)).tolist(), 4, 25)
+    problem = ([ways] * 4, (0.02 * rng.random(48)).tolist(), 25)
     idle = route.solve(*problem)
     parameters = route.pywrapcp.DefaultRoutingSearchParameters()
     # A part of the search then exceeds the time that the solver gives it by default.

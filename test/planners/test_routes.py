@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 from dsse_ros.planners import make_planner
 from dsse_ros.planners.planner import Cell
 from dsse_ros.planners.routes import MAX_WAIT, RouteFollower
+from dsse_ros.scenario.swarm import Swarm
 
 action_names = st.sampled_from([STRAIGHT, DIAGONAL])
 
@@ -36,7 +37,7 @@ def test_from_any_start_the_whole_grid_is_searched(
 
 
 def fixed_routes(*routes: Sequence[Cell]) -> RouteFollower:
-    return RouteFollower(lambda cells, probability, actions: routes, STRAIGHT)
+    return RouteFollower(lambda cells, probability, actions: routes, Swarm.alike(STRAIGHT))
 
 
 def test_a_drone_that_stays_is_flown_around() -> None:

@@ -60,7 +60,7 @@ def test_routes_stay_on_the_grid_and_all_begin_at_the_datum(
     probability = np.zeros((size, size), np.float32)
     probability[row, col] = 1
     starts = [(k % size, k // size) for k in range(min(drones, size * size))]
-    routes = sector_routes(starts, probability, ActionSet(STRAIGHT))
+    routes = sector_routes(starts, probability, [ActionSet(STRAIGHT)] * len(starts))
     assert len(routes) == len(starts)
     for route in routes:
         assert route[0] == (col, row)
@@ -83,6 +83,6 @@ def test_several_drones_search_different_sectors() -> None:
     probability = np.zeros((41, 41), np.float32)
     probability[20, 20] = 1
     starts = [(0, 0), (1, 0), (2, 0)]
-    routes = sector_routes(starts, probability, ActionSet(STRAIGHT))
+    routes = sector_routes(starts, probability, [ActionSet(STRAIGHT)] * len(starts))
     sectors = [round(bearing((20, 20), route[7]) / 120) % 3 for route in routes]
     assert sorted(sectors) == [0, 1, 2]

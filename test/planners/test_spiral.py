@@ -53,7 +53,7 @@ def test_each_drone_has_a_route_and_together_they_search_the_whole_grid(
     probability = np.zeros((size, size), np.float32)
     probability[row, col] = 1
     starts = [(k % size, k // size) for k in range(min(drones, size * size))]
-    routes = spiral_routes(starts, probability, ActionSet(STRAIGHT))
+    routes = spiral_routes(starts, probability, [ActionSet(STRAIGHT)] * len(starts))
     assert all(routes)
     assert {cell for route in routes for cell in route} == {
         (c, r) for c in range(size) for r in range(size)

@@ -65,7 +65,8 @@ def test_a_share_is_entered_at_its_nearest_corner(
     cells = [(k % size, k // size) for k in starts]
     walker = GridWalker(size, cells)
     action_set = ActionSet(STRAIGHT)
-    for cell, route in zip(cells, sweep_routes(cells, walker.probability, action_set), strict=True):
+    routes = sweep_routes(cells, walker.probability, [action_set] * len(cells))
+    for cell, route in zip(cells, routes, strict=True):
         cols, rows = zip(*route, strict=True)
         corners = [(c, r) for c in (min(cols), max(cols)) for r in (min(rows), max(rows))]
         assert route[0] in corners
@@ -116,7 +117,7 @@ def test_when_drones_are_lost_the_others_search_their_own_shares(
     starts = default_start(size, count)
     walker = GridWalker(size, starts, actions)
     planner = make_planner("sweep", actions)
-    routes = sweep_routes(starts, walker.probability, ActionSet(actions))
+    routes = sweep_routes(starts, walker.probability, [ActionSet(actions)] * len(starts))
     for _ in range(data.draw(st.integers(1, size))):
         walker.step(planner)
     gone = data.draw(st.sets(st.integers(0, count - 1), min_size=1, max_size=count - 1))

@@ -1,0 +1,193 @@
+# Copyright 2026 dsse_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""Options of the planners: their names, values and defaults, stated once as data.
+
+They are checked wherever they come from: Python, the command line, ROS parameters or a campaign.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any
+
+from dsse_ros.planners.patterns import SearchPattern
+from dsse_ros.scenario.fields import Spec, check_all, check_known, field, specs
+from dsse_ros.scenario.rules import Rules
+from dsse_ros.targets.registry import has_own_drift
+
+if TYPE_CHECKING:
+    from typing_extensions import Self
+
+
+@dataclass(frozen=True, kw_only=True)
+class Options:
+    """The options of a planner; none by default.
+
+    Raises:
+        FieldError: If a value is not allowed.
+    """
+
+    def __post_init__(self) -> None:
+        check_all(self)
+
+    @classmethod
+    def specs(cls) -> dict[str, Spec]:
+        """Return what each option allows, by its name."""
+        return specs(cls)
+
+    @classmethod
+    def of(cls, planner: str, given: Mapping[str, Any]) -> Self:
+        """Return the options of a planner.
+
+        Args:
+            planner: Its name.
+            given: Values by name; the others have their defaults.
+
+        Raises:
+            FieldError: If a name is unknown or a value is not allowed.
+        """
+        check_known(f"planner {planner}", given, cls.specs(), noun="an option")
+        return cls._made(planner, given)
+
+    @classmethod
+    def _made(cls, planner: str, given: Mapping[str, Any]) -> Self:
+        return cls(**given)
+
+
+PATTERNS: Mapping[str, str] = MappingProxyType(
+    {"sweep": "PS", "creeping_line": "CS", "sector": "VS", "expanding_square": "SS"}
+)
+"""The `SearchPattern` that a planner flies if it has options."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class PatternOptions(Options):
+    """Options of the planners of `PATTERNS`: the fields of `SearchPattern`, and its datum.
+
+    Attributes:
+        pattern: The pattern; None without options, for routes over the whole grid.
+    """
+
+    datum: tuple[int, int] | None = field(
+        "cell", "Cell of the pattern's datum; by default the most probable cell at the first "
+        "observation.", None,
+    )  # fmt: skip
+    pattern: SearchPattern | None = None
+
+    @classmethod
+    def specs(cls) -> dict[str, Spec]:
+        """See `Options.specs`."""
+        fields = {**specs(cls), **specs(SearchPattern)}
+        del fields["pattern"]
+        return fields
+
+    @classmethod
+    def _made(cls, planner: str, given: Mapping[str, Any]) -> Self:
+        if not given:
+            return cls()
+        values = {"length": None, **given, "pattern": PATTERNS[planner]}
+        datum = values.pop("datum", None)
+        return cls(datum=datum, pattern=SearchPattern(**values))
+
+
+@dataclass(frozen=True, kw_only=True)
+class BeliefOptions(Options):
+    """Options of the planners on a belief."""
+
+    learn_drift: bool = field(
+        "bool", "Whether to learn the drift if the observed map is not the expected one.", True
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class BeamOptions(BeliefOptions):
+    """Options of the beam search."""
+
+    samples: int = field("int", "Scenarios drawn from the belief.", 4096, low=1, high=10**6)
+    horizon: int | None = field(
+        "int", "Steps planned; by default 15, or 10 if each person has an own drift.", None,
+        low=1, high=1000,
+    )  # fmt: skip
+    width: int = field("int", "Nodes kept at each step.", 32, low=1, high=10**5)
+    gamma: float = field("float", "Discount of a find per step.", 0.95, low=0, high=1)
+    kappa: float = field(
+        "float", "Weight of the scenarios left at the end of a plan.", 0.2, low=0, high=1e6
+    )
+    drift_samples: int = field("int", "Angles of the persons' own drift.", 16, low=1, high=4096)
+    finalists: int | None = field(
+        "int", "Number of a beam's plans, in addition to the drone's last plan, among which the "
+        "exact filter chooses: the samples overrate a plan that was optimized on them. 1: the "
+        "samples decide. By default 8, but at most 32 for all drones together, or 1 if each "
+        "person has an own drift.", None, low=1, high=1000,
+    )  # fmt: skip
+    budget_ms: float | None = field(
+        "float", "Wall time of a step after which no further drone plans; the others continue "
+        "their last plans. The same seed then need not give the same mission.", None, low=0,
+        high=1e9, unit="ms",
+    )  # fmt: skip
+
+    def steps_planned(self, rules: Rules) -> int:
+        """Return the horizon: longer where persons stay near the datum."""
+        return self.horizon or (10 if has_own_drift(rules.person_motion) else 15)
+
+    def num_finalists(self, rules: Rules, num_drones: int) -> int:
+        """Return the number of finalists.
+
+        If each person has an own drift, the exact filter costs as many times as much as there are
+        drift samples, for no gain.
+        """
+        usual = 1 if has_own_drift(rules.person_motion) else min(8, FINALISTS // num_drones)
+        return self.finalists or max(usual, 1)
+
+
+FINALISTS = 32
+"""Plans of all drones together that the exact filter compares in a step by default."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ForwardBackwardOptions(BeamOptions):
+    """Options of the improvement of plans, see `path_search.improve`."""
+
+    iterations: int = field(
+        "int", "How often one or two drones get other paths.", 2, low=0, high=10**9
+    )
+    budget_ms: float | None = field(
+        "float", "Wall time of a decision, in place of iterations. The same seed then need not "
+        "give the same mission.", None, low=0, high=1e9, unit="ms",
+    )  # fmt: skip
+    proof_width: int = field(
+        "int", "Paths that branch and bound keeps to prove the plan of a single drone optimal, if "
+        "kappa is 0; 1: no proof.", 1, low=1, high=10**4,
+    )  # fmt: skip
+    revisits: bool = field("bool", "Whether a drone may be in a cell twice.", True)
+
+
+@dataclass(frozen=True, kw_only=True)
+class EffortOptions(BeliefOptions):
+    """Options of the optimal allocation of effort."""
+
+    period: int = field("int", "Steps between two plans.", 4, low=1, high=10**6)
+
+
+@dataclass(frozen=True, kw_only=True)
+class RouteOptions(BeliefOptions):
+    """Options of the routes of a solver."""
+
+    period: int = field("int", "Steps between two plans.", 3, low=1, high=10**6)
+    reach: int = field(
+        "int", "Steps that a route may take after the drones have arrived, unless the mission ends "
+        "sooner.", 15, low=1, high=10**6,
+    )  # fmt: skip
+    cells_per_drone: int = field(
+        "int", "Number of the most likely cells per drone to choose the routes from.", 12,
+        low=1, high=10**4,
+    )  # fmt: skip
+
+
+@dataclass(frozen=True, kw_only=True)
+class OnnxOptions(Options):
+    """Options of a trained policy."""
+
+    model: str = field("str", "ONNX file, by default the model of this package.", "")

@@ -1,0 +1,165 @@
+# Copyright 2026 dsse_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+# mypy: disable-error-code="no-untyped-def"
+"""Moves, looks and finds of plans, compiled, for the planner `belief`.
+
+A plan is a path of H + 1 cells, the present one first; staying in a cell searches it. Cells are the
+columns of a belief, see `belief_kernels`.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dsse_ros.belief.belief_kernels import MARGIN
+from dsse_ros.compiled.jit import compiled, inlined, kernel
+
+
+class Moves(NamedTuple):
+    """The moves of a kind of drone and their looks.
+
+    Attributes:
+        steps: (A,) int64, what each move adds to a cell's number; 0, the search, comes first.
+        able: (A,) bool, whether the kind can do the move.
+        first: (A + 1,) int64, the looks of move a are first[a] .. first[a + 1] - 1.
+        offsets: (L, 2) int64, (dx, dy) of a look from the cell that the move leads to.
+        pods: (L, P) float64, POD of each person.
+        nearness: (S, S) float64, worth of a scenario left at the end by its distance, [y, x].
+    """
+
+    steps: NDArray[np.int64]
+    able: NDArray[np.bool_]
+    first: NDArray[np.int64]
+    offsets: NDArray[np.int64]
+    pods: NDArray[np.float64]
+    nearness: NDArray[np.float64]
+
+
+class Scenarios(NamedTuple):
+    """Futures of the persons, sorted by cell.
+
+    Attributes:
+        persons: (M,) as in `Futures`.
+        draws: (H, M) float64 in [0, 1), which a POD must exceed to detect the person of a future;
+            (0, 0) if every look has a POD of 1.
+        starts: (H, S S + 1) int64, see `future_kernels.index`.
+        members: (H, M) int64, see `future_kernels.index`.
+        ends: (M,) int64, the last cells.
+    """
+
+    persons: NDArray[np.int64]
+    draws: NDArray[np.float64]
+    starts: NDArray[np.int64]
+    members: NDArray[np.int64]
+    ends: NDArray[np.int64]
+
+
+@kernel
+def column_at(side, cell, dx, dy):
+    """Return the cell at this offset from another one, -1 off the grid."""
+    x, y = cell % side + dx, cell // side + dy
+    if min(x, y) < MARGIN or max(x, y) >= side - MARGIN:
+        return -1
+    return y * side + x
+
+
+@inlined
+def cell_seen(moves, cell, look):
+    """Return the cell that a look sees from a cell, -1 off the grid."""
+    return column_at(len(moves.nearness), cell, moves.offsets[look, 0], moves.offsets[look, 1])
+
+
+@inlined
+def detects(moves, scenarios, h, look, s):
+    """Return whether a look at step h detects the person of scenario s in the cell it sees."""
+    draws = scenarios.draws
+    return len(draws) == 0 or draws[h, s] < moves.pods[look, scenarios.persons[s]]
+
+
+@kernel
+def move_between(steps, cell, after):
+    """Return the number of the move from a cell to another one."""
+    for a in range(len(steps)):
+        if cell + steps[a] == after:
+            return a
+    return -1
+
+
+@kernel
+def looks_of_plans(paths, lengths, kinds, steps, first, offsets, side, when, columns, rows):
+    """Write the looks of plans, step by step, and return their number.
+
+    Args:
+        paths: (N, H + 1) int64.
+        lengths: (N,) int64, number of planned steps of each path.
+        kinds: (N,) int64, kinds of the drones.
+        steps: As in `Moves`.
+        first: (K, A + 1) int64, as in `Moves`, by kind.
+        offsets: As in `Moves`.
+        side: S.
+        when: (Q,) int64 out, the step of the look.
+        columns: (Q,) int64 out.
+        rows: (Q,) int64 out, the number of the look.
+    """
+    count = 0
+    for h in range(paths.shape[1] - 1):
+        for n in range(len(paths)):
+            a = -1
+            if h < lengths[n]:
+                a = move_between(steps, paths[n, h], paths[n, h + 1])
+            if a < 0:
+                continue
+            for k in range(first[kinds[n], a], first[kinds[n], a + 1]):
+                there = column_at(side, paths[n, h + 1], offsets[k, 0], offsets[k, 1])
+                if there >= 0:
+                    when[count], columns[count], rows[count] = h, there, k
+                    count += 1
+    return count
+
+
+@kernel
+def credit_plan(moves, scenarios, path, length, gamma, credit):
+    """Write the credit of a plan for each scenario: gamma ** (step of its first find), or 0.
+
+    Args:
+        moves: Of the drone's kind.
+        scenarios: The scenarios.
+        path: (H + 1,) int64.
+        length: Number of planned steps.
+        gamma: Discount per step.
+        credit: (M,) float64 out.
+    """
+    credit[:] = 0.0
+    worth = 1.0
+    for h in range(length):
+        a = move_between(moves.steps, path[h], path[h + 1])
+        if a >= 0:
+            for k in range(moves.first[a], moves.first[a + 1]):
+                there = cell_seen(moves, path[h + 1], k)
+                if there < 0:
+                    continue
+                for j in range(scenarios.starts[h, there], scenarios.starts[h, there + 1]):
+                    s = scenarios.members[h, j]
+                    if detects(moves, scenarios, h, k, s):
+                        credit[s] = max(credit[s], worth)
+        worth *= gamma
+
+
+@compiled()
+def worth_of_left(left, nearness, end):
+    """Return the worth of the persons left at the end to a drone in a cell.
+
+    Args:
+        left: (S S,) float64, the probability that a person is in a cell and was not found.
+        nearness: (S, S) float64, as in `Moves`.
+        end: The drone's cell.
+    """
+    side = len(nearness)
+    worth = 0.0
+    for y in range(side):
+        for x in range(side):
+            worth += left[y * side + x] * nearness[abs(y - end // side), abs(x - end % side)]
+    return worth
