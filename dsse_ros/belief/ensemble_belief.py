@@ -97,6 +97,11 @@ class EnsembleForecast(ForecastBase):
         index(self.columns, starts, members)
         return starts, members
 
+    def links(self) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
+        """Return the scratch memory `heads` and `links` of `particle_kernels`."""
+        heads = np.zeros(self.scenario.grid_size**2 + 1, np.int32)
+        return heads, np.empty(len(self.weights), np.int32)
+
     def row(self, step: int) -> int:
         """Return the index of a step of the sea in the tracks."""
         return min(step, len(self.cells) - 1)
@@ -157,7 +162,7 @@ class EnsembleBelief(BeliefBase):
     def _updated(self, *arguments: Any) -> float:
         pos: float = particle_kernels.learn(
             self.forecast.constants, self.forecast.area, self._cells(), self.density,
-            self.forecast.weights, *arguments,
+            self.forecast.weights, *self.forecast.links(), *arguments,
         )  # fmt: skip
         return pos
 

@@ -213,7 +213,8 @@ class EnsembleFollower:
         forecast = self._forecast
         particle_kernels.follow_particles(
             *followed, forecast.cells, forecast.weights, pods, self.class_of, forecast.first_step,
-            *beliefs, *_scratch(followed, self.class_of, self.examples), first, last,
+            *beliefs, *_scratch(followed, self.class_of, self.examples), *forecast.links(), first,
+            last,
         )  # fmt: skip
 
     def write(

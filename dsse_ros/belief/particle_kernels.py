@@ -7,6 +7,10 @@ Weights are (C, M) float64: row m is for the persons of detection class m, and s
 of all persons. `cells` (M, 2) int16 are the present cells of the particles, or (T, M, 2) the cells
 by step of the sea. Persons move independently: nobody is `APART`. Other arguments are as in
 `search_outcomes`.
+
+A pass over the particles links those of the cells that the looks of a step see, so that a look
+visits no others. `heads` (G G + 1,) int32, zeros in and out, has the first particle of each such
+cell plus one, or -1; `links` (M,) int32 has the next one of the same cell plus one, or -1.
 """
 
 from __future__ import annotations
@@ -26,12 +30,47 @@ from dsse_ros.belief.search_outcomes import (
     weigh_classes,
 )
 from dsse_ros.compiled.jit import compiled, kernel, part
-from dsse_ros.targets.sea_map import is_open
+from dsse_ros.targets.sea_map import is_inside, is_open
+
+
+@part
+def link(c, area, cells, seen, count, heads, links):
+    """Link the particles of each cell that the looks see, in their order.
+
+    Args:
+        c: The constants.
+        area: Of `kernels.Sea`.
+        cells: (M, 2) int16.
+        seen: (Q, 2) int64, columns and rows of the cells looked at.
+        count: Number of looks.
+        heads: As in the module, out.
+        links: As in the module, out.
+    """
+    g = c.grid_size
+    for q in range(count):
+        if is_open(area, g, seen[q, 0], seen[q, 1]):
+            heads[seen[q, 1] * g + seen[q, 0]] = -1
+    for k in range(len(cells) - 1, -1, -1):
+        col, row = np.int64(cells[k, 0]), np.int64(cells[k, 1])
+        # Without a branch, which would often be predicted wrongly.
+        cell = row * g + col if is_inside(g, col, row) else g * g
+        head = heads[cell]
+        if head != 0:
+            links[k] = head
+            heads[cell] = k + 1
+
+
+@part
+def unlink(c, area, seen, count, heads):
+    """Set `heads` to zeros again; arguments as in `link`."""
+    for q in range(count):
+        if is_open(area, c.grid_size, seen[q, 0], seen[q, 1]):
+            heads[seen[q, 1] * c.grid_size + seen[q, 0]] = 0
 
 
 @part
 def learn_look(
-    c, area, cells, weights, pods, class_of, missing, unfound, numbers, hazard, x, y, found
+    c, area, weights, pods, class_of, missing, unfound, numbers, hazard, heads, links, x, y, found
 ):  # fmt: skip
     """Update the weights with the outcome of the search of a cell.
 
@@ -40,7 +79,6 @@ def learn_look(
     Args:
         c: The constants.
         area: Of `kernels.Sea`.
-        cells: (M, 2) int16.
         weights: (C, M) float64, in and out.
         pods: (C,) float64, POD of this search.
         class_of: (n,) int64.
@@ -48,17 +86,20 @@ def learn_look(
         unfound: (n,) float64, in and out.
         numbers: (`OF_CLASS`, C) float64.
         hazard: (n,) float64 scratch.
+        heads: Of `link`.
+        links: Of `link`.
         x: Column of the cell; a search off the grid or outside the area has no effect.
         y: Row of the cell.
         found: Whether the search found somebody.
     """
     if not is_open(area, c.grid_size, x, y):
         return
+    first = heads[y * c.grid_size + x]
     for m in range(len(pods)):
-        here = 0.0
-        for k in range(len(cells)):
-            if cells[k, 0] == x and cells[k, 1] == y:
-                here += weights[m, k]
+        here, k = 0.0, first
+        while k > 0:
+            here += weights[m, k - 1]
+            k = links[k - 1]
         numbers[APART, m] = 0.0
         numbers[MIXED, m] = here / numbers[TOTAL, m] if numbers[TOTAL, m] > 0.0 else 0.0
     if not conclude(c, pods, class_of, missing, unfound, numbers, hazard, found):
@@ -67,10 +108,10 @@ def learn_look(
         # A single person counts as missing until the mission is over.
         missing[0] = 1.0
     for m in range(len(pods)):
-        left = numbers[LEFT_MIXED, m]
-        for k in range(len(cells)):
-            if cells[k, 0] == x and cells[k, 1] == y:
-                weights[m, k] *= left
+        k = first
+        while k > 0:
+            weights[m, k - 1] *= numbers[LEFT_MIXED, m]
+            k = links[k - 1]
 
 
 @part
@@ -97,8 +138,8 @@ def close_weights(weights, class_of, numbers, prior):
 
 @kernel
 def learn(
-    constants, area, cells, weights, prior, class_of, missing, unfound, pos, numbers, hazard,
-    seen, rows, pods, failed, count,
+    constants, area, cells, weights, prior, heads, links, class_of, missing, unfound, pos, numbers,
+    hazard, seen, rows, pods, failed, count,
 ):  # fmt: skip
     """Update the weights with the looks of a step; return the new POS.
 
@@ -108,6 +149,8 @@ def learn(
         cells: (M, 2) int16.
         weights: (C, M) float64, in and out.
         prior: (M,) of `close_weights`.
+        heads: (G G + 1,) int32 scratch, zeros in and out.
+        links: (M,) int32 scratch.
         class_of: (n,) int64.
         missing: (n,) float64, in and out.
         unfound: (n,) float64, in and out.
@@ -124,11 +167,13 @@ def learn(
         return pos
     c = constants[0]
     open_classes(class_of, numbers)
+    link(c, area, cells, seen, count, heads, links)
     for q in range(count):
         learn_look(
-            c, area, cells, weights, pods[rows[q]], class_of, missing, unfound, numbers, hazard,
-            seen[q, 0], seen[q, 1], q >= failed,
+            c, area, weights, pods[rows[q]], class_of, missing, unfound, numbers, hazard, heads,
+            links, seen[q, 0], seen[q, 1], q >= failed,
         )  # fmt: skip
+    unlink(c, area, seen, count, heads)
     close_weights(weights, class_of, numbers, prior)
     return mean_found(unfound)
 
@@ -164,7 +209,7 @@ def follow_particles(
     constants, area, worlds, drones, finds, kinds, looks, offsets, actions, live, done,
     cells, prior, pods, class_of, first_step,
     weights, missing, unfound, pos,
-    numbers, hazard, seen, rows,
+    numbers, hazard, seen, rows, heads, links,
     first, last,
 ):  # fmt: skip
     """Update the beliefs of the worlds first..last - 1 after a step.
@@ -194,6 +239,8 @@ def follow_particles(
         hazard: (n,) float64 scratch.
         seen: (Q, 2) int64 scratch, of `list_looks`.
         rows: (Q,) int64 scratch, of `list_looks`.
+        heads: As in `learn`.
+        links: As in `learn`.
         first: Number of the first world.
         last: Number of the last world, plus one.
     """
@@ -217,8 +264,8 @@ def follow_particles(
             c, drones[b], finds[b], kinds, looks, offsets, actions[b], live[b], seen, rows
         )
         pos[b] = learn(
-            constants, area, now, of_world, prior, class_of, missing[b], unfound[b], pos[b],
-            numbers, hazard, seen, rows, pods, failed, count,
+            constants, area, now, of_world, prior, heads, links, class_of, missing[b], unfound[b],
+            pos[b], numbers, hazard, seen, rows, pods, failed, count,
         )  # fmt: skip
 
 

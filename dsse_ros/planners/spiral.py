@@ -10,7 +10,7 @@ the most probable cell at the first observation.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from math import atan2, hypot, pi
+from math import atan2, pi
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,24 +37,26 @@ def spiral_routes(
     for members, component in connected_components(actions, cells):
         drones = sorted(members, key=lambda drone: turns(datum, cells[drone]))
         for drone, arm in zip(drones, arms(datum, len(probability), len(drones)), strict=True):
-            route = [(col, row) for col, row in arm if component is None or component[row, col]]
+            kept = arm if component is None else arm[component[arm[:, 1], arm[:, 0]]]
             # On a small grid an arm may be empty.
-            routes[drone] = route or routes[drone]
+            routes[drone] = [*zip(*kept.T.tolist(), strict=True)] or routes[drone]
     return routes
 
 
-def arms(datum: Cell, size: int, count: int) -> list[list[Cell]]:
-    """Return the cells of each arm of the spiral, outwards."""
-    places: list[list[tuple[float, Cell]]] = [[] for _ in range(count)]
-    for row in range(size):
-        for col in range(size):
-            cell = (col, row)
-            radius, angle = hypot(col - datum[0], row - datum[1]), turns(datum, cell)
-            # Arm i crosses this angle at the radii count * (angle + m) - i, m = 0, 1, ...
-            winding = round(radius - count * angle)
-            arm = -winding % count
-            places[arm].append(((winding + arm) / count + angle, cell))
-    return [[cell for _, cell in sorted(arm)] for arm in places]
+def arms(datum: Cell, size: int, count: int) -> list[NDArray[np.int64]]:
+    """Return the cells (K, 2) as (col, row) of each arm of the spiral, outwards."""
+    row, col = np.indices((size, size)).reshape(2, -1)
+    east, south = col - datum[0], row - datum[1]
+    radius = np.sqrt(east**2 + south**2)
+    # NumPy's arctan2 is not the same on all machines.
+    angle = np.array([*map(atan2, south.tolist(), east.tolist())]) / (2 * pi) % 1.0
+    # Arm i crosses this angle at the radii count * (angle + m) - i, m = 0, 1, ...
+    winding = np.rint(radius - count * angle).astype(np.int64)
+    arm_of = -winding % count
+    along = (winding + arm_of) / count + angle
+    cells = np.stack([col, row], axis=1)
+    order = np.lexsort((row, col, along))
+    return [cells[order[arm_of[order] == arm]] for arm in range(count)]
 
 
 def turns(datum: Cell, cell: Cell) -> float:

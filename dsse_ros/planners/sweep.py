@@ -41,21 +41,26 @@ def sweep_routes(
     routes = [[cell] for cell in cells]
     for members, component in connected_components(actions, cells):
         drones = sorted(members, key=lambda drone: cells[drone])
-        if component is None:
-            shared = shares(len(probability), len(drones))
-            passes = [
-                [lay(c, r) for r in (rows, rows[::-1]) for c in (cols, cols[::-1])]
-                for cols, rows in shared
-            ]
-        else:
-            passes = [[piece, piece[::-1]] for piece in _pieces(component, len(drones), lay)]
-        for drone, ways in zip(drones, passes, strict=True):
-            if ways[0]:
-                lengths = [actions[drone].distance(cells[drone], way[0]) for way in ways]
-                # A drone that cannot fly in all directions may reach one of them only.
-                shortest = min((length for length in lengths if length >= 0), default=lengths[0])
-                routes[drone] = ways[lengths.index(shortest)]
+        blocks = shares(len(probability), len(drones)) if component is None else None
+        pieces = None if component is None else _pieces(component, len(drones), lay)
+        for k, drone in enumerate(drones):
+            able, cell = actions[drone], cells[drone]
+            if blocks is not None:
+                cols, rows = blocks[k]
+                corners = [(c, r) for r in (rows, rows[::-1]) for c in (cols, cols[::-1])]
+                routes[drone] = lay(
+                    *corners[_nearest(able, cell, [(c[0], r[0]) for c, r in corners])]
+                )
+            elif pieces is not None and pieces[k]:
+                ways = (pieces[k], pieces[k][::-1])
+                routes[drone] = ways[_nearest(able, cell, [way[0] for way in ways])]
     return routes
+
+
+def _nearest(actions: ActionSet, cell: Cell, ends: Sequence[Cell]) -> int:
+    """Return the number of the first of the nearest cells that a drone can reach, if it can any."""
+    lengths = [actions.distance(cell, end) for end in ends]
+    return lengths.index(min((length for length in lengths if length >= 0), default=lengths[0]))
 
 
 def _pieces(

@@ -12,7 +12,7 @@ import json
 import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -40,6 +40,14 @@ class Area:
     """Polygons on the Earth; the area is their union."""
 
     polygons: tuple[Polygon, ...]
+
+    def __hash__(self) -> int:
+        return self._hash
+
+    @cached_property
+    def _hash(self) -> int:
+        # An outline may have many points, and each reset looks up the mask of the area.
+        return hash(self.polygons)
 
     @classmethod
     def of(cls, value: Any, name: str = "area") -> Area:

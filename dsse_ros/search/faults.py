@@ -26,7 +26,7 @@ from dsse_ros.step.fault_kernels import (
     HELD,
     STATUSES,
 )
-from dsse_ros.step.looks import Looks, looks_of
+from dsse_ros.step.looks import Looks
 
 if TYPE_CHECKING:
     from dsse_ros.search.world import World
@@ -70,7 +70,7 @@ def ground_speed_ratios_of_drones(scenario: ResolvedScenario, rules: Rules) -> l
     return [of_kinds[number] for number in scenario.kind_of]
 
 
-def abilities_of(scenario: ResolvedScenario, rules: Rules) -> NDArray[np.void]:
+def abilities_of(scenario: ResolvedScenario, rules: Rules, looks: Looks) -> NDArray[np.void]:
     """Return the abilities of the drones, (N,) of `fault_kernels.ABILITIES`."""
     kinds, fastest = scenario.kinds, max(scenario.speeds)
     of_kinds = np.zeros(len(kinds), ABILITIES)
@@ -78,7 +78,7 @@ def abilities_of(scenario: ResolvedScenario, rules: Rules) -> NDArray[np.void]:
         of_kinds["pace"][k, : len(rules.actions)] = ground_speed_ratios(scenario, rules, kind)
         of_kinds["endurance"][k] = endurance_steps(kind, scenario.step_duration_s)
         of_kinds["slower"][k] = scenario.speeds[k] < fastest
-    rates = false_alarms(scenario, looks_of(scenario, rules))
+    rates = false_alarms(scenario, looks)
     of_kinds["false_alarms"][:, : rates.shape[1]] = rates
     return of_kinds[list(scenario.kind_of)]
 
@@ -119,10 +119,16 @@ class Faults:
         is_noisy: Whether observed positions differ from the true ones.
     """
 
-    def __init__(self, scenario: ResolvedScenario, rules: Rules, num_worlds: int) -> None:
+    def __init__(
+        self,
+        scenario: ResolvedScenario,
+        rules: Rules,
+        num_worlds: int,
+        abilities: NDArray[np.void],
+    ) -> None:
         shape = (num_worlds, scenario.num_drones)
-        self._abilities = abilities_of(scenario, rules)
-        limited = has_limits(self._abilities, len(rules.actions))
+        self._abilities = abilities
+        limited = has_limits(abilities, len(rules.actions))
         self._constants = fault_constants(scenario, has_limits=limited)
         self._losses = np.empty(scenario.num_drones, np.int64)
         self._losses[:] = scenario.loss_steps
@@ -137,11 +143,22 @@ class Faults:
         self._ways = WaysHome(np.zeros(none, np.int32), np.zeros(none, np.int8))
 
     @classmethod
-    def of(cls, scenario: ResolvedScenario, rules: Rules, num_worlds: int) -> Faults | None:
-        """Return the faults of a scenario, or None if it has no faults and its drones no limits."""
-        limited = has_limits(abilities_of(scenario, rules), len(rules.actions))
-        limited = limited or bool(looks_of(scenario, rules).false_alarms.any())
-        return cls(scenario, rules, num_worlds) if limited or faults_of(scenario) else None
+    def of(
+        cls, scenario: ResolvedScenario, rules: Rules, num_worlds: int, looks: Looks
+    ) -> Faults | None:
+        """Return the faults of a scenario, or None if it has no faults and its drones no limits.
+
+        Args:
+            scenario: The scenario.
+            rules: The rules.
+            num_worlds: B.
+            looks: The looks of the drones.
+        """
+        abilities = abilities_of(scenario, rules, looks)
+        limited = has_limits(abilities, len(rules.actions)) or bool(looks.false_alarms.any())
+        if not (limited or faults_of(scenario)):
+            return None
+        return cls(scenario, rules, num_worlds, abilities)
 
     def place(self, world: World) -> None:
         """Make the drones' start cells their homes; all worlds have the same ones."""

@@ -93,7 +93,8 @@ class World(Rebound):
         self.grid_size = resolved.grid_size
         self.num_worlds = num_worlds
         self.num_drones = resolved.num_drones
-        self.constants = constants_of(resolved, rules, auto_reset=auto_reset)
+        self.looks = looks_of(resolved, rules)
+        self.constants = constants_of(resolved, rules, looks=self.looks, auto_reset=auto_reset)
         self.worlds = np.zeros(num_worlds, kernels.WORLDS)
         self.drones = np.zeros((num_worlds, self.num_drones), kernels.DRONES)
         self.finds = np.zeros(self.drones.shape, np.uint64)
@@ -109,10 +110,9 @@ class World(Rebound):
         self.gauss = np.zeros((tables, 2, 2 * self.grid_size + 1))
         self.tails = np.zeros((tables, 2, self.grid_size + 2))
         self.area, self.runs = area_of(resolved)
-        self.looks = looks_of(resolved, rules)
         self._looked_for = resolved.person_pod_multipliers
         self.ensemble = WorldEnsemble.of(resolved, rules, num_worlds)
-        self.faults = Faults.of(resolved, rules, num_worlds)
+        self.faults = Faults.of(resolved, rules, num_worlds, self.looks)
         self._threads = threads
         self._rebind()
         self.seed()

@@ -14,7 +14,7 @@ from dsse_ros.scenario.area import runs_of
 from dsse_ros.scenario.fields import specs
 from dsse_ros.scenario.rules import Rules
 from dsse_ros.scenario.scenario import SPECS, ResolvedScenario
-from dsse_ros.step.looks import looks_of, moves_look
+from dsse_ros.step.looks import Looks, moves_look
 from dsse_ros.targets.motion import STEPS
 from dsse_ros.targets.registry import MOTIONS, has_own_drift
 
@@ -56,7 +56,6 @@ _DERIVED: Mapping[str, tuple[Any, Callable[[ResolvedScenario, Rules], Any]]] = {
     "leave_flies_on": ("?", lambda _, rules: rules.leave_policy == "fly_on"),
     "drift_remainder_dropped": ("?", lambda _, rules: rules.drift_remainder == "dropped"),
     "drift_remainder_less_one": ("?", lambda _, rules: rules.drift_remainder == "less_one"),
-    "moves_look": ("?", lambda scenario, rules: moves_look(looks_of(scenario, rules), rules)),
     "motion": ("i8", lambda _, rules: _motion(rules)),
     "person_steps": (("f8", (STEPS,)), lambda _, rules: rules.person_steps),
     "own_drift": ("?", lambda _, rules: has_own_drift(rules.person_motion)),
@@ -69,19 +68,32 @@ CONSTANTS = np.dtype(
     [
         *((name, _TYPES[_SPECS[name].kind]) for name in (*_OF_SCENARIO, *_OF_RULES)),
         *((name, of) for name, (of, _) in _DERIVED.items()),
+        ("moves_look", "?"),
         ("auto_reset", "?"),
     ],
     align=True,
 )
 """The scenario, the rules and the options of the batch in the kernels' format.
 
-With `auto_reset`, a step resets a world that is done, whatever its actions."""
+With `moves_look`, actions other than a search look too. With `auto_reset`, a step resets a world
+that is done, whatever its actions."""
 
 
 def constants_of(
-    scenario: ResolvedScenario, rules: Rules, *, auto_reset: bool = False
+    scenario: ResolvedScenario,
+    rules: Rules,
+    *,
+    looks: Looks | None = None,
+    auto_reset: bool = False,
 ) -> NDArray[np.void]:
-    """Return scenario and rules for the kernels, (1,) of `CONSTANTS`."""
+    """Return scenario and rules for the kernels, (1,) of `CONSTANTS`.
+
+    Args:
+        scenario: The scenario.
+        rules: The rules.
+        looks: The looks of the drones; needed only for their steps.
+        auto_reset: See `CONSTANTS`.
+    """
     constants = np.zeros(1, CONSTANTS)
     for name in _OF_SCENARIO:
         constants[name] = getattr(scenario, name)
@@ -89,6 +101,7 @@ def constants_of(
         constants[name] = getattr(rules, name)
     for name, (_, value) in _DERIVED.items():
         constants[name] = value(scenario, rules)
+    constants["moves_look"] = looks is not None and moves_look(looks, rules)
     constants["auto_reset"] = auto_reset
     return constants
 

@@ -139,8 +139,8 @@ def update_circle(w, circle):
 
     Args:
         w: The world.
-        circle: (G + 1,) int64 out, -1 for none; the last element is the diameter, so that
-            consecutive worlds with equal circles share the work.
+        circle: (G + 1,) int64 out, -1 for none and at most G, as no cell is farther; the last
+            element is the diameter, so that consecutive worlds with equal circles share the work.
     """
     d = diameter(w)
     rows = len(circle) - 1
@@ -153,7 +153,7 @@ def update_circle(w, circle):
         by_column, by_row = d2 - 4 * ady * ady, d2 - (2 * ady + 1) * (2 * ady + 1)
         across = (np.int64(np.sqrt(np.float64(max(by_column, 0)))) - 1) >> 1
         down = np.int64(np.sqrt(np.float64(max(by_row, 0)))) >> 1
-        circle[ady] = min(across, down) if by_row >= 0 else -1
+        circle[ady] = min(across, down, rows) if by_row >= 0 else -1
 
 
 @part

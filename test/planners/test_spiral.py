@@ -11,10 +11,15 @@ import numpy as np
 from grid_walker import STRAIGHT
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from numpy.typing import NDArray
 
 from dsse_ros.planners.planner import Cell
 from dsse_ros.planners.spiral import arms, spiral_routes, turns
 from dsse_ros.search import ActionSet
+
+
+def cells_of(arm: NDArray[np.int64]) -> list[Cell]:
+    return [(col, row) for col, row in arm.tolist()]
 
 
 @st.composite
@@ -28,13 +33,29 @@ def squares(draw: st.DrawFn) -> tuple[int, Cell]:
 @given(squares(), st.integers(1, 9))
 def test_the_arms_have_every_cell_once(square: tuple[int, Cell], count: int) -> None:
     size, datum = square
-    cells = [cell for arm in arms(datum, size, count) for cell in arm]
+    cells = [cell for arm in arms(datum, size, count) for cell in cells_of(arm)]
     assert sorted(cells) == [(col, row) for col in range(size) for row in range(size)]
+
+
+@settings(deadline=None)
+@given(squares(), st.integers(1, 9))
+def test_each_arm_is_that_of_its_formula_cell_by_cell(square: tuple[int, Cell], count: int) -> None:
+    size, datum = square
+    places: list[list[tuple[float, Cell]]] = [[] for _ in range(count)]
+    for row in range(size):
+        for col in range(size):
+            radius, angle = hypot(col - datum[0], row - datum[1]), turns(datum, (col, row))
+            winding = round(radius - count * angle)
+            arm = -winding % count
+            places[arm].append(((winding + arm) / count + angle, (col, row)))
+    assert [cells_of(arm) for arm in arms(datum, size, count)] == [
+        [cell for _, cell in sorted(of_arm)] for of_arm in places
+    ]
 
 
 def test_an_arm_winds_outwards_clockwise_a_cell_apart() -> None:
     (arm,) = arms((20, 20), 41, 1)
-    whole = list(takewhile(lambda cell: hypot(cell[0] - 20, cell[1] - 20) < 19, arm))
+    whole = list(takewhile(lambda cell: hypot(cell[0] - 20, cell[1] - 20) < 19, cells_of(arm)))
     assert len(whole) > 900
     assert whole[0] == (20, 20)
     radii = [hypot(col - 20, row - 20) for col, row in whole]

@@ -360,3 +360,27 @@ def test_a_large_grid_is_looked_at_in_parts(
     monkeypatch.undo()
     with little_memory():
         area_mask(Area.of(ring), False, 2000, 4.0, (-24.04, -46.17, 0.0))
+
+
+class Points(tuple[Any, ...]):
+    """Polygons that count how often all their points are looked through."""
+
+    looked_through = 0
+
+    def __hash__(self) -> int:
+        Points.looked_through += 1
+        return super().__hash__()
+
+
+def test_a_reset_does_not_look_through_the_points_of_the_area() -> None:
+    area = Area.of([[-24.035, -46.165], [-24.035, -46.155], [-24.03, -46.16]])
+    counted = Area(Points(area.polygons))
+    env = parallel_env(
+        area=counted, grid_size=20, origin_lat=-24.04, origin_lon=-46.17, num_drones=2,
+        person_initial_position=(8, 13),
+    )  # fmt: skip
+    Points.looked_through = 0
+    for seed in range(5):
+        env.reset(seed=seed)
+    assert Points.looked_through == 0
+    assert counted == area and hash(counted) == hash(area)

@@ -4,10 +4,13 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 
 from dsse_ros.search import HOLD, PROFILES, Scenario, World, profile
+from dsse_ros.sensors.registry import SENSORS
 from dsse_ros.step.constants import constants_of
 
 
@@ -74,3 +77,35 @@ def test_actions_of_any_layout_and_integer_type_are_the_same_actions() -> None:
         world.step(actions)
         states.add(world.state_bytes())
     assert len(states) == 1
+
+
+def test_however_long_the_sea_has_drifted_a_map_is_written_in_as_many_steps() -> None:
+    fields: dict[str, Any] = {"grid_size": 9, "sigma": 3.0, "vector": (0.0, 0.0)}
+    minutes = 20_000 * 13.0 / 60.0
+    world, plain = (
+        World(Scenario(**fields, pre_search_minutes=minutes), profile("paper", circle=circle))
+        for circle in (True, False)
+    )
+    for each in (world, plain):
+        each.reset()
+    # The circle is far outside the grid: its rows end at the grid's edge, and the map has none.
+    assert world.worlds["map_steps"][0] == 20_000
+    assert world._scratch[0].circle[:-1].max() <= world.grid_size
+    assert np.allclose(world.maps, plain.maps, rtol=1e-6)
+
+
+@pytest.mark.parametrize("fields", [{}, {"loss_rate": 0.1}, {"battery_move": 1.0}])
+def test_a_world_lists_the_looks_of_its_drones_once(
+    fields: dict[str, Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    listed: list[str] = []
+    own_cell = SENSORS["own_cell"]
+
+    def counted(scenario: Any, kind: Any, action: str, move: Any) -> Any:
+        listed.append(action)
+        return own_cell.looks(scenario, kind, action, move)
+
+    monkeypatch.setitem(SENSORS, "own_cell", own_cell._replace(looks=counted))
+    rules = profile("paper")
+    World(Scenario(grid_size=9, num_drones=2, **fields), rules, 3)
+    assert listed == list(rules.actions)
