@@ -5,10 +5,17 @@
 from launch import LaunchContext, LaunchDescription
 from launch_ros.actions import Node
 
-from dsse_ros.nodes.launching import argument, description, mission_arguments, mission_nodes, node
+from dsse_ros.nodes.launching import (
+    argument,
+    description,
+    leave_to_bridge,
+    mission_arguments,
+    mission_nodes,
+    node,
+)
 
 ARGUMENTS = [
-    argument("mode", "What the vehicles fly: guided, mission or export."),
+    argument("mode", "What the vehicles fly: guided or mission."),
     argument("connections", "MAVLink connections of the vehicles, drone0's first: [one, two]."),
     argument("autopilot", "Autopilot of the vehicles: ardupilot or px4."),
     argument("arm", "Searches for which vehicles may be armed: false, true or always."),
@@ -18,12 +25,15 @@ ARGUMENTS = [
 def nodes(context: LaunchContext) -> list[Node]:
     """Return the nodes to start."""
     mode = context.launch_configurations["mode"]
-    # In the other modes the vehicles start when the search is over.
+    # In a mission the vehicles start when the search is over.
     waits = {"wait_for_vehicles": mode == "guided"} if mode else {}
     of_bridge = {name: name for name in ("mode", "connections", "autopilot", "arm")}
     of_bridge["num_vehicles"] = "num_drones"
     return [
-        *mission_nodes(context, "flight.yml", {"autopilot": "autopilot"}, waits),
+        # Without a planner, or a simulation, an operator needs the bridge all the more.
+        *mission_nodes(
+            context, "flight.yml", {"autopilot": "autopilot"}, waits, on_exit=leave_to_bridge
+        ),
         node(context, "mavlink_bridge", ["mavlink_bridge.yml", "flight.yml"], of_bridge),
     ]
 

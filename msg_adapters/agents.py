@@ -166,17 +166,23 @@ def definition_from(keys: Keys, num_drones: int, grid_size: int | None) -> Searc
         raise ValueError(f"{keys.where}: {error}") from None
 
 
-def agents_from_message(message: String) -> AgentsInfo:
+def agents_from_message(message: String, *, with_definition: bool = True) -> AgentsInfo:
     """Return the information in a message of `agents`: the inverse of `agents_message`.
 
     Unknown keys are ignored, so that later versions may add some.
+
+    Args:
+        message: The message.
+        with_definition: Whether to read the definition, which may name files.
 
     Raises:
         ValueError: If the text is not such JSON; one line that names the key.
     """
     keys = Keys(parse_json(message.data, "agents"), "agents")
     agents, definition = keys.names("agents"), None
-    if keys.value("definition") is not None:
+    if agents != tuple(f"drone{i}" for i in range(len(agents))):
+        keys.refuse("agents", "drone0, drone1, ...")
+    if with_definition and keys.value("definition") is not None:
         grid_size = keys.integer("grid_size", 1, MAX_SIDE)
         definition = definition_from(keys.inner("definition"), len(agents), grid_size)
     return AgentsInfo(

@@ -8,7 +8,6 @@ grid's south-west corner. Columns grow to the east; rows grow to the south, row 
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -16,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dsse_ros.scenario.area import cell_centre
+from dsse_ros.scenario.limits import CELL_SIZE_M
 
 if TYPE_CHECKING:
     from dsse_ros.scenario.scenario import ResolvedScenario, Scenario
@@ -63,8 +63,11 @@ class GridFrame:
         object.__setattr__(self, "alts_m", tuple(float(alt_m) for alt_m in self.alts_m))
         if self.grid_size < 1:
             raise ValueError(f"grid_size must be at least 1, got {self.grid_size!r}")
-        if not (math.isfinite(self.cell_size_m) and self.cell_size_m > 0):
-            raise ValueError(f"cell_size_m must be above 0, got {self.cell_size_m!r}")
+        smallest, largest = CELL_SIZE_M
+        if not smallest <= self.cell_size_m <= largest:
+            raise ValueError(
+                f"cell_size_m must be {smallest:g} to {largest:g}, got {self.cell_size_m!r}"
+            )
         for name, limit, value in (
             ("origin_lat_deg", 90.0, self.origin_lat_deg),
             ("origin_lon_deg", 360.0, self.origin_lon_deg),

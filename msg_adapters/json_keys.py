@@ -9,6 +9,9 @@ from typing import Any, NoReturn
 
 from msg_adapters.result import shown
 
+LONGEST_TEXT = 1000
+"""Characters of a text: names of frames, drones and actions are much shorter."""
+
 
 def parse_json(text: str, where: str) -> Any:
     """Return the value of a JSON text; the constants NaN and Infinity are no JSON.
@@ -65,15 +68,16 @@ class Keys:
     def text(self, key: str, *, may_be_empty: bool = False) -> str:
         """Return a text."""
         value = self.value(key)
-        if not isinstance(value, str) or not (value or may_be_empty):
-            self.refuse(key, "a text" if may_be_empty else "a text that is not empty")
+        if not _is_text(value) or not (value or may_be_empty):
+            most = f"of at most {LONGEST_TEXT} characters in UTF-8"
+            self.refuse(key, f"a text {most}" if may_be_empty else f"a text {most}, not empty")
         return str(value)
 
     def names(self, key: str) -> tuple[str, ...]:
         """Return different texts that are not empty, at least one."""
         value = self.value(key)
         names = value if isinstance(value, list) else []
-        are_names = all(isinstance(name, str) and name for name in names)
+        are_names = all(_is_text(name) and name for name in names)
         if not names or not are_names or len(set(names)) != len(names):
             self.refuse(key, "a list of different names")
         return tuple(names)
@@ -107,6 +111,17 @@ class Keys:
         """Raise the error that says what was wanted instead of the value of a key."""
         value = shown(self._document[key])
         raise ValueError(f"{self.where}.{key} must be {wanted}, got {value}")
+
+
+def _is_text(value: Any) -> bool:
+    """Return whether a value is a text that ROS can send: no lone surrogates, no NUL."""
+    if not isinstance(value, str) or len(value) > LONGEST_TEXT or "\0" in value:
+        return False
+    try:
+        value.encode()
+    except UnicodeEncodeError:
+        return False
+    return True
 
 
 def _is_finite(value: Any) -> bool:

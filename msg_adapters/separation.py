@@ -32,8 +32,8 @@ class Space:
     Attributes:
         start: Where it begins.
         end: Where it ends; the same for a spot.
-        low_m: Lowest altitude above home.
-        high_m: Highest altitude above home.
+        low_m: Lowest height above the datum of the layers.
+        high_m: Highest height.
         home: Whether it is a spot where the vehicle takes off or lands.
     """
 
@@ -60,36 +60,45 @@ def place_of(frame: GridFrame, lat_deg: float, lon_deg: float) -> Point:
     return x_m, y_m
 
 
+def places_of(frame: GridFrame, places: Sequence[Point]) -> list[Point]:
+    """Return places on the Earth, latitudes and longitudes in degrees, in the map frame."""
+    lats, lons = np.array(places, dtype=np.float64).reshape(-1, 2).T
+    x_m, y_m, _ = geodetic_to_map(frame, lats, lons, frame.origin_alt_m)
+    return list(zip(x_m.tolist(), y_m.tolist(), strict=True))
+
+
 def separation_m(frame: GridFrame) -> float:
     """Return the horizontal distance that vehicles keep: neighbouring cells are apart."""
     return min(SEPARATION_M, frame.cell_size_m / 2)
 
 
-def may_meet(
-    ours: Iterable[Space], theirs: Sequence[Space], distance_m: float, homes_apart_m: float
-) -> bool:
-    """Return whether two vehicles could meet.
+def meetings(
+    ours: NDArray[np.float64],
+    theirs: NDArray[np.float64],
+    distances_m: NDArray[np.float64],
+    homes_apart_m: NDArray[np.float64],
+) -> NDArray[np.bool_]:
+    """Return which spaces (M,) of others a vehicle could meet somebody in.
 
     Args:
-        ours: Spaces of the one.
-        theirs: Spaces of the other.
-        distance_m: Horizontal distance that is enough.
-        homes_apart_m: Distance between the places where the two take off: where one of them takes
-            off or lands, they are no further apart anyway.
+        ours: `rows_of` its own spaces (N, 7).
+        theirs: `rows_of` those of the others (M, 7).
+        distances_m: Horizontal distances (M,) that are enough.
+        homes_apart_m: Distances (M,) between the places where the two take off: where one of them
+            takes off or lands, they are no further apart anyway.
     """
-    one, other = _rows(ours), _rows(theirs)
-    if not len(one) or not len(other):
-        return False
-    low_m = np.maximum(one[:, None, _LOW], other[:, _LOW])
-    high_m = np.minimum(one[:, None, _HIGH], other[:, _HIGH])
+    meet = np.zeros(len(theirs), dtype=bool)
+    low_m = np.maximum(ours[:, None, _LOW], theirs[:, _LOW])
+    high_m = np.minimum(ours[:, None, _HIGH], theirs[:, _HIGH])
     i, j = np.nonzero(low_m - high_m < MIN_GAP_M)
-    if not len(i):
-        return False
-    one, other = one[i], other[j]
-    at_home = (one[:, _HOME] > 0) | (other[:, _HOME] > 0)
-    # Positions are known to a metre or so.
-    limits_m = np.where(at_home, min(distance_m, homes_apart_m - 1.0), distance_m)
-    return bool((_apart_m(one, other) < limits_m).any())
+    if len(i):
+        one, other = ours[i], theirs[j]
+        at_home = (one[:, _HOME] > 0) | (other[:, _HOME] > 0)
+        # Positions are known to a metre or so.
+        least_m = np.minimum(distances_m, homes_apart_m - 1.0)[j]
+        limits_m = np.where(at_home, least_m, distances_m[j])
+        meet[j[_apart_m(one, other) < limits_m]] = True
+    return meet
 
 
 def track_spaces(frame: GridFrame, cells: Sequence[Cell], home: Point | None) -> list[Space]:
@@ -127,7 +136,7 @@ def level_cells(
     for frame, track, home in zip(frames, tracks, homes, strict=True):
         place = None if home is None else place_of(frame, home.lat_deg, home.lon_deg)
         # A vehicle flies many a leg more than once.
-        legs.append(np.unique(_rows(track_spaces(frame, track, place) if track else ()), axis=0))
+        legs.append(np.unique(rows_of(track_spaces(frame, track, place) if track else ()), axis=0))
     found = []
     for i, (frame, cells) in enumerate(zip(frames, searched, strict=True)):
         left = list(set(cells))
@@ -146,17 +155,17 @@ def level_cells(
 
 
 _START, _END, _LOW, _HIGH, _HOME = slice(0, 2), slice(2, 4), 4, 5, 6
-"""Columns of `_rows`."""
+"""Columns of `rows_of`."""
 
 
-def _rows(spaces: Iterable[Space]) -> NDArray[np.float64]:
-    """Return spaces as an array (N, 7)."""
+def rows_of(spaces: Iterable[Space]) -> NDArray[np.float64]:
+    """Return spaces as an array (N, 7), for `meetings`."""
     rows = [(*one.start, *one.end, one.low_m, one.high_m, one.home) for one in spaces]
     return np.array(rows, dtype=np.float64).reshape(-1, 7)
 
 
 def _apart_m(one: NDArray[np.float64], other: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the horizontal distances (N,) between legs, row by row of `_rows`."""
+    """Return the horizontal distances (N,) between legs, row by row of `rows_of`."""
     a, b, c, d = one[:, _START], one[:, _END], other[:, _START], other[:, _END]
     ends_m = [_to_leg_m(a, c, d), _to_leg_m(b, c, d), _to_leg_m(c, a, b), _to_leg_m(d, a, b)]
     cross = (_side(a, b, c) * _side(a, b, d) < 0) & (_side(c, d, a) * _side(c, d, b) < 0)

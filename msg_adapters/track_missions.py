@@ -14,6 +14,8 @@ from numpy.typing import ArrayLike
 from msg_adapters.frames import GridFrame
 from msg_adapters.geodesy import cell_to_geodetic
 from msg_adapters.mission_items import (
+    FRAME_GLOBAL,
+    FRAME_GLOBAL_RELATIVE_ALT,
     FRAME_MISSION,
     NAV_RETURN_TO_LAUNCH,
     NAV_TAKEOFF,
@@ -56,13 +58,14 @@ def track_mission(
     search_hold_s: float = 5.0,
     level_cells: Collection[tuple[int, int]] = (),
     home_hold_s: float = 0.0,
+    datum_amsl_m: float | None = None,
 ) -> Mission:
     """Return a track as a mission: take-off, waypoints, searches and the return.
 
     A search is a descent over its cell, a hold and a climb back to flight altitude: the drone
     "will descend and verify" (paper, section "Adopted simplications"), at an altitude and for a
     time that the paper leaves open. Searches of one cell in a row are one descent with the times
-    added up. Altitudes are above home, which is taken to lie on the map plane.
+    added up.
 
     Args:
         frame: The grid; drones fly at its altitude.
@@ -78,6 +81,9 @@ def track_mission(
         level_cells: Cells that are searched from flight altitude, without a descent.
         home_hold_s: Time to stay over home, at flight altitude, before the return; 0 for a return
             from where the track ends.
+        datum_amsl_m: Altitude of the map plane above mean sea level; the items then have altitudes
+            above the sea. If not given, they have altitudes above home, which is taken to lie on
+            the map plane.
 
     Raises:
         ValueError: If the track is empty, shapes do not match or a number is not allowed.
@@ -98,20 +104,28 @@ def track_mission(
         col, row = track[0].tolist()
         home = Home(*cell_to_geodetic(frame, col, row, 0.0))
 
+    over_home = datum_amsl_m is None
+    alt_frame = FRAME_GLOBAL_RELATIVE_ALT if over_home else FRAME_GLOBAL
+    datum_m = 0.0 if datum_amsl_m is None else datum_amsl_m
+
     def waypoint(lat_deg: float, lon_deg: float, alt_m: float, stay_s: float) -> MissionItem:
         return MissionItem(
             NAV_WAYPOINT,
+            alt_frame,
             param1=float(stay_s),
             param2=float(acceptance_radius_m),
             param4=math.nan,
             lat_deg=lat_deg,
             lon_deg=lon_deg,
-            alt_m=float(alt_m),
+            alt_m=float(datum_m + alt_m),
         )
 
     def items() -> Iterator[MissionItem]:
         alt_m = frame.alt_m
-        yield MissionItem(NAV_TAKEOFF, lat_deg=home.lat_deg, lon_deg=home.lon_deg, alt_m=alt_m)
+        yield MissionItem(
+            NAV_TAKEOFF, alt_frame,
+            lat_deg=home.lat_deg, lon_deg=home.lon_deg, alt_m=datum_m + alt_m,
+        )  # fmt: skip
         visited, searches = stops(track, flags, merge_legs=merge_legs)
         cols, rows = visited[:, 0].astype(float), visited[:, 1].astype(float)
         lats, lons, _ = cell_to_geodetic(frame, cols, rows, alt_m)

@@ -56,7 +56,7 @@ def vehicle_pose(
         frame: The grid.
         lat_deg: WGS84 latitude.
         lon_deg: WGS84 longitude.
-        alt_m: Altitude above home, which is taken to be as high as the grid's origin.
+        alt_m: Height above the datum, which is as high as the grid's origin.
         heading_deg: Where its nose points, clockwise from north; NaN is east.
         stamp: Time of the pose.
     """

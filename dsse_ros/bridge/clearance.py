@@ -21,9 +21,11 @@ class Clearance:
         home: Place to fly to, at its altitude, before it comes down there; None to come down at
             once.
         admit: Returns the order to give instead of the wanted one, or why that has to wait.
+        intruder: Returns why an order under way has to be interrupted; empty if it goes on.
     """
 
     search_alive: bool = True
     take_off: str = ""
     home: GoTo | None = None
     admit: Callable[[Order], Order | str] = lambda order: order
+    intruder: Callable[[Order | None], str] = lambda order: ""

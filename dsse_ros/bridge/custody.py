@@ -43,7 +43,7 @@ class Custody(Enum):
     TAKEN = "taken over"
     """A person controls it, in the air or on the ground."""
     RELEASED = "released"
-    """A person has released it while it was armed; it is not cleared."""
+    """It is armed, and nobody controls it: a person has released it, or no bridge was there."""
     FAILSAFE = "failsafe"
     """A failsafe of its autopilot controls it."""
     GROUNDED = "grounded"
@@ -56,45 +56,43 @@ class Event(Enum):
     CLEAR = "it is cleared: `~/arm`, or by the parameter `arm`"
     LIFT_OFF = "its motors turn for the take-off"
     SEARCH_OVER = "its drone's search is over"
-    DROP_OUT = "it has dropped out of the search: link lost, order failed"
+    DROP_OUT = "it has dropped out of the search: link lost, order failed, outside the fence"
+    FALL = "it falls below `min_altitude` without an order"
     HOLD = "an operator calls `~/hold`"
-    COME_DOWN = "an operator calls `~/return` or `~/land`"
-    GROUND = "an operator calls `~/arm` with `false`"
+    COME_DOWN = "an operator calls `~/return` or `~/land`, and the bridge has launched it"
+    GROUND = "an operator calls `~/arm` with `false`, or another service for it on the ground"
     DOWN = "it is disarmed on the ground, after it was armed"
-    TAKE_OVER = "a person changes its mode, or disarms it on the ground"
+    TAKE_OVER = "a person changes its mode, target, mission or home, restarts or disarms it"
     FAILSAFE = "a failsafe changes its mode"
+    EXPLAIN = "the autopilot reports a failsafe, up to 3 s after its mode changed"
     RELEASE = "a person sets GUIDED (PX4: OFFBOARD) while it is armed"
 
 
 _FLOWN: Mapping[Event, Custody] = {
     Event.HOLD: Custody.HELD,
     Event.COME_DOWN: Custody.RECALLED,
+    Event.FALL: Custody.RECALLED,
     Event.TAKE_OVER: Custody.TAKEN,
     Event.FAILSAFE: Custody.FAILSAFE,
 }
 """Events that take away any vehicle that the bridge flies, or change what it does."""
 
-_ON_THE_GROUND: Mapping[Event, Custody] = {
-    Event.HOLD: Custody.TAKEN,
-    Event.COME_DOWN: Custody.TAKEN,
-    Event.GROUND: Custody.TAKEN,
-}
-"""Orders of an operator that keep a vehicle on the ground."""
-
 NEXT: Mapping[Custody, Mapping[Event, Custody]] = {
     Custody.FREE: {
         Event.CLEAR: Custody.CLEARED,
+        Event.COME_DOWN: Custody.RECALLED,
+        Event.GROUND: Custody.TAKEN,
         Event.DOWN: Custody.TAKEN,
         Event.TAKE_OVER: Custody.TAKEN,
-        **_ON_THE_GROUND,
     },
     Custody.CLEARED: {
         Event.LIFT_OFF: Custody.FOLLOWING,
         Event.SEARCH_OVER: Custody.FREE,
         Event.DROP_OUT: Custody.GROUNDED,
+        Event.COME_DOWN: Custody.RECALLED,
+        Event.GROUND: Custody.TAKEN,
         Event.TAKE_OVER: Custody.TAKEN,
         Event.FAILSAFE: Custody.FAILSAFE,
-        **_ON_THE_GROUND,
     },
     Custody.FOLLOWING: {
         Event.SEARCH_OVER: Custody.ENDING,
@@ -105,23 +103,31 @@ NEXT: Mapping[Custody, Mapping[Event, Custody]] = {
     Custody.HELD: {Event.CLEAR: Custody.FOLLOWING, Event.DOWN: Custody.TAKEN, **_FLOWN},
     Custody.RECALLED: {Event.CLEAR: Custody.FOLLOWING, Event.DOWN: Custody.TAKEN, **_FLOWN},
     Custody.ENDING: {Event.CLEAR: Custody.FOLLOWING, Event.DOWN: Custody.GROUNDED, **_FLOWN},
-    Custody.TAKEN: {Event.CLEAR: Custody.CLEARED, Event.RELEASE: Custody.RELEASED},
+    Custody.TAKEN: {
+        Event.CLEAR: Custody.CLEARED,
+        Event.COME_DOWN: Custody.RECALLED,
+        Event.EXPLAIN: Custody.FAILSAFE,
+        Event.RELEASE: Custody.RELEASED,
+    },
     Custody.RELEASED: {
         Event.CLEAR: Custody.FOLLOWING,
+        Event.COME_DOWN: Custody.RECALLED,
         Event.DOWN: Custody.GROUNDED,
         Event.TAKE_OVER: Custody.TAKEN,
         Event.FAILSAFE: Custody.FAILSAFE,
     },
     Custody.FAILSAFE: {
         Event.CLEAR: Custody.CLEARED,
+        Event.COME_DOWN: Custody.RECALLED,
         Event.RELEASE: Custody.RELEASED,
         Event.DOWN: Custody.GROUNDED,
     },
     Custody.GROUNDED: {
         Event.CLEAR: Custody.CLEARED,
+        Event.COME_DOWN: Custody.RECALLED,
+        Event.GROUND: Custody.TAKEN,
         Event.DOWN: Custody.TAKEN,
         Event.TAKE_OVER: Custody.TAKEN,
-        **_ON_THE_GROUND,
     },
 }
 """The next state, by state and event."""

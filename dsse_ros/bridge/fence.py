@@ -3,6 +3,7 @@
 """The fence: where the bridge may send vehicles, the search area with a margin and altitude limits.
 
 The bridge checks every place and every mission item here first, and never sends a refused one.
+Altitudes are above mean sea level.
 """
 
 from __future__ import annotations
@@ -18,10 +19,7 @@ from msg_adapters.geodesy import geodetic_to_map, map_to_geodetic, on_near_side
 from msg_adapters.mission_items import (
     FIRMWARES,
     FRAME_GLOBAL,
-    FRAME_GLOBAL_RELATIVE_ALT,
     FRAME_MISSION,
-    NAV_LAND,
-    NAV_LOITER_TIME,
     NAV_RETURN_TO_LAUNCH,
     NAV_TAKEOFF,
     NAV_WAYPOINT,
@@ -29,8 +27,9 @@ from msg_adapters.mission_items import (
 )
 from msg_adapters.result import Accepted, Rejected, Result
 
-_PLACED = (NAV_WAYPOINT, NAV_LOITER_TIME, NAV_LAND, NAV_TAKEOFF)
+_PLACED = (NAV_WAYPOINT, NAV_TAKEOFF)
 _MAX_PARAMETER = 1e6
+_MAX_ALT_M = 1e5
 
 
 @dataclass(frozen=True)
@@ -40,8 +39,8 @@ class Fence:
     Attributes:
         frame: The grid, which is the search area.
         margin_m: How far around the area vehicles may go.
-        min_alt_m: Lowest altitude above home; landing and home itself are below it.
-        max_alt_m: Highest altitude above home.
+        min_amsl_m: Lowest altitude; landing and home itself are below it.
+        max_amsl_m: Highest altitude.
         center: Latitude and longitude of the middle of a circle that vehicles must not leave,
             whichever search they follow; None for no circle.
         radius_m: Radius of the circle.
@@ -53,50 +52,50 @@ class Fence:
 
     frame: GridFrame
     margin_m: float
-    min_alt_m: float
-    max_alt_m: float
+    min_amsl_m: float
+    max_amsl_m: float
     center: tuple[float, float] | None = None
     radius_m: float = math.inf
     area: tuple[str, ...] | None = None
 
     def __post_init__(self) -> None:
         check_number("margin_m", self.margin_m, 0, 1e6)
-        check_number("max_alt_m", self.max_alt_m, 0, 1e5)
-        check_number("min_alt_m", self.min_alt_m, 0, self.max_alt_m)
+        check_number("max_amsl_m", self.max_amsl_m, -_MAX_ALT_M, _MAX_ALT_M)
+        check_number("min_amsl_m", self.min_amsl_m, -_MAX_ALT_M, self.max_amsl_m)
 
 
 Place = tuple[float, float, float]
-"""Latitude and longitude in degrees and altitude above home in metres."""
+"""Latitude and longitude in degrees and altitude above mean sea level in metres."""
 
 
-def check_place(lat_deg: float, lon_deg: float, alt_m: float, fence: Fence) -> Result[Place]:
-    """Check a place that a vehicle should fly to, with its altitude above home.
+def check_place(lat_deg: float, lon_deg: float, alt_amsl_m: float, fence: Fence) -> Result[Place]:
+    """Check a place that a vehicle should fly to.
 
     Returns:
         The place, or `not_finite`, `not_on_earth`, `outside_fence` or `altitude`.
     """
-    checked = check_take_off(lat_deg, lon_deg, alt_m, fence)
+    checked = check_take_off(lat_deg, lon_deg, alt_amsl_m, fence)
     if isinstance(checked, Rejected):
         return checked
     return _check_area(lat_deg, lon_deg, fence) or checked
 
 
-def check_take_off(lat_deg: float, lon_deg: float, alt_m: float, fence: Fence) -> Result[Place]:
+def check_take_off(
+    lat_deg: float, lon_deg: float, alt_amsl_m: float, fence: Fence
+) -> Result[Place]:
     """Check a place that a vehicle should take off to; it need not be in a cell to search.
 
     Returns:
         The place, or a rejection as from `check_place`.
     """
-    refused = _check_horizontal(lat_deg, lon_deg, fence) or _check_altitude(
-        alt_m, fence.min_alt_m, fence
-    )
-    return refused or Accepted((lat_deg, lon_deg, alt_m))
+    refused = check_horizontal(lat_deg, lon_deg, fence) or _check_altitude(alt_amsl_m, fence)
+    return refused or Accepted((lat_deg, lon_deg, alt_amsl_m))
 
 
 def check_item(item: MissionItem, fence: Fence) -> Result[MissionItem]:
     """Check an item that should be sent to a vehicle.
 
-    Altitudes must be above home: the height of any other kind depends on sea level or the ground.
+    Altitudes must be above the sea: a home, and the ground, may be anywhere.
 
     Returns:
         The item, or `unknown_command`, `unknown_frame`, `not_finite`, `bad_parameter`,
@@ -109,22 +108,16 @@ def check_item(item: MissionItem, fence: Fence) -> Result[MissionItem]:
     if not placeless and item.command not in _PLACED:
         return Rejected(
             "unknown_command",
-            f"command must be take-off, waypoint, hold, land or return, got {item.command}",
+            f"command must be take-off, waypoint or return, got {item.command}",
         )
-    if item.frame != FRAME_GLOBAL_RELATIVE_ALT and not (placeless and item.frame == FRAME_MISSION):
-        return Rejected(
-            "unknown_frame",
-            f"frame must be {FRAME_GLOBAL_RELATIVE_ALT}, above home, got {item.frame}",
-        )
+    if item.frame != (FRAME_MISSION if placeless else FRAME_GLOBAL):
+        wanted = f"{FRAME_MISSION}" if placeless else f"{FRAME_GLOBAL}, above the sea"
+        return Rejected("unknown_frame", f"frame must be {wanted}, got {item.frame}")
     if placeless:
         return Accepted(item)
-    lowest_m = 0.0 if item.command == NAV_LAND else fence.min_alt_m
-    refused = _check_horizontal(item.lat_deg, item.lon_deg, fence) or _check_altitude(
-        item.alt_m, lowest_m, fence
-    )
-    if item.command in (NAV_WAYPOINT, NAV_LOITER_TIME):
-        refused = refused or _check_area(item.lat_deg, item.lon_deg, fence)
-    return refused or Accepted(item)
+    check = check_take_off if item.command == NAV_TAKEOFF else check_place
+    checked = check(item.lat_deg, item.lon_deg, item.alt_m, fence)
+    return checked if isinstance(checked, Rejected) else Accepted(item)
 
 
 def check_mission(
@@ -165,7 +158,7 @@ def _check_home(item: MissionItem, fence: Fence) -> Rejected | None:
     if item.frame != FRAME_GLOBAL:
         wanted = f"{FRAME_GLOBAL}, above the sea, for home"
         return Rejected("unknown_frame", f"frame must be {wanted}, got {item.frame}")
-    return _check_parameters(item) or _check_horizontal(item.lat_deg, item.lon_deg, fence)
+    return _check_parameters(item) or check_horizontal(item.lat_deg, item.lon_deg, fence)
 
 
 def _check_parameters(item: MissionItem) -> Rejected | None:
@@ -181,7 +174,8 @@ def _check_parameters(item: MissionItem) -> Rejected | None:
     return None
 
 
-def _check_horizontal(lat_deg: float, lon_deg: float, fence: Fence) -> Rejected | None:
+def check_horizontal(lat_deg: float, lon_deg: float, fence: Fence) -> Rejected | None:
+    """Reject a place outside the fence, at whatever altitude; None if it is inside."""
     refused = _check_limits("not_on_earth", "lat_deg", lat_deg, -90.0, 90.0) or _check_limits(
         "not_on_earth", "lon_deg", lon_deg, -180.0, 180.0
     )
@@ -227,8 +221,9 @@ def _check_area(lat_deg: float, lon_deg: float, fence: Fence) -> Rejected | None
     )
 
 
-def _check_altitude(alt_m: float, lowest_m: float, fence: Fence) -> Rejected | None:
-    return _check_limits("altitude", "alt_m", alt_m, lowest_m, fence.max_alt_m, " above home")
+def _check_altitude(alt_amsl_m: float, fence: Fence) -> Rejected | None:
+    limits = (fence.min_amsl_m, fence.max_amsl_m)
+    return _check_limits("altitude", "altitude", alt_amsl_m, *limits, " m above the sea")
 
 
 def _check_limits(

@@ -10,24 +10,29 @@ from __future__ import annotations
 
 import traceback
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Any, Literal, TypeVar, cast
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any, Literal, TypeVar
 
 from numpy.typing import NDArray
 
-from dsse_ros.bridge.airspace import Flyer, admit
+from dsse_ros.bridge.airspace import Airspace, Flyer
 from dsse_ros.bridge.clearance import Clearance
 from dsse_ros.bridge.custody import MAY_ORDER, Custody
 from dsse_ros.bridge.flight_plan import FlightPlan, MissionPlan
+from dsse_ros.bridge.flight_record import FlightRecord, SearchId
 from dsse_ros.bridge.flight_records import FlightRecords
-from dsse_ros.bridge.followed_search import FollowedSearch, News, SearchListener
+from dsse_ros.bridge.followed_search import FollowedSearch, News
 from dsse_ros.bridge.settings import BridgeSettings
-from dsse_ros.bridge.vehicle_custody import Arm, SearchId, VehicleCustody
+from dsse_ros.bridge.vehicle_custody import VehicleCustody
 from dsse_ros.bridge.vehicle_follower import VehicleFollower
+from dsse_ros.defects import Defects, describe
 from dsse_ros.flight.autopilots import AUTOPILOTS
-from dsse_ros.flight.orders import FlyMission
-from dsse_ros.flight.vehicle_controller import Defects, Order, describe
+from dsse_ros.flight.orders import FlyMission, GoTo, Hold
+from dsse_ros.flight.vehicle_controller import Order
 from dsse_ros.scenario.fields import FieldError
 from msg_adapters.agents import AgentsInfo
+from msg_adapters.result import Rejected, Result
+from msg_adapters.separation import Point, places_of
 
 if TYPE_CHECKING:
     from dsse_ros.flight.vehicle import Vehicle
@@ -41,14 +46,33 @@ _NEWS: tuple[tuple[Level, str], ...] = (
     ("error", " is lost"), ("warning", ""), ("info", " waits"), ("warning", "")
 )  # fmt: skip
 """How news of a vehicle are logged: why it is lost, refused, blocked, and where it returns."""
-_KEPT = "kept on the ground"
 _NOT_ENDED = ("under_way", "silent", "done", "failed")
 
 Log = Callable[[Level, str], None]
 T = TypeVar("T")
 
 
-class FleetController(SearchListener):
+@dataclass
+class _Fleet:
+    """Numbers of the drones whose vehicles matter to others.
+
+    Attributes:
+        flying: In the air.
+        avoided: In the air, or about to take off.
+        unknown: Of these, those whose intent is not known: somebody else has them, or their link is
+            lost.
+        holding_up: To take off, but not ready.
+        climbing: On the ground or in the climb.
+    """
+
+    flying: set[int] = field(default_factory=set)
+    avoided: list[int] = field(default_factory=list)
+    unknown: set[int] = field(default_factory=set)
+    holding_up: list[int] = field(default_factory=list)
+    climbing: list[int] = field(default_factory=list)
+
+
+class FleetController:
     """Follows one search after the other with the same vehicles.
 
     Args:
@@ -79,23 +103,15 @@ class FleetController(SearchListener):
         self._whole = settings.mode == "mission"
         self.names = [f"drone{i}" for i in range(len(vehicles))]
         self.followers = [
-            VehicleFollower(
-                AUTOPILOTS[settings.autopilot],
-                settings.at_end,
-                settings.join_timeout,
-                settings.lost_timeout,
-                arm=cast(Arm, settings.arm),
-                whole=self._whole,
-                record=None if records is None else records[vehicle.system_id],
-            )
-            for vehicle in vehicles
+            VehicleFollower(settings, None if records is None else records[i])
+            for i in range(len(vehicles))
         ]
-        for _, follower, vehicle in self._each():
-            record = follower.custody.record
-            if record.mode:
-                vehicle.adopt(record.mode)
-            if record.custody is Custody.FOLLOWING or record.arming_s:
-                vehicle.adopt(AUTOPILOTS[settings.autopilot].take_off_mode)
+        # The id with which each vehicle has been identified.
+        self._uids: list[str | None] = [None] * len(vehicles)
+        self._airspace: Airspace | None = None
+        self._seen: _Fleet | None = None
+        for i in range(len(vehicles)):
+            self._adopt(i)
         self.plan: FlightPlan | None = None
         self.search = FollowedSearch(len(vehicles), whole=self._whole, refuse=self._refuse)
         self.holding = False
@@ -112,22 +128,41 @@ class FleetController(SearchListener):
         self._drained = False
         self._idle_s: float | None = None
         self._record_trouble = ""
-        self._defects = [Defects(name) for name in self.names]
+        self._defects = [Defects() for _ in self.names]
         # For each vehicle, the last logged reasons: see `_NEWS`.
         self._logged = [("",) * len(_NEWS)] * len(vehicles)
         for name, follower, _ in self._each():
             if follower.custody.state is not Custody.FREE:
                 log("warning", f"{name}: {_shown(follower)}, from an earlier flight")
 
+    def _adopt(self, i: int) -> None:
+        """Count the modes that an earlier program has set as those of the bridge."""
+        record, vehicle = self.followers[i].custody.record, self._vehicles[i]
+        if record.mode:
+            vehicle.adopt(record.mode)
+        if record.custody is Custody.FOLLOWING:
+            vehicle.adopt(AUTOPILOTS[self._settings.autopilot].take_off_mode)
+
     def _each(self) -> list[tuple[str, VehicleFollower, Vehicle]]:
         return list(zip(self.names, self.followers, self._vehicles, strict=True))
 
     # The search
 
+    def take_agents(self, info: AgentsInfo, now_s: float) -> None:
+        """Take an `agents` message: the mission and its drones."""
+        self.search.take_agents(info)
+        self.handle_news(now_s)
+
     def take_report(self, stamp_ns: int, report: NDArray[Any], now_s: float) -> None:
         """Take the report (N,) of a step, with its stamp."""
         self._report_s = now_s
-        super().take_report(stamp_ns, report, now_s)
+        self.search.take_report(stamp_ns, report)
+        self.handle_news(now_s)
+
+    def take_mission_report(self, stamp_ns: int, report: NDArray[Any], now_s: float) -> None:
+        """Take the report (steps + 1, N) of a finished mission, with its stamp."""
+        self.search.take_mission_report(stamp_ns, report)
+        self.handle_news(now_s)
 
     def set_publishers(self, count: int) -> bool:
         """Take the number of nodes that publish `step_report`; returns whether it has changed.
@@ -148,7 +183,7 @@ class FleetController(SearchListener):
         return f"{self._publishers} nodes publish step_report: no other search is followed"
 
     def _refuse(self, info: AgentsInfo) -> str:
-        """Return why a search of another simulation may not be followed; empty if it may."""
+        """Return why another search may not be followed; empty if it may."""
         if self._contested:
             return self._contested
         now_s = self._now_s
@@ -157,12 +192,13 @@ class FleetController(SearchListener):
             custody, heard_s = follower.custody, max(vehicle.state.heard_s, self._start_s)
             silent = now_s - heard_s >= self._settings.lost_timeout
             run_id = custody.record.search[0] if custody.record.search else info.run_id
-            if custody.airborne and run_id != info.run_id and not silent:
+            changed = self.search.info is not None and self.search.info.run_id == info.run_id
+            if custody.airborne and not silent and (run_id != info.run_id or changed):
                 return f"{name} is in the air for run {run_id}: another one waits until it is down"
         return ""
 
     def handle_news(self, now_s: float) -> None:
-        """See `SearchListener`."""
+        """Handle all news of the search."""
         search, self._now_s = self.search, now_s
         while (news := search.next_news(now_s)) is not None:
             assert search.info is not None
@@ -190,8 +226,8 @@ class FleetController(SearchListener):
         search = (info.run_id, info.mission)
         self._first = self._first or search
         for i, follower in enumerate(self.followers):
-            alt_m = plan.frames[i].alt_m
-            follower.begin(search, alt_m, plan.fence(i), first=search == self._first)
+            top_m = plan.top_amsl_m(i)
+            follower.begin(search, top_m, plan.fence(i), first=search == self._first)
         self._log("info", f"mission {info.mission} of run {info.run_id} is followed")
 
     def _follow(self) -> None:
@@ -200,8 +236,8 @@ class FleetController(SearchListener):
         legs = self.search.legs
         if self._whole or self.plan is None or not legs:
             return
-        for i, ((_, follower, vehicle), leg) in enumerate(zip(self._each(), legs, strict=True)):
-            follower.follow(leg, self.plan.leg_task(i, leg, vehicle.state))
+        for i, (follower, leg) in enumerate(zip(self.followers, legs, strict=True)):
+            follower.follow(leg, self.plan.leg_task(i, leg))
 
     def _plan_missions(self, plan: FlightPlan) -> None:
         """Make the vehicles fly the whole search, once all of them have reported their homes."""
@@ -227,11 +263,14 @@ class FleetController(SearchListener):
         Returns:
             Whether at least one vehicle was cleared or kept, and what was done.
         """
+        alive = self._search_alive
 
-        def act(custody: VehicleCustody) -> str:
-            return custody.clear(alone=drone is not None) if data else custody.ground()
+        def act(custody: VehicleCustody) -> Result[str]:
+            if not data:
+                return custody.ground()
+            return custody.clear(self._now_s, alone=drone is not None, search_alive=alive)
 
-        return self._operate(drone, "cleared to fly" if data else _KEPT, act)
+        return self._operate(drone, act)
 
     def operate(self, drone: int | None, what: str) -> tuple[bool, str]:
         """Make vehicles `hold`, `return` or `land`, whatever the search does.
@@ -243,21 +282,21 @@ class FleetController(SearchListener):
         Returns:
             Whether at least one vehicle does, and what was done.
         """
-        return self._operate(drone, f"ordered to {what}", lambda custody: custody.operate(what))
+        return self._operate(drone, lambda custody: custody.operate(what))
 
     def _operate(
-        self, drone: int | None, what: str, act: Callable[[VehicleCustody], str]
+        self, drone: int | None, act: Callable[[VehicleCustody], Result[str]]
     ) -> tuple[bool, str]:
         done: dict[str, list[str]] = {}
         refused = []
+        self._airspace = self._seen = None
         for i, (name, follower, _) in enumerate(self._each()):
             if drone in (None, i):
-                why = act(follower.custody)
-                if why:
-                    refused.append(f"{name}: {why}")
+                result = act(follower.custody)
+                if isinstance(result, Rejected):
+                    refused.append(f"{name}: {result.reason}")
                 else:
-                    kept = follower.custody.state is Custody.TAKEN
-                    done.setdefault(_KEPT if kept else what, []).append(name)
+                    done.setdefault(result.value, []).append(name)
                 self._serve(i, self._now_s)
         text = "; ".join([*(f"{did}: {', '.join(names)}" for did, names in done.items()), *refused])
         self._log("warning", f"operator: {text}")
@@ -272,13 +311,15 @@ class FleetController(SearchListener):
         void = not MAY_ORDER[custody] or (
             outcome.order != follower.given and not vehicle.state.connected
         )
-        if void and outcome.order is not None and outcome.status in ends:
-            vehicle.cancel()
+        leaves = isinstance(outcome.order, Hold) and outcome.status in ("under_way", "silent")
+        if void and not leaves and outcome.order is not None and outcome.status in ends:
+            vehicle.release()
 
     # Time
 
     def turn(self, now_s: float) -> None:
         """Give the vehicles the orders that are due."""
+        self._airspace = self._seen = None
         self.handle_news(now_s)
         if self._begun_s is not None and not self._drained:
             quiet = now_s - max(self._begun_s, self._report_s) >= QUIET_S
@@ -295,14 +336,29 @@ class FleetController(SearchListener):
         """Give a vehicle the order that is due, if there is one."""
         follower, vehicle = self.followers[i], self._vehicles[i]
         before = follower.custody.state
+        self._isolated(i, self._identify, i)
         order = self._isolated(i, self._next_order, i, now_s)
         self._isolated(i, self._call_off, follower, vehicle)
         follower.leaves_layer = self._leaves_layer(i)
         self._log_news(i, before)
         # Record the change before any message shows it, so that a restarted bridge knows it.
-        self._keep_records()
+        self._keep_record(i)
         if order is not None:
             self._isolated(i, self._give, i, vehicle, order)
+
+    def _identify(self, i: int) -> None:
+        """Recognise that another vehicle is connected than the one whose record is known."""
+        state, follower = self._vehicles[i].state, self.followers[i]
+        uid = state.identity.uid
+        if uid is None or uid == self._uids[i]:
+            return
+        first, self._uids[i] = self._uids[i] is None, uid
+        known = follower.custody.record
+        record = FlightRecord() if self._records is None else self._records.identify(i, uid)
+        if record != known and not (first and self._records is None):
+            self._log("warning", f"{self.names[i]}: another vehicle is connected")
+            follower.replace_vehicle(record)
+            self._adopt(i)
 
     def _isolated(self, i: int, act: Callable[..., T], *arguments: object) -> T | None:
         """Call a function for one vehicle; if it raises, only that vehicle drops out."""
@@ -322,60 +378,122 @@ class FleetController(SearchListener):
         state, outcome, trouble = vehicle.state, vehicle.outcome, vehicle.trouble
         if not (trouble or state.connected):
             trouble = f"nothing from system {vehicle.system_id} on {vehicle.connection}"
+        if state.connected and state.identity.uid is None:
+            follower.await_identity(state, now_s, trouble)
+            return None
         return follower.advance(state, outcome, now_s, trouble, self._clearance(i))
+
+    @property
+    def _search_alive(self) -> bool:
+        """Whether the followed search is running, and no other one disturbs it."""
+        disturbed = self.search.foreign or self._contested
+        return self.search.confirmed and not disturbed and self._publishers > 0
 
     def _clearance(self, i: int) -> Clearance:
         """Return what the other vehicles and the search allow a vehicle to do."""
-        search = self.search
-        alive = search.confirmed and not (search.foreign or self._contested)
-        alive = alive and self._publishers > 0
-        plan = self.plan
+        plan, alive = self.plan, self._search_alive
         if plan is None:
             return Clearance(search_alive=alive)
-        others = [
-            self._flyer(j, plan)
-            for j, follower in enumerate(self.followers)
-            if j != i and (follower.custody.airborne or follower.takes_off)
-        ]
-        flyer = self._flyer(i, plan)
-        several = any(other.state.flying for other in others)
         return Clearance(
             search_alive=alive,
-            take_off=self._reason_to_wait(i, plan),
-            home=plan.way_home(i, flyer.state) if several and not self._whole else None,
-            admit=lambda order: admit(order, flyer, others),
+            take_off=self._reason_to_wait(i, plan) if self.followers[i].is_awaited else "",
+            home=self._way_home(i, plan),
+            admit=lambda order: self._admit(i, plan, order),
+            intruder=lambda order: self._intruder(i, plan, order),
         )
 
-    def _flyer(self, i: int, plan: FlightPlan) -> Flyer:
+    def _way_home(self, i: int, plan: FlightPlan) -> GoTo | None:
+        """Return the way home that does not cross the layers of others; None if there is none."""
+        others = self._fleet.flying - {i}
+        return plan.way_home(i, self._vehicles[i].state) if others and not self._whole else None
+
+    # Where the vehicles are
+
+    @property
+    def _fleet(self) -> _Fleet:
+        """What each vehicle has to know of all others, looked at once a turn."""
+        if self._seen is None:
+            self._seen = self._look_at_fleet()
+        return self._seen
+
+    def _look_at_fleet(self) -> _Fleet:
+        fleet = _Fleet()
+        for i, (_, follower, vehicle) in enumerate(self._each()):
+            state = vehicle.state
+            led = follower.custody.airborne or follower.takes_off
+            if state.flying:
+                fleet.flying.add(i)
+            if state.flying or led:
+                fleet.avoided.append(i)
+                if not (led and state.connected):
+                    fleet.unknown.add(i)
+            if follower.holds_up:
+                fleet.holding_up.append(i)
+            # In a mission a vehicle cannot wait on its way up.
+            climbs = follower.mission_under_way and not follower.risen
+            if climbs or follower.takes_off or follower.is_awaited:
+                fleet.climbing.append(i)
+        return fleet
+
+    def _look_around(self, plan: FlightPlan) -> Airspace:
+        """Return the space that the vehicles take, gathered once a turn."""
+        if self._airspace is None:
+            drones = [i for i in self._fleet.avoided if self._vehicles[i].state.has_position]
+            states = [self._vehicles[i].state for i in drones]
+            places = places_of(plan.frames[0], [(one.lat_deg, one.lon_deg) for one in states])
+            self._airspace = Airspace(
+                {i: self._flyer(i, plan, place) for i, place in zip(drones, places, strict=True)}
+            )
+        return self._airspace
+
+    def _admit(self, i: int, plan: FlightPlan, order: Order) -> Order | str:
+        if not self._vehicles[i].state.has_position:
+            return order
+        airspace, flyer = self._look_around(plan), self._flyer(i, plan)
+        admitted = airspace.admit(i, flyer, order)
+        if not isinstance(admitted, str):
+            airspace.update(i, replace(flyer, order=admitted))
+        return admitted
+
+    def _intruder(self, i: int, plan: FlightPlan, order: Order | None) -> str:
+        unknown = self._fleet.unknown - {i}
+        if not unknown or not self._vehicles[i].state.has_position:
+            return ""
+        return self._look_around(plan).intruder(i, self._flyer(i, plan), order)
+
+    def _flyer(self, i: int, plan: FlightPlan, place: Point | None = None) -> Flyer:
         follower, mission = self.followers[i], self._missions.get(i)
         flies = mission is not None and (follower.mission_under_way or follower.takes_off)
         spaces = mission.spaces if mission is not None and flies else ()
-        state, order = self._vehicles[i].state, follower.under_way
-        return Flyer(self.names[i], state, order, plan.frames[i], spaces)
+        state = self._vehicles[i].state
+        if place is None:
+            (place,) = places_of(plan.frames[i], [(state.lat_deg, state.lon_deg)])
+        return Flyer(
+            self.names[i], state, place, follower.under_way, plan.frames[i], plan.datum_m, spaces,
+            known=i not in self._fleet.unknown,
+        )  # fmt: skip
 
     def _reason_to_wait(self, i: int, plan: FlightPlan) -> str:
         """Return why a vehicle has to wait with its take-off; empty if it need not."""
         if not self._whole and not self.search.commanded:
             return "waiting for the first commands of a planner"
-        for j, (name, follower, _) in enumerate(self._each()):
-            if j != i and follower.holds_up:
-                return f"waiting for {name}: {follower.blocked or 'not ready'}"
-            if not self._whole or plan.frames[j].alt_m <= plan.frames[i].alt_m:
-                continue
-            # Vehicles in higher layers climb first, because a mission cannot wait on its way.
-            climbs = follower.mission_under_way and not follower.risen
-            if climbs or follower.takes_off or follower.is_awaited:
-                return f"waiting for {name}, which takes off first"
+        fleet, alt_m = self._fleet, plan.frames[i].alt_m
+        for j in fleet.holding_up:
+            if j != i:
+                return f"waiting for {self.names[j]}: {self.followers[j].blocked or 'not ready'}"
+        for j in fleet.climbing if self._whole else ():
+            # Vehicles in higher layers climb first.
+            if plan.frames[j].alt_m > alt_m:
+                return f"waiting for {self.names[j]}, which takes off first"
         return ""
 
-    def _keep_records(self) -> None:
-        """Write the records of the vehicles for a restarted bridge."""
+    def _keep_record(self, i: int) -> None:
+        """Write the record of a vehicle for a restarted bridge."""
         if self._records is None:
             return
         try:
-            self._records.update(
-                {one.system_id: follower.custody.record for _, follower, one in self._each()}
-            )
+            self._records.update(i, self.followers[i].custody.record)
+            self._records.keep_alive()
             self._record_trouble = ""
         except OSError as error:
             trouble = f"state_directory: {error.filename!r}: {error.strerror}"
@@ -409,9 +527,9 @@ class FleetController(SearchListener):
     def close(self) -> None:
         """Record, as the program ends, that the vehicles are ordered to hold."""
         if not self._whole:
-            for follower in self.followers:
+            for i, follower in enumerate(self.followers):
                 follower.custody.rest()
-            self._keep_records()
+                self._keep_record(i)
 
     # What people should know
 
@@ -428,14 +546,15 @@ class FleetController(SearchListener):
         """Return why a vehicle that returns by itself would leave its layer; empty if it stays."""
         if self.plan is None or len(self._vehicles) == 1:
             return ""
-        state, alt_m = self._vehicles[i].state, self.plan.frames[i].alt_m
+        state = self._vehicles[i].state
+        alt_m = self.plan.top_amsl_m(i) - (state.alt_amsl_m - state.alt_m)
         autopilot = AUTOPILOTS[self._settings.autopilot]
         reasons = []
         if alt_m < state.return_alt_m:
             names = " or ".join(autopilot.return_altitudes)
             reasons.append(
-                f"altitude must be at least {state.return_alt_m:g} m, the vehicle's {names}, to "
-                f"return in its own layer, got {alt_m:g}"
+                f"altitude must be at least {state.return_alt_m:g} m above home, the vehicle's "
+                f"{names}, to return in its own layer, got {alt_m:g}"
             )
         if state.return_climb_m > 0:
             names = " or ".join(autopilot.return_climbs)

@@ -54,7 +54,8 @@ class FlightPlan:
             search.
 
     Attributes:
-        frames: The grid at the altitude of each vehicle.
+        frames: The grid at the altitude of each vehicle above the datum.
+        datum_m: Altitude of the datum above mean sea level.
         center: Latitude and longitude of the middle of the fence.
 
     Raises:
@@ -67,6 +68,7 @@ class FlightPlan:
     ) -> None:
         self._settings = settings
         self._area = info.area
+        self.datum_m = settings.datum_altitude
         self.frames = layered(info.frame, settings, len(info.agents))
         self.center = _middle(info.frame) if center is None else center
         trouble = check_search(self.fence(0))
@@ -79,22 +81,20 @@ class FlightPlan:
         return Fence(
             self.frames[i],
             settings.fence_margin,
-            settings.min_altitude,
-            settings.max_altitude,
+            settings.datum_altitude + settings.min_altitude,
+            settings.datum_altitude + settings.max_altitude,
             center=self.center,
             radius_m=settings.fence_radius,
             area=self._area,
         )
 
-    def leg_task(self, i: int, leg: Leg, state: VehicleState) -> Result[Task]:
+    def top_amsl_m(self, i: int) -> float:
+        """Return the altitude of a vehicle's layer above mean sea level."""
+        return self.datum_m + self.frames[i].alt_m
+
+    def leg_task(self, i: int, leg: Leg) -> Result[Task]:
         """Return the task of a vehicle for a leg, or why the vehicle may not fly it."""
-        frame, fence = self.frames[i], self.fence(i)
-        if state.flying and state.has_position:
-            # A vehicle outside the fence would cross space outside it on its way to the cell.
-            here = check_take_off(state.lat_deg, state.lon_deg, frame.alt_m, fence)
-            if isinstance(here, Rejected):
-                return Rejected(here.code, f"it is elsewhere: {here.reason}")
-        return leg_task(leg, frame, self._settings, fence)
+        return leg_task(leg, self.frames[i], self._settings, self.fence(i), self.datum_m)
 
     def missions(
         self, tracks: Mapping[int, Track], homes: Mapping[int, tuple[float, float, float]]
@@ -108,7 +108,7 @@ class FlightPlan:
         frames, places = [self.frames[i] for i in flown], [Home(*homes[i]) for i in flown]
         missions = search_missions(
             frames, [tracks[i] for i in flown], self._settings, places,
-            HOME_HOLD_S if several else 0.0,
+            HOME_HOLD_S if several else 0.0, self.datum_m,
         )  # fmt: skip
         autopilot = AUTOPILOTS[self._settings.autopilot]
         plans = {}
@@ -125,11 +125,11 @@ class FlightPlan:
         if state.home is None:
             return None
         lat_deg, lon_deg, _ = state.home
-        frame = self.frames[i]
-        if isinstance(check_take_off(lat_deg, lon_deg, frame.alt_m, self.fence(i)), Rejected):
+        top_m = self.top_amsl_m(i)
+        if isinstance(check_take_off(lat_deg, lon_deg, top_m, self.fence(i)), Rejected):
             return None
-        radius_m = acceptance_radius_m(frame, min(self._settings.acceptance_radius, OVER_HOME_M))
-        return GoTo(lat_deg, lon_deg, frame.alt_m, radius_m)
+        most_m = min(self._settings.acceptance_radius, OVER_HOME_M)
+        return GoTo(lat_deg, lon_deg, top_m, acceptance_radius_m(self.frames[i], most_m))
 
 
 def layered(frame: GridFrame, settings: BridgeSettings, vehicles: int) -> list[GridFrame]:

@@ -1,25 +1,40 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""Files that record who controls each vehicle, one per vehicle, for a restarted bridge."""
+"""Files that record who controls each vehicle, for a restarted bridge.
+
+A record is named after the vehicle's own id, where it has one, and its system id; else after its
+system id and its connection. For each connection, a file keeps which vehicle was seen there last,
+and a lock whether a bridge uses it, and when one did.
+"""
 
 from __future__ import annotations
 
 import contextlib
 import fcntl
 import json
+import math
 import os
-from collections.abc import Iterable, Mapping
+import re
+import time
+import zlib
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 from dsse_ros.bridge.custody import Custody
-from dsse_ros.bridge.vehicle_custody import FlightRecord
+from dsse_ros.bridge.flight_record import FlightRecord, inherited
 from dsse_ros.scenario.fields import FieldError
 from dsse_ros.whole_files import write_whole
 
 UNREADABLE = FlightRecord(custody=Custody.TAKEN)
 """Record of a vehicle whose file cannot be parsed: a person has to look at it."""
+FRESH_S = 60.0
+"""Time without a bridge after which a vehicle in the air is not flown on."""
+_ALIVE_S = 5.0
+_BOOT_ID = Path("/proc/sys/kernel/random/boot_id")
+_ALIVE_BYTES = 100
+_NAME = re.compile(r"\d+-uid-[0-9a-f]+")
 
 
 def default_directory() -> Path:
@@ -28,11 +43,11 @@ def default_directory() -> Path:
 
 
 class FlightRecords:
-    """The records of vehicles, by system id; they outlast searches and programs.
+    """The records of the vehicles; they outlast searches and programs.
 
     Args:
         directory: Directory of the files; created if it does not exist.
-        system_ids: System ids of the vehicles.
+        connections: System id and connection of each vehicle.
 
     Attributes:
         unreadable: Files that cannot be parsed.
@@ -42,40 +57,83 @@ class FlightRecords:
         FieldError: If another program has one of the vehicles.
     """
 
-    def __init__(self, directory: Path, system_ids: Iterable[int]) -> None:
+    def __init__(self, directory: Path, connections: Sequence[tuple[int, str]]) -> None:
         self._directory = directory
         self._locks: list[int] = []
-        self._records: dict[int, FlightRecord] = {}
+        self._fresh: list[bool] = []
+        self._system_ids = [system_id for system_id, _ in connections]
+        self._places: list[str] = []
+        self._names: list[str] = []
+        self._records: list[FlightRecord] = []
+        self._alive_s = -_ALIVE_S
         self.unreadable: list[Path] = []
         directory.mkdir(parents=True, exist_ok=True)
         try:
-            for system_id in system_ids:
+            for system_id, connection in connections:
                 self._lock(system_id)
-                self._records[system_id] = self._read(system_id)
+                self._places.append(f"{system_id}-{zlib.crc32(connection.encode()):08x}")
+                self._names.append(self._seen_at(self._places[-1]))
+                self._records.append(self._read(len(self._records)))
                 # Fail before anything flies if the file cannot be written.
-                self._write(system_id)
+                self._write(len(self._records) - 1)
+            self.keep_alive()
         except BaseException:
             self.close()
             raise
 
-    def __getitem__(self, system_id: int) -> FlightRecord:
-        return self._records[system_id]
+    def __getitem__(self, i: int) -> FlightRecord:
+        return self._records[i]
 
-    def update(self, records: Mapping[int, FlightRecord]) -> None:
-        """Write the records that have changed.
+    def identify(self, i: int, uid: str) -> FlightRecord:
+        """Return the record of the vehicle that has turned out to be connected.
+
+        Args:
+            i: Number of the drone.
+            uid: The vehicle's own id; empty if it has none or does not report it, so that it counts
+                as the one that was seen last.
 
         Raises:
-            OSError: If a file cannot be written; the next call tries again.
+            OSError: If a file cannot be read or written.
         """
-        for system_id, record in records.items():
-            before = self._records[system_id]
-            if record != before:
-                self._records[system_id] = record
-                try:
-                    self._write(system_id)
-                except OSError:
-                    self._records[system_id] = before
-                    raise
+        name = f"{self._system_ids[i]}-uid-{uid}" if uid else self._names[i]
+        if name != self._names[i]:
+            before, self._names[i] = self._names[i], name
+            new = before == self._places[i] and not self._path(name).exists()
+            # A vehicle without a record is the one that was not identified yet.
+            if not new:
+                self._records[i] = self._read(i)
+            self._write(i)
+            write_whole(self._directory / f"at-{self._places[i]}.json", json.dumps(name).encode())
+        return self._records[i]
+
+    def update(self, i: int, record: FlightRecord) -> None:
+        """Write the record of a vehicle if it has changed.
+
+        Raises:
+            OSError: If the file cannot be written; the next call tries again.
+        """
+        before = self._records[i]
+        if record != before:
+            self._records[i] = record
+            try:
+                self._write(i)
+            except OSError:
+                self._records[i] = before
+                raise
+
+    def keep_alive(self) -> None:
+        """Record that this bridge is there.
+
+        Raises:
+            OSError: If a file cannot be written.
+        """
+        now_s = time.monotonic()
+        if now_s - self._alive_s >= _ALIVE_S:
+            self._alive_s = now_s
+            for lock in self._locks:
+                os.pwrite(
+                    lock, f"{_boot_id()} {math.floor(now_s)}\n".ljust(_ALIVE_BYTES).encode(), 0
+                )
 
     def close(self) -> None:
         """Release the locks, so that other programs can have the vehicles."""
@@ -83,11 +141,12 @@ class FlightRecords:
             os.close(lock)
         self._locks.clear()
 
-    def _path(self, system_id: int) -> Path:
-        return self._directory / f"vehicle-{system_id}.json"
+    def _path(self, name: str) -> Path:
+        return self._directory / f"vehicle-{name}.json"
 
     def _lock(self, system_id: int) -> None:
-        lock = os.open(self._path(system_id).with_suffix(".lock"), os.O_WRONLY | os.O_CREAT)
+        path = self._directory / f"vehicle-{system_id}.lock"
+        lock = os.open(path, os.O_RDWR | os.O_CREAT)
         self._locks.append(lock)
         try:
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -96,38 +155,68 @@ class FlightRecords:
                 f"state_directory must not be in use by a bridge that has system id {system_id}, "
                 f"got {str(self._directory)!r}"
             ) from None
+        self._fresh.append(_is_fresh(os.pread(lock, _ALIVE_BYTES, 0)))
 
-    def _read(self, system_id: int) -> FlightRecord:
-        path = self._path(system_id)
+    def _seen_at(self, place: str) -> str:
+        """Return the name of the record of the vehicle that was last seen at a connection."""
+        with contextlib.suppress(FileNotFoundError, ValueError):
+            name = json.loads((self._directory / f"at-{place}.json").read_text(encoding="utf-8"))
+            if isinstance(name, str) and _NAME.fullmatch(name):
+                return name
+        return place
+
+    def _read(self, i: int) -> FlightRecord:
+        path = self._path(self._names[i])
         with contextlib.suppress(FileNotFoundError):
             try:
-                return _parse(json.loads(path.read_text(encoding="utf-8")))
+                record = _parse(json.loads(path.read_text(encoding="utf-8")))
+                return inherited(record, fresh=self._fresh[i])
             except (ValueError, KeyError, TypeError, AttributeError):
                 self.unreadable.append(path)
                 return UNREADABLE
         return FlightRecord()
 
-    def _write(self, system_id: int) -> None:
-        record = self._records[system_id]
+    def _write(self, i: int) -> None:
+        record = self._records[i]
         text = json.dumps({**asdict(record), "custody": record.custody.value}, sort_keys=True)
-        write_whole(self._path(system_id), text.encode())
+        write_whole(self._path(self._names[i]), text.encode())
+
+
+def _boot_id() -> str:
+    """Return which boot of the machine this is; empty if that is not known."""
+    with contextlib.suppress(OSError):
+        return _BOOT_ID.read_text(encoding="ascii").strip()
+    return ""
+
+
+def _is_fresh(alive: bytes) -> bool:
+    """Return whether a bridge was there a short time ago, by what it has recorded."""
+    try:
+        boot_id, time_s = alive.decode("ascii").split()
+        ago_s = time.monotonic() - float(time_s)
+    except ValueError:
+        return False
+    return boot_id == _boot_id() and 0.0 <= ago_s <= FRESH_S
 
 
 def _parse(values: Mapping[str, Any]) -> FlightRecord:
     run_id, mission = values["search"] or (0, 0)
+    lat_deg, lon_deg, alt_m = values["home"] or (0.0, 0.0, 0.0)
     record = FlightRecord(
         **{name: values[name] for name in asdict(FlightRecord())}
         | {
             "custody": Custody(values["custody"]),
             "search": None if values["search"] is None else (int(run_id), int(mission)),
             "modes": tuple(values["modes"]),
-            "alt_m": float(values["alt_m"]),
-            "arming_s": float(values["arming_s"]),
+            "top_amsl_m": float(values["top_amsl_m"]),
+            "looked_ns": int(values["looked_ns"]),
+            "home": values["home"] and (float(lat_deg), float(lon_deg), float(alt_m)),
+            "items": int(values["items"]),
         }
     )
     texts = (record.lost, record.end, record.mode, *record.modes)
     if not all(isinstance(text, str) for text in texts):
         raise TypeError("lost, end, mode and modes must be strings")
-    if not (isinstance(record.flown, bool) and isinstance(record.arm, bool)):
-        raise TypeError("flown and arm must be true or false")
+    if not all(isinstance(flag, bool) for flag in (record.flown, record.launched, record.arm)):
+        raise TypeError("flown, launched and arm must be true or false")
     return record

@@ -4,7 +4,6 @@
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import replace
 from enum import Enum, auto
@@ -44,9 +43,10 @@ class FollowedSearch:
     may depend on how the caller handles earlier news, see `fail`.
 
     Args:
-        vehicles: Number of drones that the search must have; None for any.
+        vehicles: Number of drones that the search must have.
         whole: Whether to wait for the tracks of the whole mission, once it is over.
-        refuse: Returns why a search of another simulation may not be followed now; empty if it may.
+        refuse: Returns why another search, or the followed one if it is described anew, may not
+            be followed now; empty if it may.
 
     Attributes:
         info: The followed mission; None before the first.
@@ -60,7 +60,7 @@ class FollowedSearch:
 
     def __init__(
         self,
-        vehicles: int | None,
+        vehicles: int,
         *,
         whole: bool,
         refuse: Callable[[AgentsInfo], str] = lambda info: "",
@@ -86,7 +86,7 @@ class FollowedSearch:
     def take_agents(self, info: AgentsInfo) -> None:
         """Take an `agents` message: the mission and its drones."""
         self._look_at_step = self._look_at_tracks = True
-        if self.info is not None and _identity(info) == _identity(self.info):
+        if self.info is not None and _is_same(info, self.info):
             self.info, self._other, self.foreign = info, None, ""
             self.confirmed = True
         else:
@@ -151,9 +151,10 @@ class FollowedSearch:
     def _why_not(self, info: AgentsInfo) -> str:
         """Return why a search may not be followed; empty if it may."""
         count = len(info.agents)
-        if self._vehicles not in (None, count):
+        if self._vehicles != count:
             return f"{self._vehicles} vehicles for {count} drones: nothing is flown"
-        if self.info is not None and info.run_id == self.info.run_id:
+        next_mission = self.info is not None and info.run_id == self.info.run_id
+        if next_mission and self.info is not None and info.mission != self.info.mission:
             return ""
         return self._refuse(info)
 
@@ -202,41 +203,13 @@ class FollowedSearch:
         return cells, track["action"] == _search_action(self.info)
 
 
-class SearchListener(ABC):
-    """Takes the messages of searches, and handles the news of the one to follow.
-
-    Attributes:
-        search: The followed search.
-    """
-
-    search: FollowedSearch
-
-    @abstractmethod
-    def handle_news(self, now_s: float) -> None:
-        """Handle all news of the search."""
-
-    def take_agents(self, info: AgentsInfo, now_s: float) -> None:
-        """Take an `agents` message: the mission and its drones."""
-        self.search.take_agents(info)
-        self.handle_news(now_s)
-
-    def take_report(self, stamp_ns: int, report: NDArray[Any], now_s: float) -> None:
-        """Take the report (N,) of a step, with its stamp."""
-        self.search.take_report(stamp_ns, report)
-        self.handle_news(now_s)
-
-    def take_mission_report(self, stamp_ns: int, report: NDArray[Any], now_s: float) -> None:
-        """Take the report (steps + 1, N) of a finished mission, with its stamp."""
-        self.search.take_mission_report(stamp_ns, report)
-        self.handle_news(now_s)
-
-    def trouble(self, now_s: float) -> str:
-        """Return why the search cannot be flown or written; empty if it can."""
-        return self.search.trouble(now_s)
-
-
 def _identity(info: AgentsInfo) -> Identity:
     return info.run_id, info.mission
+
+
+def _is_same(info: AgentsInfo, known: AgentsInfo) -> bool:
+    """Return whether a mission is described as before, except for what changes in it."""
+    return replace(info, commanded=known.commanded) == known
 
 
 def _keep(

@@ -19,9 +19,8 @@ class BridgeSettings(FlightSettings):
     """
 
     mode: str = field(
-        "str", "Follow each step with setpoints, fly the whole search as a mission when it "
-        "is over, or only write the missions to files.", "guided",
-        choices=("guided", "mission", "export"),
+        "str", "Follow each step with setpoints, or fly the whole search as a mission when it "
+        "is over.", "guided", choices=("guided", "mission"),
     )  # fmt: skip
     num_vehicles: int | None = field(
         "int", "Number of vehicles; by default one per connection, else 1.", None,
@@ -52,9 +51,13 @@ class BridgeSettings(FlightSettings):
         "float", "Ground speed to request, 0 for the vehicles' default.", 0.0,
         low=0, high=100, unit="m/s",
     )  # fmt: skip
+    datum_altitude: float = field(
+        "float", "Altitude above mean sea level from which all altitudes of the fleet are "
+        "measured: 0 for the sea; inland, that of the field.", 0.0, low=-500, high=9000, unit="m",
+    )  # fmt: skip
     altitudes: tuple[float, ...] = field(
-        "floats", "Flight altitudes above home, one for each vehicle, or one for the first; the "
-        "others then fly altitude_step below each other. By default the search's.", (),
+        "floats", "Flight altitudes above the datum, one for each vehicle, or one for the first; "
+        "the others then fly altitude_step below each other. By default the search's.", (),
         low=1, high=20000, unit="m",
     )  # fmt: skip
     fence_margin: float = field(
@@ -70,11 +73,13 @@ class BridgeSettings(FlightSettings):
         "lie inside.", 5000.0, low=1, high=1e6, unit="m",
     )  # fmt: skip
     min_altitude: float = field(
-        "float", "Lowest altitude above home to send a vehicle to.", 10.0,
+        "float", "Lowest altitude above the datum to send a vehicle to, and above its home to "
+        "take off to.", 10.0,
         low=0, high=20000, unit="m",
     )  # fmt: skip
     max_altitude: float = field(
-        "float", "Highest altitude above home to send a vehicle to.", 150.0,
+        "float", "Highest altitude above the datum to send a vehicle to, or to let it return "
+        "at by itself.", 150.0,
         low=1, high=20000, unit="m",
     )  # fmt: skip
     at_end: str = field(
@@ -105,14 +110,13 @@ class BridgeSettings(FlightSettings):
         "float", "Rate of vehicle_pose and vehicle_fix in wall time.", 5.0,
         above=0, high=50, unit="Hz",
     )  # fmt: skip
-    export_directory: str = field("str", "Directory for the files of mode export.", ".")
     state_directory: str = field(
-        "str", "Directory that records who controls each vehicle, by system id, across restarts of "
-        "the bridge; by default dsse_ros in ROS_HOME, or in ~/.ros.", "",
+        "str", "Directory that records who controls each vehicle, across restarts of the bridge; "
+        "by default dsse_ros in ROS_HOME, or in ~/.ros.", "",
     )  # fmt: skip
     exit_at_end: bool = field(
         "bool", "Whether the bridge exits once the search is over and its vehicles have carried "
-        "out at_end, or the files are written.", False,
+        "out at_end.", False,
     )  # fmt: skip
 
     def __post_init__(self) -> None:

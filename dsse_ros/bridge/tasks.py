@@ -9,6 +9,7 @@ from dataclasses import replace
 from dsse_ros.bridge.fence import Fence, check_mission, check_place
 from dsse_ros.flight.autopilots import Autopilot
 from dsse_ros.flight.orders import FlyMission, GoTo, Search
+from dsse_ros.flight.vehicle_controller import Order
 from dsse_ros.mission.vehicle_missions import FlightSettings
 from msg_adapters.frames import GridFrame
 from msg_adapters.geodesy import cell_to_geodetic
@@ -16,30 +17,37 @@ from msg_adapters.mission_items import NAV_WAYPOINT, Mission
 from msg_adapters.result import Accepted, Rejected, Result
 from msg_adapters.track_missions import Leg, acceptance_radius_m
 
-Task = GoTo | Search | FlyMission
+Task = tuple[Order, ...]
+"""Orders, one after the other."""
 
 
-def leg_task(leg: Leg, frame: GridFrame, settings: FlightSettings, fence: Fence) -> Result[Task]:
+def leg_task(
+    leg: Leg, frame: GridFrame, settings: FlightSettings, fence: Fence, datum_m: float
+) -> Result[Task]:
     """Return the task of a vehicle for a leg, or why the vehicle may not fly it.
+
+    Its last order is to be at the cell's centre, at flight altitude.
 
     Args:
         leg: The leg.
-        frame: The grid, at the vehicle's flight altitude.
+        frame: The grid, at the vehicle's flight altitude above the datum.
         settings: How to fly the leg.
         fence: Where the vehicle may be.
+        datum_m: Altitude of the datum above mean sea level.
     """
     lat_deg, lon_deg, _ = cell_to_geodetic(frame, *leg.cell, frame.alt_m)
-    search_alt_m = min(settings.search_altitude, frame.alt_m)
-    for alt_m in (frame.alt_m, search_alt_m if leg.searched else frame.alt_m):
+    top_m = datum_m + frame.alt_m
+    low_m = datum_m + min(settings.search_altitude, frame.alt_m) if leg.searched else top_m
+    for alt_m in (top_m, low_m):
         checked = check_place(lat_deg, lon_deg, alt_m, fence)
         if isinstance(checked, Rejected):
             return checked
     radius_m = acceptance_radius_m(frame, settings.acceptance_radius)
-    if leg.searched:
-        return Accepted(
-            Search(lat_deg, lon_deg, frame.alt_m, search_alt_m, settings.search_hold, radius_m)
-        )
-    return Accepted(GoTo(lat_deg, lon_deg, frame.alt_m, radius_m))
+    there = GoTo(lat_deg, lon_deg, top_m, radius_m)
+    if not leg.searched:
+        return Accepted((there,))
+    search = Search(lat_deg, lon_deg, top_m, low_m, settings.search_hold, radius_m)
+    return Accepted((search, there))
 
 
 def mission_task(
@@ -63,4 +71,4 @@ def mission_task(
             replace(item, param2=0.0) if item.command == NAV_WAYPOINT else item for item in items
         )
     hold_item = len(items) - 2 if holds_over_home else -1
-    return Accepted(FlyMission(tuple(items), hold_item=hold_item))
+    return Accepted((FlyMission(tuple(items), hold_item=hold_item),))

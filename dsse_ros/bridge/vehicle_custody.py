@@ -7,53 +7,23 @@ This module recognises the events of `custody`. The `FlightRecord` outlasts the 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Collection, Iterable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Literal
 
 from dsse_ros.bridge.custody import AIRBORNE, Custody, Event, next_custody
+from dsse_ros.bridge.flight_record import FlightRecord, SearchId
+from dsse_ros.bridge.foreign_acts import foreign_act
 from dsse_ros.flight.autopilots import Autopilot
-from dsse_ros.flight.orders import Land, Return, TakeOff
+from dsse_ros.flight.orders import FlyMission, Land, Return, TakeOff
 from dsse_ros.flight.vehicle_controller import Outcome
 from dsse_ros.flight.vehicle_state import VehicleState
+from msg_adapters.result import Accepted, Rejected, Result
 
-SearchId = tuple[int, int]
-"""run_id and mission."""
 Arm = Literal["false", "true", "always"]
 """Which searches clear a vehicle: the first one, and a person arms it (`false`) or the bridge does
 (`true`), or each one (`always`)."""
-
-
-@dataclass(frozen=True)
-class FlightRecord:
-    """The state of a vehicle that a restarted bridge needs.
-
-    Attributes:
-        custody: Who has it.
-        search: The search that the record belongs to; None for the next one.
-        flown: Whether it has been in the air for that search.
-        lost: Why it no longer follows its drone in that search; empty if it does.
-        arm: While it is cleared, whether the bridge may arm it.
-        modes: While it is cleared, modes that the bridge may change on the ground: see `TakeOff`.
-        end: While it is recalled, `return` or `land`.
-        mode: While the bridge flies it, the last reported mode.
-        alt_m: Altitude above home to which it takes off for that search.
-        arming_s: While it is cleared, when it was ordered to arm and take off, on the machine's
-            steady clock; 0 if it was not.
-    """
-
-    custody: Custody = Custody.FREE
-    search: SearchId | None = None
-    flown: bool = False
-    lost: str = ""
-    arm: bool = False
-    modes: tuple[str, ...] = ()
-    end: str = ""
-    mode: str = ""
-    alt_m: float = 0.0
-    arming_s: float = 0.0
-
-
 COMING_DOWN: Mapping[str, str] = {"return": "RTL", "land": "LAND"}
 """Modes in which a vehicle comes down by itself, by the operator's command."""
 _ENDS_ON_THE_GROUND = (Custody.FAILSAFE, Custody.RELEASED)
@@ -62,9 +32,15 @@ CONTINUES = ("", "offboard", "radio", "gcs")
 back to that mode."""
 FOREIGN_S = 5.0
 """How long a vehicle without an order may be in a mode that does not fit its state."""
-SELF_DISARMING_S = 8.0
-"""Time for which an autopilot on the ground does not disarm itself: ArduCopter's DISARM_DELAY and
-PX4's COM_DISARM_PRFLT are 10 s."""
+CONSENT_S = 600.0
+"""Time for which a clearance without a search waits for one."""
+_EXPLAINED_S = 3.0
+"""How much later than the mode of a failsafe its cause may be reported: ArduCopter's text comes
+within a second of its heartbeat."""
+_OFF_THE_GROUND_M = 2.0
+_DISARMED_BEATS = 2
+"""Heartbeats that prove that it was disarmed: one may be that of another vehicle with its id."""
+_KEPT = "kept on the ground"
 RISEN_M = 3.0
 """Distance below its take-off altitude from which a vehicle counts as having taken off."""
 
@@ -85,7 +61,7 @@ class VehicleCustody:
         authority: Number of its latest clearance: see `VehicleController.give`.
         search: The followed search; None for none.
         over: Whether this vehicle has nothing left to do in that search.
-        alt_m: Altitude above home to which it takes off in that search.
+        top_amsl_m: Altitude above mean sea level to which it takes off in that search.
         seen: State that the vehicle reported last.
     """
 
@@ -108,13 +84,15 @@ class VehicleCustody:
         self.authority = 0
         self.search: SearchId | None = None
         self.over = False
-        self.alt_m = 0.0
+        self.top_amsl_m = 0.0
         self.seen = VehicleState()
         self._automatic = False
+        self._is_first = False
+        self._was_armed = False
         self._inherited = record.custody
-        self._left_arming_s = record.arming_s
-        # Whether it is armed for a take-off that an earlier program may not have commanded.
-        self._idles = False
+        # When it was cleared for a search to come, and when an unexplained mode took it away.
+        self._cleared_s = math.inf
+        self._unexplained_s = -math.inf
         # The highest number of an order for which it is known whether somebody else has ended it,
         # now and at the latest clearance.
         self._number = self._cleared_number = 0
@@ -147,7 +125,7 @@ class VehicleCustody:
         return {
             Custody.TAKEN: f"a person has it, in {mode}",
             Custody.FAILSAFE: f"a failsafe has it, in {mode}",
-            Custody.RELEASED: f"a person has released it, in {mode}",
+            Custody.RELEASED: f"nobody has it, in {mode}",
             Custody.GROUNDED: "it has flown or dropped out before",
         }.get(self.state, f"nobody has cleared it, in {mode}")
 
@@ -158,11 +136,11 @@ class VehicleCustody:
         if custody is before:
             return
         self.record = replace(self.record, custody=custody)
-        if event is Event.CLEAR:
+        if event is Event.CLEAR or (event is Event.COME_DOWN and before not in AIRBORNE):
             self.authority += 1
             self._cleared_number = self._number
         if event is Event.LIFT_OFF:
-            self.record = replace(self.record, flown=True)
+            self.record = replace(self.record, flown=True, launched=True)
         else:
             self._changed()
         ended = before in AIRBORNE and custody not in AIRBORNE
@@ -174,11 +152,21 @@ class VehicleCustody:
         if not self.is_out and self.record.search == self.search:
             self.record = replace(self.record, lost=why)
 
+    def replace_vehicle(self, record: FlightRecord) -> None:
+        """Take the record of another vehicle that has turned out to be connected."""
+        self.record, self._inherited = record, record.custody
+        self.seen, self.over, self._foreign_since_s = VehicleState(), False, None
+        self._cleared_number, self._unexplained_s = self._number, -math.inf
+        self._was_armed = False
+        if self.search is not None:
+            self.begin(self.search, self.top_amsl_m, first=self._is_first)
+
     # Searches
 
-    def begin(self, search: SearchId, alt_m: float, *, first: bool) -> None:
+    def begin(self, search: SearchId, top_amsl_m: float, *, first: bool) -> None:
         """Follow a search; with `first`, the first of this program, it may clear the vehicle."""
-        self.search, self.alt_m, self.over = search, alt_m, False
+        self.search, self.top_amsl_m, self.over = search, top_amsl_m, False
+        self._is_first = first
         self._automatic = first or self._arm == "always"
         if self.record.search == search:
             return
@@ -193,57 +181,74 @@ class VehicleCustody:
         self.on(Event.SEARCH_OVER)
 
     def _join(self, search: SearchId) -> None:
-        self.record = replace(self.record, search=search, alt_m=self.alt_m, flown=False, lost="")
+        self.record = replace(
+            self.record, search=search, top_amsl_m=self.top_amsl_m, flown=False, lost="",
+            looked_ns=-1,
+        )  # fmt: skip
 
     # Persons
 
-    def clear(self, *, alone: bool = False) -> str:
-        """Clear it to fly for an operator; returns why not, empty if it is cleared.
+    def clear(self, now_s: float, *, alone: bool = False, search_alive: bool = True) -> Result[str]:
+        """Clear it to fly for an operator; returns for what, or why not.
 
         Args:
+            now_s: Time on a steady clock.
             alone: Whether the operator has cleared this vehicle alone, not the whole fleet.
+            search_alive: Whether a search is running.
         """
         custody, seen = self.state, self.seen
         released = custody is Custody.RELEASED and alone and not self.is_out
         if custody in (Custody.HELD, Custody.RECALLED) or released:
-            if self._whole:
-                return "in the air, and its mission does not go on: clear it once it is down"
-            self._clear_in_the_air()
-            return ""
+            return self._clear_in_the_air(search_alive=search_alive)
         if custody is Custody.FOLLOWING:
-            return ""
-        if seen.problem or not seen.mode:
-            return seen.problem or "no heartbeat"
-        if custody is Custody.ENDING or seen.flying or seen.armed:
-            if custody is Custody.ENDING:
-                return "coming down: clear it once it is down"
+            return Accepted("cleared to fly")
+        problem = seen.problem or seen.identity.twins
+        if problem or not seen.mode:
+            return Rejected("unfit", problem or "no heartbeat")
+        if custody is Custody.ENDING:
+            return Rejected("in_the_air", "coming down: clear it once it is down")
+        if seen.flying or seen.armed:
             self.lose(self.holder)
-            return f"in the air, {self.holder}: clear it once it is down"
+            return Rejected("in_the_air", f"in the air, {self.holder}: clear it once it is down")
         # The operator has seen its mode, so the bridge may change that mode.
-        self._clear(arm=True, modes=(seen.mode,))
-        return ""
+        self._clear(now_s, arm=True, modes=(seen.mode,))
+        later = self.record.search is None
+        return Accepted("cleared for the next search" if later else "cleared to fly")
 
-    def _clear(self, *, arm: bool, modes: Iterable[str] = ()) -> None:
+    def _clear(self, now_s: float, *, arm: bool, modes: Iterable[str] = ()) -> None:
         self.on(Event.CLEAR)
         # If the search is over for it, the clearance is for the next one.
         search = None if self.over else self.search
+        self._cleared_s = now_s
         self.record = replace(
-            self.record, search=search, alt_m=self.alt_m, lost="", arm=arm, modes=tuple(modes)
-        )
+            self.record, search=search, top_amsl_m=self.top_amsl_m, lost="", arm=arm,
+            modes=tuple(modes), looked_ns=-1,
+        )  # fmt: skip
 
-    def _clear_in_the_air(self) -> None:
-        out = self.is_out
+    def _clear_in_the_air(self, *, search_alive: bool) -> Result[str]:
+        if self._whole:
+            why = "in the air, and its mission does not go on: clear it once it is down"
+            return Rejected("in_the_air", why)
+        if self.is_out or not search_alive:
+            why = "no search goes on for it: ~/return or ~/land brings it down"
+            return Rejected("no_search", why)
         self.on(Event.CLEAR)
-        if out:
-            self.on(Event.SEARCH_OVER)
-        elif self.search is not None and self.record.search != self.search:
+        if self.search is not None and self.record.search != self.search:
             self._join(self.search)
-        self.record = replace(self.record, flown=True)
+        self.record = replace(self.record, flown=True, modes=())
+        return Accepted("cleared to fly")
 
-    def clear_automatically(self) -> None:
+    def lapse(self, now_s: float) -> None:
+        """End a clearance for a search to come if none has come."""
+        waits = self.state is Custody.CLEARED and self.record.search is None
+        if waits and now_s - self._cleared_s > CONSENT_S:
+            self.on(Event.SEARCH_OVER)
+
+    def clear_automatically(self, now_s: float) -> None:
         """Clear it according to the parameter `arm`, if that applies to this search."""
         seen, custody, always = self.seen, self.state, self._arm == "always"
-        if not self._automatic or not seen.connected or seen.problem or self.is_out:
+        unfit = seen.problem or seen.identity.twins or not seen.connected
+        if not self._automatic or unfit or self.is_out:
             return
         flown = self.record.flown and self.record.search == self.search
         if custody is Custody.FREE or (always and custody is Custody.GROUNDED and not flown):
@@ -251,13 +256,13 @@ class VehicleCustody:
             self._automatic = always and not on_the_ground
             if on_the_ground:
                 modes = sorted(self._autopilot.landed_modes) if always else ()
-                self._clear(arm=self._arm != "false", modes=modes)
+                self._clear(now_s, arm=self._arm != "false", modes=modes)
         elif custody is Custody.CLEARED:
             self._automatic = False
             self.record = replace(self.record, arm=self.record.arm or self._arm != "false")
         elif always and custody in (Custody.RELEASED, Custody.ENDING):
             self._automatic = False
-            self._clear_in_the_air()
+            self._clear_in_the_air(search_alive=True)
         elif always and custody in (Custody.TAKEN, Custody.FAILSAFE):
             self._automatic = custody is Custody.FAILSAFE
             self.lose(self.holder)
@@ -265,33 +270,45 @@ class VehicleCustody:
             # It was not free when the search began, so this search cannot clear it later.
             self._automatic = False
 
-    def ground(self) -> str:
-        """Keep it on the ground for an operator; returns why not, empty if it stays."""
+    def ground(self) -> Result[str]:
+        """Keep it on the ground for an operator; returns what was done, or why not."""
         if self.airborne or self.seen.flying:
-            return "in the air: hold it, or have it return or land"
+            return Rejected("in_the_air", "in the air: hold it, or have it return or land")
         self.lose("kept on the ground by the operator")
         self.on(Event.GROUND)
-        return ""
+        return Accepted(_KEPT)
 
-    def operate(self, what: str) -> str:
-        """Make it `hold`, `return` or `land`; returns why not, empty if it does."""
-        if self.state in (Custody.TAKEN, Custody.FAILSAFE, Custody.RELEASED):
-            return self.holder
+    def operate(self, what: str) -> Result[str]:
+        """Make it `hold`, `return` or `land`; returns what was done, or why not.
+
+        A vehicle that the bridge has launched always comes down, whoever has it.
+        """
         if self.state is Custody.CLEARED and self.seen.armed:
             self.on(Event.LIFT_OFF)
-        if not self.airborne:
-            self.lose("kept on the ground by the operator")
-            self.on(Event.HOLD)
-            return ""
+        in_the_air = self.seen.armed or self.seen.flying
+        comes_down = what != "hold" and self.record.launched and in_the_air
+        if not (self.airborne or comes_down):
+            if in_the_air or self.state in (Custody.TAKEN, *_ENDS_ON_THE_GROUND):
+                return Rejected("taken", self.holder)
+            return self.ground()
         if what == "hold":
             self.on(Event.HOLD)
-            return ""
-        self.lose(f"recalled by the operator: {what}")
-        if what != self.record.end:
+        else:
+            self._recall(what, f"recalled by the operator: {what}", Event.COME_DOWN)
+        return Accepted(f"ordered to {what}")
+
+    def _recall(self, end: str, why: str, event: Event) -> None:
+        """Make it `return` or `land`, from the mode of somebody else too."""
+        self.lose(why)
+        if end != self.record.end:
             self._changed()
-        self.on(Event.COME_DOWN)
-        self.record = replace(self.record, end=what)
-        return ""
+        modes = () if self.airborne else (self.seen.mode,)
+        self.on(event)
+        self.record = replace(self.record, end=end, modes=modes)
+
+    def fall(self, why: str) -> None:
+        """Have it land, because it falls without an order."""
+        self._recall("land", why, Event.FALL)
 
     # The vehicle
 
@@ -304,6 +321,9 @@ class VehicleCustody:
             takes_off: Whether it was ordered to take off.
         """
         before, self.seen = self.seen, state
+        if state.identity.restarts > before.identity.restarts and self.state is not Custody.FREE:
+            self.lose("taken over: its autopilot was restarted")
+            self.on(Event.TAKE_OVER)
         ended = outcome.status in ("taken_over", "failsafe")
         self._number = outcome.number if ended else outcome.number - 1
         # A clearance takes earlier ends of orders into account, but not how an order that is still
@@ -311,24 +331,18 @@ class VehicleCustody:
         ours = self.airborne or self.state is Custody.CLEARED
         if ours and outcome.number > self._cleared_number:
             if outcome.status == "taken_over":
-                self.lose(f"taken over: {outcome.reason}")
-                self.on(Event.TAKE_OVER)
+                self._take_over(outcome.reason, state)
             elif outcome.status == "failsafe":
                 self.lose(f"{state.failsafe or 'critical'} failsafe")
                 self.on(Event.FAILSAFE)
         self._observe_without_order(state, outcome)
-        named = state.failsafe not in ("", "critical", "offboard")
-        if named and self.record.lost == "critical failsafe":
-            # The autopilot reports the cause of the failsafe after its effect.
-            self.record = replace(self.record, lost=f"{state.failsafe} failsafe")
+        self._explain(state)
         if state.connected and state.mode:
             ordered = outcome.order is not None or not self.airborne
             known = ordered or self._observe_since_record(state)
+            self._observe_foreign_acts(before, state, outcome)
             self._observe_mode(before, state)
-            self._observe_left_arming(state)
-            self._observe_motors(before, state, takes_off=takes_off)
-            if self.record.arming_s and not (takes_off and self.state is Custody.CLEARED):
-                self.record = replace(self.record, arming_s=0.0)
+            self._observe_motors(state, takes_off=takes_off)
             mode = state.mode if self.airborne else ""
             # Do not record a mode that somebody else has set before it is known who has.
             ours = not mode or (known and self._is_ours(mode, outcome))
@@ -342,7 +356,7 @@ class VehicleCustody:
             return order is not None or mode in autopilot.mission_modes
         climbs = isinstance(order, TakeOff) and outcome.status != "done"
         if self.record.mode == autopilot.take_off_mode:
-            climbs |= self.seen.alt_m < self.record.alt_m - RISEN_M
+            climbs |= self.seen.alt_amsl_m < self.record.top_amsl_m - RISEN_M
         if climbs and autopilot.take_off_mode and mode == autopilot.resting_mode:
             # Before the top of the climb, only a person can have set this mode.
             return False
@@ -375,9 +389,48 @@ class VehicleCustody:
             self._lose_to_others(state)
 
     def _lose_to_others(self, state: VehicleState) -> None:
-        failsafe = state.failsafe
-        self.lose(f"{failsafe} failsafe" if failsafe else f"taken over: in {state.mode}")
-        self.on(Event.FAILSAFE if failsafe else Event.TAKE_OVER)
+        if state.failsafe:
+            self.lose(f"{state.failsafe} failsafe")
+            self.on(Event.FAILSAFE)
+        else:
+            self._take_over(f"in {state.mode}", state)
+
+    def _take_over(self, what: str, state: VehicleState) -> None:
+        self.lose(f"taken over: {what}")
+        self.on(Event.TAKE_OVER)
+        foreign = state.mode not in self._autopilot.take_off_modes
+        self._unexplained_s = state.heard_s if foreign else -math.inf
+
+    def _explain(self, state: VehicleState) -> None:
+        """Recognise the failsafe that has taken it away, reported after its effect."""
+        if state.failsafe in ("", "critical", "offboard"):
+            return
+        of_mode = self.state is Custody.TAKEN and self.seen.flying
+        if of_mode and state.heard_s - self._unexplained_s <= _EXPLAINED_S:
+            self.on(Event.EXPLAIN)
+            self.record = replace(self.record, lost=self.record.lost and "critical failsafe")
+        if self.record.lost == "critical failsafe":
+            self.record = replace(self.record, lost=f"{state.failsafe} failsafe")
+
+    def _observe_foreign_acts(
+        self, before: VehicleState, state: VehicleState, outcome: Outcome
+    ) -> None:
+        """Recognise that somebody else has changed what a vehicle in the air flies."""
+        if not (self.airborne and state.flying):
+            return
+        act = foreign_act(self.record, before, state)
+        if act:
+            self._take_over(act, state)
+            return
+        risen = state.alt_m > _OFF_THE_GROUND_M
+        if risen and self.record.home is None and state.home is not None:
+            self.record = replace(self.record, home=state.home)
+        order = outcome.order
+        if isinstance(order, FlyMission) and state.mode in self._autopilot.mission_modes:
+            items = len(order.items) - self._autopilot.first_item
+            # An autopilot that does not report the number reports 0.
+            if state.item_total == items != self.record.items:
+                self.record = replace(self.record, items=items)
 
     def _observe_since_record(self, state: VehicleState) -> bool:
         """Recognise that somebody else has changed the mode since an earlier program recorded it.
@@ -411,7 +464,7 @@ class VehicleCustody:
         if record.mode == autopilot.take_off_mode and state.mode == autopilot.resting_mode:
             if not state.has_position:
                 return False
-            if state.alt_m < record.alt_m - RISEN_M:
+            if state.alt_amsl_m < record.top_amsl_m - RISEN_M:
                 brought_about = frozenset()
         if state.mode not in brought_about:
             self._lose_to_others(state)
@@ -434,47 +487,48 @@ class VehicleCustody:
         on_the_ground = not (before.armed or state.armed) and bool(before.mode)
         usual_modes = autopilot.boot_modes | autopilot.orderly_modes
         if on_the_ground and before.mode != state.mode and state.mode not in usual_modes:
-            self.lose(f"taken over: in {state.mode}")
-            self.on(Event.TAKE_OVER)
+            self._take_over(f"in {state.mode}", state)
         if before.armed and state.armed and before.mode != guided_mode == state.mode:
             self.on(Event.RELEASE)
         if self.state is Custody.RELEASED and state.mode not in autopilot.orderly_modes:
             self.on(Event.FAILSAFE if state.failsafe else Event.TAKE_OVER)
 
-    def begin_arming(self, now_s: float) -> None:
+    def look_done(self, stamp_ns: int) -> None:
+        """Record that it has searched for the step of this stamp."""
+        self.record = replace(self.record, looked_ns=stamp_ns)
+
+    def launch(self) -> None:
         """Record that it is about to be ordered to arm and take off."""
-        self.record = replace(self.record, arming_s=now_s)
+        self.record = replace(self.record, launched=True)
 
-    def _observe_left_arming(self, state: VehicleState) -> None:
-        """Recognise the outcome for a vehicle that an earlier program ordered to arm at its end."""
-        left_s, self._left_arming_s = self._left_arming_s, 0.0
-        if not left_s or self.state is not Custody.CLEARED:
-            return
-        if not state.armed:
-            # Nobody knows who disarmed it.
-            self.lose("disarmed while no bridge was there")
-            self.on(Event.TAKE_OVER)
-        elif (
-            # After this time it would have disarmed itself, so somebody else must have armed it.
-            0.0 <= state.heard_s - left_s < SELF_DISARMING_S
-            and state.mode in self._autopilot.take_off_modes
-        ):
-            self.on(Event.LIFT_OFF)
-            self._idles = True
-
-    def _observe_motors(
-        self, before: VehicleState, state: VehicleState, *, takes_off: bool
-    ) -> None:
-        self._idles = self._idles and not state.flying
+    def _observe_motors(self, state: VehicleState, *, takes_off: bool) -> None:
         if state.armed or state.flying:
-            if self.state is Custody.CLEARED and takes_off:
-                self.on(Event.LIFT_OFF)
-            elif self.state is Custody.CLEARED and (self.record.arm or state.flying):
-                self.lose(f"taken over: armed by somebody else, in {state.mode}")
-                self.on(Event.TAKE_OVER)
-        elif self.airborne or self.state in _ENDS_ON_THE_GROUND or before.armed:
-            if self.state is Custody.FOLLOWING and not self._whole:
+            self._was_armed |= state.armed
+            self._observe_running_motors(state, takes_off=takes_off)
+            return
+        may_be_a_doubles = self._was_armed and state.disarmed_beats < _DISARMED_BEATS
+        if may_be_a_doubles or state.identity.twins:
+            return
+        if self.airborne or self.state in _ENDS_ON_THE_GROUND or self._was_armed:
+            # Nobody knows who has disarmed one that an earlier program was about to launch.
+            unflown = self.state is Custody.FOLLOWING and not self.record.flown
+            if self.state is Custody.FOLLOWING and (unflown or not self._whole):
                 self.lose("on the ground again before the end of the search")
-            # Nobody knows whether an idling vehicle disarmed itself or a person did.
-            self.on(Event.TAKE_OVER if self._idles else Event.DOWN)
-            self._idles = False
+            self.on(Event.TAKE_OVER if unflown else Event.DOWN)
+        if self._was_armed or not (takes_off and self.state is Custody.CLEARED):
+            self.record = replace(self.record, launched=False, home=None, items=0)
+        self._was_armed = False
+
+    def _observe_running_motors(self, state: VehicleState, *, takes_off: bool) -> None:
+        if self.airborne and state.flying and not self.record.flown:
+            self.record = replace(self.record, flown=True)
+        if self.state is not Custody.CLEARED:
+            return
+        autopilot = self._autopilot
+        modes = autopilot.take_off_modes
+        if self._whole:
+            modes |= autopilot.mission_modes
+        if takes_off and state.mode in modes:
+            self.on(Event.LIFT_OFF)
+        elif self.record.arm or state.flying or state.mode not in modes:
+            self._take_over(f"armed by somebody else, in {state.mode}", state)

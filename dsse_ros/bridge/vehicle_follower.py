@@ -10,23 +10,26 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from typing import cast
 
 from dsse_ros.bridge.clearance import Clearance
 from dsse_ros.bridge.custody import MAY_ORDER, Custody, Event
-from dsse_ros.bridge.fence import Fence, check_take_off
+from dsse_ros.bridge.fence import Fence, check_horizontal, check_take_off
+from dsse_ros.bridge.flight_record import FlightRecord, SearchId
+from dsse_ros.bridge.settings import BridgeSettings
 from dsse_ros.bridge.tasks import Task
 from dsse_ros.bridge.vehicle_custody import (
     COMING_DOWN,
     CONTINUES,
     RISEN_M,
     Arm,
-    FlightRecord,
-    SearchId,
     VehicleCustody,
 )
-from dsse_ros.flight.autopilots import Autopilot
+from dsse_ros.flight.autopilots import AUTOPILOTS
+from dsse_ros.flight.offset import offset_m
 from dsse_ros.flight.orders import (
     FlyMission,
+    GoTo,
     Hold,
     Land,
     MakeReady,
@@ -34,7 +37,6 @@ from dsse_ros.flight.orders import (
     Search,
     TakeOff,
 )
-from dsse_ros.flight.setpoints import offset_m
 from dsse_ros.flight.vehicle_controller import Order, Outcome
 from dsse_ros.flight.vehicle_state import VehicleState
 from msg_adapters.result import Accepted, Rejected, Result
@@ -47,6 +49,12 @@ CRITICAL_S = 5.0
 """Time in which an autopilot that is critical without giving a reason may recover."""
 
 _OVER_HOME_M = 15.0
+_AWAY_S = 2.0
+"""How long a vehicle may be out of its place, or of the fence: a fault of the GPS ends sooner."""
+_AWAY_M = 5.0
+"""How far out of its place, or beyond a limit of altitude, a vehicle may be."""
+_CLIMBS_MPS = 0.3
+"""Speed above which a vehicle is certain to climb."""
 _ENDS: dict[str, Order] = {"return": Return(), "land": Land(), "hold": Hold()}
 
 
@@ -54,19 +62,14 @@ class VehicleFollower:
     """Makes one vehicle follow its drone along its legs, one order at a time.
 
     Args:
-        autopilot: Autopilot of the vehicle.
-        at_end: What it does when its drone's search is over: return, land or hold.
-        join_timeout_s: Time in which it must be able to take off.
-        lost_timeout_s: Time without a heartbeat after which it is lost.
-        arm: Which searches clear it.
-        whole: Whether it flies the search as one mission, once the search is over.
+        settings: Settings of the bridge.
         record: Its record so far.
 
     Attributes:
         custody: Who has it.
         leg: The current leg, None before the first step.
         arrived: Whether it has done all of the leg.
-        refused: Why the task, or the take-off, is refused; empty if it is not.
+        no_take_off: Why it must not take off from where it stands; empty if it may.
         blocked: What keeps it from doing what it should; empty if nothing does.
         ready: Whether it could take off now if the other vehicles allow it.
         risen: Whether it has been at its altitude in this search.
@@ -76,44 +79,40 @@ class VehicleFollower:
 
     def __init__(
         self,
-        autopilot: Autopilot,
-        at_end: str,
-        join_timeout_s: float,
-        lost_timeout_s: float,
-        *,
-        arm: Arm = "false",
-        whole: bool = False,
+        settings: BridgeSettings,
         record: FlightRecord | None = None,
     ) -> None:
-        self._acts_when_critical = autopilot.acts_when_critical
-        self._mission_mode = autopilot.mission_mode
-        self._at_end = at_end
-        self._join_timeout_s = join_timeout_s
-        self._lost_timeout_s = lost_timeout_s
-        self._whole = whole
-        self._take_off_alt_m = 0.0
+        self._settings = settings
+        self._autopilot = AUTOPILOTS[settings.autopilot]
+        self._whole = settings.mode == "mission"
+        self._top_amsl_m = 0.0
+        self._highest_amsl_m = -math.inf
         self._fence: Fence | None = None
         self.leaves_layer = ""
         self._forget_search()
         self.custody = VehicleCustody(
-            autopilot,
-            arm,
+            self._autopilot,
+            cast(Arm, settings.arm),
             record or FlightRecord(),
             self._forget_order,
-            at_end=at_end,
-            whole=whole,
+            at_end=settings.at_end,
+            whole=self._whole,
         )
 
     def _forget_search(self) -> None:
         self.leg: Leg | None = None
         self.arrived = False
-        self.refused = ""
+        self.no_take_off = ""
         self.blocked = ""
         self.ready = False
         self.risen = False
         self.finished = False
-        self._task: Task | None = None
+        self._task: Task = ()
+        self._task_refused = ""
+        self._stage = 0
         self._holding = False
+        # Since when it has been out of its place, outside the fence, and too low.
+        self._away_since_s = self._outside_since_s = self._low_since_s = math.inf
         # Whether the search was already over at the first leg; None before that.
         self._late: bool | None = None
         self._blocked_since_s: float | None = None
@@ -132,20 +131,20 @@ class VehicleFollower:
     # The search
 
     def begin(
-        self, search: SearchId, take_off_alt_m: float, fence: Fence, *, first: bool = False
+        self, search: SearchId, top_amsl_m: float, fence: Fence, *, first: bool = False
     ) -> None:
         """Follow a search.
 
         Args:
             search: The search.
-            take_off_alt_m: Altitude above home to take off to.
+            top_amsl_m: Altitude above mean sea level to take off to.
             fence: Where the vehicle may be, and take off.
             first: Whether it is the first search of this program, for which the parameter `arm`
                 may clear the vehicle.
         """
         self._forget_search()
-        self._take_off_alt_m, self._fence = take_off_alt_m, fence
-        self.custody.begin(search, take_off_alt_m, first=first)
+        self._top_amsl_m, self._fence = top_amsl_m, fence
+        self.custody.begin(search, top_amsl_m, first=first)
 
     def leave(self) -> None:
         """Follow no search: a search that cannot be flown is over."""
@@ -166,8 +165,10 @@ class VehicleFollower:
             self.leg = leg
             return
         self.leg, self._holding, self.arrived = leg, False, False
-        self._task = task.value if isinstance(task, Accepted) else None
-        self.refused = task.reason if isinstance(task, Rejected) else ""
+        self._task = task.value if isinstance(task, Accepted) else ()
+        self._task_refused = task.reason if isinstance(task, Rejected) else ""
+        looked = self.custody.record.looked_ns == leg.stamp_ns
+        self._stage = 1 if looked and len(self._task) > 1 else 0
         if self._late is None:
             self._late = leg.over and not self._whole
 
@@ -175,10 +176,25 @@ class VehicleFollower:
         """Hold until the next leg."""
         self._holding = True
 
+    def replace_vehicle(self, record: FlightRecord) -> None:
+        """Follow with another vehicle that has turned out to be connected.
+
+        Args:
+            record: That vehicle's record.
+        """
+        self._forget_order()
+        self.risen = self.arrived = False
+        self.custody.replace_vehicle(record)
+
     def drop_out(self, why: str) -> None:
         """Stop following the drone."""
         self.custody.lose(why)
         self.custody.on(Event.DROP_OUT)
+
+    @property
+    def refused(self) -> str:
+        """Why the task, or the take-off, is refused; empty if it is not."""
+        return f"take-off: {self.no_take_off}" if self.no_take_off else self._task_refused
 
     @property
     def lost(self) -> str:
@@ -198,7 +214,7 @@ class VehicleFollower:
     @property
     def has_task(self) -> bool:
         """Whether the task for the leg is known, even if it is refused."""
-        return self._task is not None or bool(self.refused)
+        return bool(self._task or self._task_refused)
 
     @property
     def mission_under_way(self) -> bool:
@@ -255,25 +271,45 @@ class VehicleFollower:
         self._look(outcome, now_s)
         self._set_over()
         self.custody.observe(state, outcome, takes_off=self.takes_off)
+        self.custody.lapse(now_s)
         self._watch(state, now_s, trouble)
-        self.custody.clear_automatically()
+        self.custody.clear_automatically(now_s)
         self._await_take_off(state, outcome, now_s, trouble, clearance)
         self.finished = self._is_finished(state)
         return self._next_order(state, now_s, clearance) if state.connected else None
+
+    def await_identity(self, state: VehicleState, now_s: float, trouble: str) -> None:
+        """Let time pass while it is not known which vehicle is connected."""
+        self._await_take_off(state, Outcome(), now_s, trouble, Clearance())
+
+    @property
+    def _wanted_task(self) -> Order | None:
+        """The order of the task that is due; None without a task."""
+        return self._task[self._stage] if self._task else None
 
     def _look(self, outcome: Outcome, now_s: float) -> None:
         """Handle the outcome of the order."""
         if self._given is None or outcome.order != self._given:
             return
         self._done = outcome.status == "done"
-        if self._done and self._task is not None and self._given_for == self._stamped(self._task):
-            self.arrived = True
+        wanted = self._wanted_task
+        if self._done and wanted is not None and self._given_for == self._stamped(wanted):
+            self._advance_task()
         if outcome.status == "failed" and self._failed_s is None:
             self._failed_s = now_s
             # A mission that is started again would fly the whole search again.
             last = self._tries >= TRIES or outcome.final or isinstance(self._given, FlyMission)
             if last and not self.lost:
                 self.drop_out(f"failed: {outcome.reason}")
+
+    def _advance_task(self) -> None:
+        """Go on to the next order of the task, or be there."""
+        if isinstance(self._wanted_task, Search) and self.leg is not None:
+            self.custody.look_done(self.leg.stamp_ns)
+        if self._stage + 1 < len(self._task):
+            self._stage += 1
+        else:
+            self.arrived = True
 
     def _set_over(self) -> None:
         """Recognise whether this vehicle has nothing left to do in the search."""
@@ -285,33 +321,95 @@ class VehicleFollower:
             landed = record.flown and record.search == custody.search and not custody.airborne
             custody.over = self.arrived or landed
         else:
-            nothing_left = self.arrived or self._task is None or leg.crashed or bool(self._late)
+            nothing_left = self.arrived or not self._task or leg.crashed or bool(self._late)
             custody.over = nothing_left or custody.state is not Custody.FOLLOWING
 
     def _watch(self, state: VehicleState, now_s: float, trouble: str) -> None:
         """Recognise whether the vehicle cannot follow its drone any further, or need not."""
         custody = self.custody
-        self.risen |= state.has_position and state.alt_m > self._take_off_alt_m - RISEN_M
+        self.risen |= state.has_position and state.alt_amsl_m > self._top_amsl_m - RISEN_M
         if self.mission_under_way and self._waits_over_home(state):
             self.arrived = custody.over = True
         if custody.over and custody.record.search == custody.search:
             custody.on(Event.SEARCH_OVER)
         if not (custody.airborne or custody.state is Custody.CLEARED):
             return
+        if state.connected and state.flying and state.has_position:
+            self._highest_amsl_m = max(self._highest_amsl_m, state.alt_amsl_m)
+            self._watch_place(state, now_s)
+        elif not state.flying:
+            self._highest_amsl_m = -math.inf
         because = f": {trouble}" if trouble else ""
         silent = bool(state.mode) and not state.connected
-        if state.problem:
-            self.drop_out(state.problem)
-        elif silent and now_s - state.heard_s >= self._lost_timeout_s and not self.lost:
-            self.drop_out(f"link lost: no heartbeat for {self._lost_timeout_s:g} s{because}")
+        if state.problem or state.identity.twins:
+            self.drop_out(state.problem or state.identity.twins)
+        elif silent and now_s - state.heard_s >= self._settings.lost_timeout and not self.lost:
+            timeout_s = self._settings.lost_timeout
+            self.drop_out(f"link lost: no heartbeat for {timeout_s:g} s{because}")
         elif self._has_failsafe(state, now_s):
             self.drop_out(f"{state.failsafe} failsafe")
-            if self._acts_when_critical:
+            if self._autopilot.acts_when_critical:
                 custody.on(Event.FAILSAFE)
+
+    def _watch_place(self, state: VehicleState, now_s: float) -> None:
+        """Recognise whether it has left its place, the fence or the air without an order."""
+        custody, fence = self.custody, self._fence
+        self._away_since_s = _since(self._away_since_s, now_s, when=self._is_away(state))
+        if now_s - self._away_since_s >= _AWAY_S:
+            # It is ordered there again.
+            self.arrived, self._given_for = False, None
+        if fence is None or not custody.airborne:
+            return
+        self._low_since_s = _since(self._low_since_s, now_s, when=self._falls(state, fence))
+        if now_s - self._low_since_s >= _AWAY_S:
+            custody.fall(f"fell to {state.alt_m:.0f} m above home without an order")
+            self.arrived = False
+            return
+        outside = self._outside(state, fence)
+        self._outside_since_s = _since(self._outside_since_s, now_s, when=bool(outside))
+        if now_s - self._outside_since_s >= _AWAY_S and custody.state is Custody.FOLLOWING:
+            self.drop_out(f"outside the fence: {outside}")
+
+    def _falls(self, state: VehicleState, fence: Fence) -> bool:
+        """Return whether it is too low without an order to be there."""
+        custody = self.custody
+        ordered = custody.state is Custody.RECALLED or isinstance(self._given, Return | Land)
+        if self._whole:
+            # The last item brings it down.
+            last = custody.record.items - 1 + self._autopilot.first_item
+            ordered |= not custody.record.items or state.item_current >= last
+        if ordered or state.mode in COMING_DOWN.values():
+            return False
+        climbing = isinstance(self._given, TakeOff) and not self._done
+        lost_height = self._highest_amsl_m - state.alt_amsl_m > _AWAY_M
+        falls = lost_height or not (climbing or self.risen or state.climb_mps > _CLIMBS_MPS)
+        return falls and state.alt_amsl_m < fence.min_amsl_m - _AWAY_M
+
+    def _is_away(self, state: VehicleState) -> bool:
+        """Return whether it is not where it has arrived."""
+        place = self._wanted_task
+        stays = self.arrived and self.custody.state is Custody.FOLLOWING
+        if not (stays and isinstance(place, GoTo)):
+            return False
+        here, there = (state.lat_deg, state.lon_deg), (place.lat_deg, place.lon_deg)
+        away_m = math.hypot(*offset_m(here, there)) - place.radius_m
+        return max(away_m, abs(state.alt_amsl_m - place.alt_amsl_m)) > _AWAY_M
+
+    def _outside(self, state: VehicleState, fence: Fence) -> str:
+        """Return why it is outside the fence; empty if it is inside."""
+        if self._whole:
+            # A mission goes on without the bridge, and all of it is checked before.
+            return ""
+        refused = check_horizontal(state.lat_deg, state.lon_deg, fence)
+        if refused:
+            return refused.reason
+        if state.alt_amsl_m > fence.max_amsl_m + _AWAY_M:
+            return f"altitude must be at most {fence.max_amsl_m:g} m, got {state.alt_amsl_m:.0f}"
+        return ""
 
     def _has_failsafe(self, state: VehicleState, now_s: float) -> bool:
         """Return whether a failsafe, or a lasting critical state, ends following the drone."""
-        certain = self._acts_when_critical and state.failsafe != "critical"
+        certain = self._autopilot.acts_when_critical and state.failsafe != "critical"
         if self._given is None and not (certain and self.custody.airborne):
             return False
         if state.failsafe != "critical":
@@ -324,10 +422,10 @@ class VehicleFollower:
 
     def _waits_over_home(self, state: VehicleState) -> bool:
         """Return whether it has flown its mission except for the landing."""
-        task = self._task
+        task = self._wanted_task
         if not isinstance(task, FlyMission) or task.hold_item < 0 or not state.has_position:
             return False
-        if state.mode != self._mission_mode:
+        if state.mode != self._autopilot.mission_mode:
             # The item stays the current one if a person ends the mission.
             return False
         item = task.items[task.hold_item]
@@ -338,7 +436,7 @@ class VehicleFollower:
         if self.leg is None:
             return False
         if self.custody.airborne and state.connected:
-            at_rest = self._given == _ENDS[self._at_end] and self._done
+            at_rest = self._given == _ENDS[self._settings.at_end] and self._done
             return self.custody.state is Custody.ENDING and at_rest
         return self.custody.is_out
 
@@ -355,7 +453,7 @@ class VehicleFollower:
         """Recognise what keeps it from taking off; drop out if that takes too long."""
         self.ready = False
         if not self.is_awaited:
-            self.blocked, self._blocked_since_s = "", None
+            self.blocked, self.no_take_off, self._blocked_since_s = "", "", None
             return
         because = f": {trouble}" if trouble else ""
         what, why = self._reason_not_to_fly(state, outcome, because)
@@ -363,8 +461,8 @@ class VehicleFollower:
         if what:
             if self._blocked_since_s is None:
                 self._blocked_since_s = now_s
-            if now_s - self._blocked_since_s > self._join_timeout_s:
-                self.drop_out(f"{what} within {self._join_timeout_s:g} s{why}")
+            if now_s - self._blocked_since_s > self._settings.join_timeout:
+                self.drop_out(f"{what} within {self._settings.join_timeout:g} s{why}")
             return
         self._blocked_since_s = None
         self.ready = self.custody.state is Custody.CLEARED
@@ -386,8 +484,10 @@ class VehicleFollower:
             return "no heartbeat", because
         if not state.connected:
             return "", ""
-        if state.problem:
-            return state.problem, ""
+        if state.problem or state.identity.twins:
+            return state.problem or state.identity.twins, ""
+        if state.identity.uid is None:
+            return "no AUTOPILOT_VERSION", because
         because = because or (f": {state.unready}" if state.unready else "")
         if not state.has_position:
             return "no position", because
@@ -395,8 +495,9 @@ class VehicleFollower:
             return "no home position", because
         if self.custody.state is not Custody.CLEARED or state.armed:
             return "", ""
-        if not self._in_fence(state):
-            return "no take-off", f": {self.refused}"
+        self.no_take_off = self._reason_to_stay(state)
+        if self.no_take_off:
+            return "no take-off", f": {self.no_take_off}"
         # Readiness may depend on the mode, which `MakeReady` sets.
         prepared = self._done or not isinstance(self._given, MakeReady)
         if not (state.ready and prepared):
@@ -404,15 +505,26 @@ class VehicleFollower:
             return "not ready", f": {outcome.reason}" if waits else because
         return "", ""
 
-    def _in_fence(self, state: VehicleState) -> bool:
-        """Return whether it may take off from its position."""
+    def _reason_to_stay(self, state: VehicleState) -> str:
+        """Return why it must not take off from its position; empty if it may."""
         assert self._fence is not None
-        place = (state.lat_deg, state.lon_deg)
-        checked = check_take_off(*place, self._take_off_alt_m, self._fence)
-        take_off = f"take-off: {checked.reason}" if isinstance(checked, Rejected) else ""
-        if take_off or self.refused.startswith("take-off: "):
-            self.refused = take_off
-        return not take_off
+        top_m, limit_m = self._top_amsl_m, self._fence.max_amsl_m
+        checked = check_take_off(state.lat_deg, state.lon_deg, top_m, self._fence)
+        if isinstance(checked, Rejected):
+            return checked.reason
+        home_m = state.alt_amsl_m - state.alt_m
+        if top_m - home_m < self._settings.min_altitude:
+            return (
+                f"altitude must be at least {self._settings.min_altitude:g} m above home, got "
+                f"{top_m - home_m:g} m (home is {home_m:g} m above the sea: see datum_altitude)"
+            )
+        return_m = home_m + state.return_alt_m
+        if return_m > limit_m:
+            return (
+                f"the vehicle's return altitude must be at most {limit_m:g} m above the sea, got "
+                f"{return_m:g}"
+            )
+        return ""
 
     # Orders
 
@@ -421,22 +533,37 @@ class VehicleFollower:
         if wanted is None or not isinstance(wanted, MAY_ORDER[self.custody.state]):
             return None
         given_for, tries = self._stamped(wanted), 1
+        # A vehicle that has dropped out, or was recalled, does not wait for others.
+        waits = not self.lost and self.custody.state is not Custody.RECALLED
         if given_for == self._given_for:
+            intruder = clearance.intruder(self._given) if waits and not self._done else ""
+            if intruder and self._may_stop:
+                self.blocked = intruder
+                return self._give(Hold(), (Hold(), 0), 1, state)
             if self._failed_s is None or now_s - self._failed_s < RETRY_S:
                 return None
             tries = self._tries + 1
         order = wanted
-        # A vehicle that has dropped out, or was recalled, does not wait for others.
-        if not self.lost and self.custody.state is not Custody.RECALLED:
+        if waits:
             admitted = clearance.admit(wanted)
             if isinstance(admitted, str):
                 self.blocked = admitted
                 return None
             order = admitted
+        return self._give(order, given_for, tries, state)
+
+    @property
+    def _may_stop(self) -> bool:
+        """Whether it may be ordered to hold where it is."""
+        return not self._whole and Hold in MAY_ORDER[self.custody.state]
+
+    def _give(
+        self, order: Order, given_for: tuple[Order, int], tries: int, state: VehicleState
+    ) -> Order:
         self._given, self._given_for, self._tries = order, given_for, tries
         self._done, self._failed_s = False, None
         if isinstance(order, TakeOff | FlyMission) and order.arm and not state.armed:
-            self.custody.begin_arming(now_s)
+            self.custody.launch()
         return order
 
     def _stamped(self, order: Order) -> tuple[Order, int]:
@@ -453,7 +580,9 @@ class VehicleFollower:
             case Custody.HELD:
                 return Hold()
             case Custody.RECALLED:
-                return _ENDS[self.custody.record.end or "return"]
+                record = self.custody.record
+                from_mode = record.modes[0] if record.modes else ""
+                return Land(from_mode) if record.end == "land" else Return(from_mode)
             case Custody.ENDING:
                 return self._wanted_at_the_end(state, clearance)
         return None
@@ -467,9 +596,10 @@ class VehicleFollower:
             # This also cancels a take-off that has not begun.
             return MakeReady(arm, modes)
         if not self._whole:
-            return TakeOff(self._take_off_alt_m, arm, modes)
-        if isinstance(self._task, FlyMission):
-            return replace(self._task, arm=arm, from_modes=modes)
+            return TakeOff(self._top_amsl_m, arm, modes)
+        mission = self._wanted_task
+        if isinstance(mission, FlyMission):
+            return replace(mission, arm=arm, from_modes=modes)
         return None
 
     def _wanted_in_the_air(self, state: VehicleState) -> Order | None:
@@ -480,14 +610,19 @@ class VehicleFollower:
         if isinstance(self._given, TakeOff) and not self._done:
             # An order to fly somewhere would end the climb.
             return self._given
-        if not state.flying:
+        if not state.flying or self._outside_since_s < math.inf:
             return None
-        return Hold() if self._task is None or self._holding else self._task
+        return Hold() if self._holding else self._wanted_task or Hold()
 
     def _wanted_at_the_end(self, state: VehicleState, clearance: Clearance) -> Order | None:
-        end, home = _ENDS["return" if self._whole else self._at_end], clearance.home
+        end, home = _ENDS["return" if self._whole else self._settings.at_end], clearance.home
         # An earlier program may have begun the end.
         begun = self._given_for is not None and self._given_for[0] == end
         begun |= state.mode in COMING_DOWN.values()
         there = self._given_for is not None and self._given_for[0] == home and self._done
         return end if home is None or end == Hold() or self.lost or begun or there else home
+
+
+def _since(since_s: float, now_s: float, *, when: bool) -> float:
+    """Return since when something is the case; infinity while it is not."""
+    return min(since_s, now_s) if when else math.inf

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dsse_ros.cli.command_line import Parser, options_of, search_of
+from dsse_ros.cli.mission_file import FILE_HELP, add_choice, choose, read
 from dsse_ros.cli.pattern_mission import PatternMission, add_pattern, check_no_pattern
 from dsse_ros.cli.start import not_found
 from dsse_ros.mission.vehicle_missions import (
@@ -27,9 +28,10 @@ from dsse_ros.runtime.exit_codes import fail
 from dsse_ros.scenario.fields import specs
 from dsse_ros.search import FieldError, SearchEnv
 from dsse_ros.search.compiler import prepared_env
-from msg_adapters.frames import scenario_frame
+from msg_adapters.frames import GridFrame, scenario_frame
 from msg_adapters.mission_items import Home
 
+DEFAULT_SCENARIO = "santos"
 LENGTHS = ("acceptance_radius", "search_altitude", "search_hold", "altitude_step")
 OPTIONS = ("autopilot", "merge_legs", *LENGTHS)
 """Parameters of the flight that are options of the same name."""
@@ -60,6 +62,27 @@ def search(
     return np.array(cells), np.array(searched), found
 
 
+def searched_cells(
+    arguments: argparse.Namespace,
+) -> tuple[GridFrame, NDArray[np.int64], NDArray[np.bool_], bool]:
+    """Return the grid and what `search` returns, of the recorded mission if there is one.
+
+    Raises:
+        FieldError: If the file, the scenario or the planner is not allowed.
+        ImportError: If the file is a bag, and what reads bags is not installed.
+    """
+    if arguments.file is not None:
+        missions, _ = read(arguments)
+        record = choose(missions, arguments.mission)
+        found = bool(record.found.any())
+        return scenario_frame(record.scenario), record.cells, record.searched, found
+    arguments.scenario = arguments.scenario or DEFAULT_SCENARIO
+    _, scenario, rules = search_of(arguments)
+    env = prepared_env(scenario, rules)
+    played = search(env, arguments.planner, arguments.seed, options_of(arguments))
+    return scenario_frame(env.scenario), *played
+
+
 def _home(text: str) -> Home:
     try:
         lat_deg, lon_deg, alt_m = (float(part) for part in text.split(","))
@@ -74,12 +97,14 @@ def parse(argv: list[str] | None) -> argparse.Namespace:
     """Return the command line's arguments."""
     parser = Parser(
         prog="export_mission",
-        description="Search without ROS, and write each drone's track as mission files; or write "
-        "a search pattern for one vehicle.",
+        description="Write each drone's track as mission files: of a recorded mission or, without "
+        "a file, of a search by a planner; or write a search pattern for one vehicle.",
     )
     of_flight = specs(FlightSettings)
     defaults = FlightSettings()
-    parser.add_search("santos")
+    parser.add("file", type=Path, nargs="?", help=FILE_HELP)
+    add_choice(parser)
+    parser.add_search(None)
     add = parser.add
     add("--out", type=Path, default=Path("missions"), help="folder of the files")
     add(
@@ -109,21 +134,22 @@ def main(argv: list[str] | None = None) -> int:
             from dsse_ros.report.gpx import gpx_text
         settings = FlightSettings(**{name: getattr(arguments, name) for name in OPTIONS})
         home = _home(arguments.home) if arguments.home else None
-        _, scenario, rules = search_of(arguments)
         if arguments.pattern is not None:
+            if arguments.file is not None:
+                raise FieldError(f"file must not be given with pattern, got {arguments.file}")
+            arguments.scenario = arguments.scenario or DEFAULT_SCENARIO
+            _, scenario, _ = search_of(arguments)
             of_pattern = PatternMission(arguments, scenario)
             mission = of_pattern.mission(settings, home)
             missions, result = {"drone0": mission}, "\n".join(of_pattern.summary(mission)) + "\n"
         else:
             check_no_pattern(arguments)
-            env = prepared_env(scenario, rules)
-            names = env.possible_agents
-            frames = layers(scenario_frame(env.scenario), settings, len(names))
-            options = options_of(arguments)
-            cells, searched, found = search(env, arguments.planner, arguments.seed, options)
-            tracks = [(cells[:, i], searched[:, i]) for i in range(len(names))]
-            flown = search_missions(frames, tracks, settings, [home] * len(names))
-            missions = dict(zip(names, flown, strict=True))
+            frame, cells, searched, found = searched_cells(arguments)
+            drones = cells.shape[1]
+            tracks = [(cells[:, i], searched[:, i]) for i in range(drones)]
+            frames = layers(frame, settings, drones)
+            flown = search_missions(frames, tracks, settings, [home] * drones)
+            missions = {f"drone{i}": one for i, one in enumerate(flown)}
             result = f"{'found' if found else 'not found'} after {len(cells) - 1} steps; "
     except FieldError as error:
         return fail("export_mission", error)

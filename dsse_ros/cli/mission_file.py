@@ -22,10 +22,15 @@ FILE_HELP = "CSV of record_file, or bag of the recorder"
 
 
 def add_mission_file(parser: Parser) -> None:
-    """Add the options for `read` and `choose`, without the file, scenario and rules."""
-    parser.add("--mission", type=int, help="mission to use, by default the last complete one")
+    """Add the options for `read`, `choose` and maps, without the file, scenario and rules."""
+    add_choice(parser)
     parser.add("--steps", type=int, nargs="+", metavar="STEP",
                help="steps of the maps, by default some from start to end")  # fmt: skip
+
+
+def add_choice(parser: Parser) -> None:
+    """Add the options for `read` and `choose`, without the file, scenario and rules."""
+    parser.add("--mission", type=int, help="mission to use, by default the last complete one")
     parser.add("--namespace", help="namespace of the simulation, if a bag has several")
     parser.add("--max-cells", type=int, default=LARGEST_GRID_CELLS,
                help="number of cells of the largest grid")  # fmt: skip

@@ -81,8 +81,8 @@ class Autopilot:
         setpoint_rate_hz: Least rate of setpoints that it needs, in its own time.
         paced_setpoints: Whether it ignores MAV_CMD_DO_CHANGE_SPEED in `guided_mode`, so that a
             speed is flown by setpoints that move.
-        altitudes_amsl: Whether setpoints and MAV_CMD_NAV_TAKEOFF have altitudes above mean sea
-            level; if not, above home.
+        take_off_amsl: Whether MAV_CMD_NAV_TAKEOFF has an altitude above mean sea level; if not,
+            above home.
         unchanged: Parameter of MAV_CMD_NAV_TAKEOFF that keeps position and yaw.
         missions_by_command: Whether MAV_CMD_MISSION_START starts a mission on the ground. If not,
             `mission_mode` does.
@@ -118,7 +118,7 @@ class Autopilot:
     setpoint_loss_modes: frozenset[str] = _NO_MODES
     setpoint_rate_hz: float = 0.0
     paced_setpoints: bool
-    altitudes_amsl: bool
+    take_off_amsl: bool
     unchanged: float
     missions_by_command: bool
     keeps_item_radius: bool
@@ -171,14 +171,14 @@ class Autopilot:
         fields = next(fields for fields, name in self.modes.items() if name == mode)
         return tuple(map(float, (mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED, *fields)))
 
-    def take_off_parameters(self, alt_m: float, home_amsl_m: float) -> tuple[float, ...]:
+    def take_off_parameters(self, alt_amsl_m: float, home_amsl_m: float) -> tuple[float, ...]:
         """Return the parameters of MAV_CMD_NAV_TAKEOFF.
 
         Args:
-            alt_m: Altitude above home.
+            alt_amsl_m: Altitude above mean sea level.
             home_amsl_m: Altitude of home above mean sea level.
         """
-        altitude_m = home_amsl_m + alt_m if self.altitudes_amsl else alt_m
+        altitude_m = alt_amsl_m if self.take_off_amsl else alt_amsl_m - home_amsl_m
         return (0.0, 0.0, 0.0, self.unchanged, self.unchanged, self.unchanged, altitude_m)
 
     def connections(self, number: int) -> list[str]:
@@ -215,7 +215,7 @@ ARDUPILOT = Autopilot(
     mode_is_checked=False,
     streams_setpoints=False,
     paced_setpoints=False,
-    altitudes_amsl=False,
+    take_off_amsl=False,
     unchanged=0.0,
     missions_by_command=True,
     keeps_item_radius=False,
@@ -267,7 +267,7 @@ PX4 = Autopilot(
     return_altitudes={"RTL_RETURN_ALT": 1.0},
     disarmed_modes=frozenset({"HOLD"}),
     disarming_s=3.0,
-    messages=(*_MESSAGES, BatteryStatus),
+    messages=(*_MESSAGES, BatteryStatus, PositionTarget),
     # At rest its EKF_STATUS_REPORT always has CONST_POS_MODE.
     position_is_checked=True,
     # It sends the same texts as a mere warning.
@@ -280,8 +280,7 @@ PX4 = Autopilot(
     setpoint_loss_modes=frozenset({"RTL", "HOLD", "LAND", "POSCTL", "ALTCTL", "STABILIZED"}),
     setpoint_rate_hz=2.0,
     paced_setpoints=True,
-    # With altitudes above home it gets the sign of home's height over its origin wrong.
-    altitudes_amsl=True,
+    take_off_amsl=True,
     unchanged=math.nan,
     missions_by_command=False,
     keeps_item_radius=True,

@@ -109,16 +109,23 @@ class ModeWatch:
         if self._mode not in known or self._mode not in (self.allowed or known):
             raise TakenOverError
 
-    def change(self, mode: str, *others: str) -> str:
+    def change(self, mode: str, *others: str, from_mode: str = "") -> str:
         """Change the mode as `CommandSender.send` does; these others are allowed until then.
 
+        Args:
+            mode: The mode to set.
+            others: Modes that are allowed until then.
+            from_mode: Mode of somebody else that may be changed too.
+
         Raises:
-            TakenOverError: If a failsafe has set the one in which it is.
+            TakenOverError: If somebody else or a failsafe has set the one in which it is.
         """
         state, autopilot = self._situation.state, self._situation.autopilot
-        acts = state.armed and state.failsafe not in ("", "offboard")
-        if acts and self._mode not in autopilot.take_off_modes | {mode}:
-            raise TakenOverError
+        if self._mode != from_mode:
+            self.check()
+            acts = state.armed and state.failsafe not in ("", "offboard")
+            if acts and self._mode not in autopilot.take_off_modes | {mode}:
+                raise TakenOverError
         self.announce(mode)
         self.allow(self._mode, mode, *others)
         parameters = autopilot.mode_parameters(mode)

@@ -13,7 +13,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from dsse_ros.flight.commands import ARM_DISARM, OrderFailedError, TakenOverError
 from dsse_ros.flight.item_messages import mission_messages
-from dsse_ros.flight.setpoints import offset_m
+from dsse_ros.flight.offset import offset_m
 from dsse_ros.flight.transfer import Failed
 from dsse_ros.flight.upload import VerifiedUpload
 from msg_adapters.mission_items import (
@@ -42,11 +42,11 @@ def fly_to(
     controller: VehicleController,
     lat_deg: float,
     lon_deg: float,
-    alt_m: float,
+    alt_amsl_m: float,
     radius_m: float,
     alt_tolerance_m: float = math.inf,
 ) -> Iterator[str]:
-    """Fly to a setpoint."""
+    """Fly to a setpoint, whose altitude is above mean sea level."""
     situation, setpoints = controller.situation, controller.setpoints
     autopilot = situation.autopilot
     alt_tolerance_m = min(alt_tolerance_m, situation.settings.alt_tolerance_m)
@@ -54,7 +54,7 @@ def fly_to(
     yield from until_lift_off_known(controller)
     while True:
         expect_flying(controller)
-        setpoints.fly_to(lat_deg, lon_deg, alt_m)
+        setpoints.fly_to(lat_deg, lon_deg, alt_amsl_m)
         if controller.state.mode != autopilot.guided_mode:
             yield enter_guided_mode(controller)
             continue
@@ -62,21 +62,21 @@ def fly_to(
         if setpoints.confirmed and not autopilot.paced_setpoints:
             controller.commands.request_speed()
         away_m = distance_m(controller, lat_deg, lon_deg) if math.isfinite(radius_m) else 0.0
-        above_m = abs(controller.state.alt_m - alt_m)
+        above_m = abs(controller.state.alt_amsl_m - alt_amsl_m)
         there = away_m <= radius_m and above_m <= alt_tolerance_m
         if there and setpoints.confirmed and has_fresh_position(controller):
             return
         situation.expect_progress(setpoints.target, max(away_m - radius_m, 0.0) + above_m)
-        yield f"flying to {lat_deg:.6f}, {lon_deg:.6f}, {alt_m:g} m"
+        yield f"flying to {lat_deg:.6f}, {lon_deg:.6f}, {alt_amsl_m:g} m"
 
 
-def climb_on_the_spot(controller: VehicleController, alt_m: float) -> Iterator[str]:
+def climb_on_the_spot(controller: VehicleController, alt_amsl_m: float) -> Iterator[str]:
     """Bring a vehicle to its altitude before it flies across the altitudes of others."""
     yield from until_position_known(controller)
     yield from until_lift_off_known(controller)
     state = controller.state
-    if abs(state.alt_m - alt_m) > controller.situation.settings.alt_tolerance_m:
-        yield from fly_to(controller, state.lat_deg, state.lon_deg, alt_m, math.inf)
+    if abs(state.alt_amsl_m - alt_amsl_m) > controller.situation.settings.alt_tolerance_m:
+        yield from fly_to(controller, state.lat_deg, state.lon_deg, alt_amsl_m, math.inf)
 
 
 def enter_guided_mode(controller: VehicleController) -> str:
@@ -108,7 +108,7 @@ def stop_at_setpoint(controller: VehicleController) -> Iterator[str]:
     while controller.state.mode != controller.situation.autopilot.guided_mode:
         yield enter_guided_mode(controller)
     here = (controller.state.lat_deg, controller.state.lon_deg)
-    yield from fly_to(controller, *here, controller.state.alt_m, _STAYING_M)
+    yield from fly_to(controller, *here, controller.state.alt_amsl_m, _STAYING_M)
     while not moving_mps(controller) < STANDING_MPS or distance_m(controller, *here) > _STAYING_M:
         expect_flying(controller)
         away = moving_mps(controller) + distance_m(controller, *here)
@@ -116,8 +116,10 @@ def stop_at_setpoint(controller: VehicleController) -> Iterator[str]:
         yield "stopping"
 
 
-def come_down(controller: VehicleController, mode: str, reason: str) -> Iterator[str]:
-    """Have a vehicle come down by itself, in a mode of its autopilot."""
+def come_down(
+    controller: VehicleController, mode: str, reason: str, from_mode: str
+) -> Iterator[str]:
+    """Have a vehicle come down by itself, in a mode of its autopilot; see `Return`."""
     # It comes down without a position too, and does not need one of ours.
     while controller.state.armed or controller.state.flying or controller.commands.arming:
         state = controller.state
@@ -125,8 +127,7 @@ def come_down(controller: VehicleController, mode: str, reason: str) -> Iterator
             yield "waiting for the effect of arming"
             continue
         if state.mode != mode:
-            controller.modes.check()
-            yield controller.modes.change(mode)
+            yield controller.modes.change(mode, from_mode=from_mode)
             continue
         controller.modes.tolerate(mode)
         if state.has_position:

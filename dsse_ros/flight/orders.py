@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The orders to a vehicle, and how each is carried out.
 
-Altitudes are metres above its home. An order is carried out by a generator that yields what it is
-waiting for: see `Order.carry_out`.
+Altitudes are metres above mean sea level, which no change of a home moves. An order is carried out
+by a generator that yields what it is waiting for: see `Order.carry_out`.
 """
 
 from __future__ import annotations
@@ -23,6 +23,7 @@ from dsse_ros.flight.order_steps import (
     allow_present_mode,
     climb_on_the_spot,
     come_down,
+    distance_m,
     end_of_climb,
     expect_flying,
     fly_to,
@@ -76,22 +77,22 @@ class TakeOff(Order):
     """Arm, climb straight up; in the air, climb or descend on the spot.
 
     Attributes:
-        alt_m: Altitude above home.
+        alt_amsl_m: Altitude above mean sea level.
         arm: Whether to arm the vehicle; if not, somebody else does.
         from_modes: See `MakeReady`.
 
     Raises:
-        ValueError: If the altitude is not above home.
+        ValueError: If the altitude is not allowed.
     """
 
-    alt_m: float
+    alt_amsl_m: float
     arm: bool = True
     from_modes: tuple[str, ...] = ()
     finishes_alone: ClassVar[bool] = True
     flies_to_setpoints: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
-        check_number("alt_m", self.alt_m, 0, _MAX_ALT_M, exclusive=True)
+        check_number("alt_amsl_m", self.alt_amsl_m, -_MAX_ALT_M, _MAX_ALT_M)
 
     def carry_out(self, controller: VehicleController) -> Iterator[str]:
         """See `Order`."""
@@ -100,7 +101,7 @@ class TakeOff(Order):
         yield from until_position_known(controller)
         if controller.state.flying:
             here = (controller.state.lat_deg, controller.state.lon_deg)
-            yield from fly_to(controller, *here, self.alt_m, math.inf)
+            yield from fly_to(controller, *here, self.alt_amsl_m, math.inf)
             return
         controller.setpoints.stop()
         while not controller.state.flying:
@@ -117,13 +118,13 @@ class TakeOff(Order):
                     continue
                 modes.announce(autopilot.take_off_mode)
             home_amsl_m = controller.state.alt_amsl_m - controller.state.alt_m
-            controller.situation.take_off_amsl_m = home_amsl_m + self.alt_m
-            parameters = autopilot.take_off_parameters(self.alt_m, home_amsl_m)
+            controller.situation.take_off_amsl_m = self.alt_amsl_m
+            parameters = autopilot.take_off_parameters(self.alt_amsl_m, home_amsl_m)
             yield controller.commands.send_long(
                 NAV_TAKEOFF, "taking off", *parameters, takes_s=_LIFT_OFF_S
             )
         tolerance_m = controller.situation.settings.alt_tolerance_m
-        while abs(controller.state.alt_m - self.alt_m) > tolerance_m:
+        while (left_m := abs(controller.state.alt_amsl_m - self.alt_amsl_m)) > tolerance_m:
             expect_flying(controller)
             if autopilot.take_off_mode:
                 # Up there it goes to the resting mode by itself; below, a person has set that.
@@ -131,8 +132,8 @@ class TakeOff(Order):
                 modes.allow(autopilot.take_off_mode, *resting)
                 if controller.state.mode in resting:
                     break
-            controller.situation.expect_progress("climb", abs(controller.state.alt_m - self.alt_m))
-            yield f"climbing to {self.alt_m:g} m"
+            controller.situation.expect_progress("climb", left_m)
+            yield f"climbing to {self.alt_amsl_m:g} m"
         if autopilot.take_off_mode:
             modes.allow(autopilot.take_off_mode, autopilot.resting_mode)
 
@@ -144,7 +145,7 @@ class GoTo(Order):
     Attributes:
         lat_deg: WGS84 latitude.
         lon_deg: WGS84 longitude.
-        alt_m: Altitude above home.
+        alt_amsl_m: Altitude above mean sea level.
         radius_m: Horizontal distance at which the vehicle is there.
 
     Raises:
@@ -153,28 +154,28 @@ class GoTo(Order):
 
     lat_deg: float
     lon_deg: float
-    alt_m: float
+    alt_amsl_m: float
     radius_m: float
     flies_to_setpoints: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
-        _check_place(self.lat_deg, self.lon_deg, self.alt_m, self.radius_m)
+        _check_place(self.lat_deg, self.lon_deg, self.alt_amsl_m, self.radius_m)
 
     def carry_out(self, controller: VehicleController) -> Iterator[str]:
         """See `Order`."""
-        yield from climb_on_the_spot(controller, self.alt_m)
-        yield from fly_to(controller, self.lat_deg, self.lon_deg, self.alt_m, self.radius_m)
+        yield from climb_on_the_spot(controller, self.alt_amsl_m)
+        yield from fly_to(controller, self.lat_deg, self.lon_deg, self.alt_amsl_m, self.radius_m)
 
 
 @dataclass(frozen=True)
 class Search(Order):
-    """Fly to a place, descend, hold and climb back.
+    """Fly to a place, descend and hold; over the place, wherever it is, begin with the descent.
 
     Attributes:
         lat_deg: WGS84 latitude.
         lon_deg: WGS84 longitude.
-        alt_m: Altitude above home before and after.
-        search_alt_m: Altitude above home of the hold.
+        alt_amsl_m: Altitude above mean sea level of the way there.
+        search_amsl_m: Altitude above mean sea level of the hold.
         hold_s: How long to hold there, in the vehicle's own time.
         radius_m: Horizontal distance at which the vehicle is there.
 
@@ -184,31 +185,32 @@ class Search(Order):
 
     lat_deg: float
     lon_deg: float
-    alt_m: float
-    search_alt_m: float
+    alt_amsl_m: float
+    search_amsl_m: float
     hold_s: float
     radius_m: float
     flies_to_setpoints: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
-        _check_place(self.lat_deg, self.lon_deg, self.alt_m, self.radius_m)
-        check_number("search_alt_m", self.search_alt_m, -_MAX_ALT_M, _MAX_ALT_M)
+        _check_place(self.lat_deg, self.lon_deg, self.alt_amsl_m, self.radius_m)
+        check_number("search_amsl_m", self.search_amsl_m, -_MAX_ALT_M, _MAX_ALT_M)
         check_number("hold_s", self.hold_s, 0, 3600)
 
     def carry_out(self, controller: VehicleController) -> Iterator[str]:
         """See `Order`."""
         place = (self.lat_deg, self.lon_deg)
-        yield from climb_on_the_spot(controller, self.alt_m)
-        yield from fly_to(controller, *place, self.alt_m, self.radius_m)
-        yield from fly_to(controller, *place, self.search_alt_m, self.radius_m, _SEARCH_ALT_M)
+        yield from until_position_known(controller)
+        if distance_m(controller, *place) > self.radius_m:
+            yield from climb_on_the_spot(controller, self.alt_amsl_m)
+            yield from fly_to(controller, *place, self.alt_amsl_m, self.radius_m)
+        yield from fly_to(controller, *place, self.search_amsl_m, self.radius_m, _SEARCH_ALT_M)
         since_s = controller.state.boot_s
         while controller.state.boot_s - since_s < self.hold_s:
             expect_flying(controller)
             # A clock that has gone back was restarted.
             since_s = min(since_s, controller.state.boot_s)
             controller.situation.expect_progress("hold", -controller.state.boot_s)
-            yield f"holding at {self.search_alt_m:g} m for {self.hold_s:g} s"
-        yield from fly_to(controller, *place, self.alt_m, self.radius_m)
+            yield f"holding at {self.search_amsl_m:g} m for {self.hold_s:g} s"
 
 
 @dataclass(frozen=True)
@@ -227,32 +229,44 @@ class Hold(Order):
             return
         while not modes.resting or not moving_mps(controller) < STANDING_MPS:
             if not modes.resting:
-                modes.check()
                 yield modes.change(autopilot.resting_mode)
                 continue
             controller.setpoints.stop()
             modes.allow(autopilot.resting_mode)
             controller.situation.expect_progress("stop", moving_mps(controller))
             yield "stopping"
-        controller.setpoints.stop()
+        controller.setpoints.stand()
 
 
 @dataclass(frozen=True)
 class Return(Order):
-    """Fly home and land there, as the autopilot does it."""
+    """Fly home and land there, as the autopilot does it.
+
+    Attributes:
+        from_mode: Mode that somebody else may have set, and that an operator takes it from; empty
+            if it is ours.
+    """
+
+    from_mode: str = ""
 
     def carry_out(self, controller: VehicleController) -> Iterator[str]:
         """See `Order`."""
-        return come_down(controller, "RTL", "returning")
+        return come_down(controller, "RTL", "returning", self.from_mode)
 
 
 @dataclass(frozen=True)
 class Land(Order):
-    """Land on the spot."""
+    """Land on the spot.
+
+    Attributes:
+        from_mode: See `Return`.
+    """
+
+    from_mode: str = ""
 
     def carry_out(self, controller: VehicleController) -> Iterator[str]:
         """See `Order`."""
-        return come_down(controller, "LAND", "landing")
+        return come_down(controller, "LAND", "landing", self.from_mode)
 
 
 @dataclass(frozen=True)
@@ -289,7 +303,6 @@ class FlyMission(Order):
         yield from until_position_known(controller)
         # Items that are changed while they are flown leave the vehicle with neither mission.
         while controller.state.flying and controller.state.mode != autopilot.resting_mode:
-            modes.check()
             yield modes.change(autopilot.resting_mode)
         controller.setpoints.stop()
         yield from upload(controller, self.items)
@@ -301,7 +314,6 @@ class FlyMission(Order):
             controller.state.mode != mission_mode and controller.state.item_current <= first
         ):
             if controller.state.flying:
-                modes.check()
                 waiting = modes.change(mission_mode)
                 modes.allow(
                     controller.state.mode, *mission_modes(controller, self.items, whole=True)
@@ -322,8 +334,8 @@ class FlyMission(Order):
         yield from follow_mission(controller, self.items)
 
 
-def _check_place(lat_deg: float, lon_deg: float, alt_m: float, radius_m: float) -> None:
+def _check_place(lat_deg: float, lon_deg: float, alt_amsl_m: float, radius_m: float) -> None:
     check_number("lat_deg", lat_deg, -90, 90)
     check_number("lon_deg", lon_deg, -180, 180)
-    check_number("alt_m", alt_m, -_MAX_ALT_M, _MAX_ALT_M)
+    check_number("alt_amsl_m", alt_amsl_m, -_MAX_ALT_M, _MAX_ALT_M)
     check_number("radius_m", radius_m, 0, 1e6, exclusive=True)

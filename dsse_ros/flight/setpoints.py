@@ -7,14 +7,18 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
-from dsse_ros.flight.commands import OrderFailedError, Situation
+from dsse_ros.flight.commands import OrderFailedError, Situation, TakenOverError
+from dsse_ros.flight.offset import offset_m
 from dsse_ros.mavlink.messages import SetPositionTarget
 
 _TARGET_DEG = 1e-5
 _TARGET_ALT_M = 1.0
 _TARGET_STALE_S = 5.0
-_HOME_GAIN = 0.05
-_METRES_PER_DEGREE = 111_195.0
+_FOREIGN_REPORTS = 2
+"""Reports of another target that prove it: one may have been overtaken by a confirmation."""
+_MOVED_M = 15.0
+_UNREPORTED_S = 3.0
+"""Time without a report of the target after which the vehicle flies to none."""
 
 
 class SetpointStreamer:
@@ -31,12 +35,17 @@ class SetpointStreamer:
         self._situation = situation
         self._autopilot = situation.autopilot
         self.target: SetPositionTarget | None = None
+        # Whether the vehicle stands by itself, and the target that it has reported there.
+        self._stands = False
+        self._standing: tuple[float, float, float] | None = None
         self._set_s = 0.0
         self._streaming_since_s = 0.0
         self._due_s = -math.inf
         self._tries = 0
+        # Whether the vehicle has confirmed the target, and how often it has named another since.
+        self._was_confirmed = False
+        self._foreign_reports = 0
         self._paced: PacedSetpoint | None = None
-        self._home_amsl_m = math.nan
 
     def begin(self, *, to_setpoints: bool) -> None:
         """Forget the target of the last order.
@@ -49,24 +58,87 @@ class SetpointStreamer:
         state = self._situation.state
         streams = self._autopilot.streams_setpoints and self.target is not None
         if streams and to_setpoints and state.has_position:
-            self.fly_to(state.lat_deg, state.lon_deg, state.alt_m)
+            self.fly_to(state.lat_deg, state.lon_deg, state.alt_amsl_m)
         else:
             self.stop()
 
     def stop(self) -> None:
         """Send no more setpoints."""
         self.target = None
+        self._stands = False
 
-    def fly_to(self, lat_deg: float, lon_deg: float, alt_m: float) -> None:
-        """Have the vehicle fly to a place, at an altitude above home."""
+    def stand(self) -> None:
+        """Send no more setpoints to a vehicle that stays where it is in its resting mode."""
+        self.stop()
+        self._stands, self._standing, self._foreign_reports = True, None, 0
+
+    @property
+    def expects_reports(self) -> bool:
+        """Whether the vehicle should report where it flies to."""
+        return self.target is not None or self._stands
+
+    def fly_to(self, lat_deg: float, lon_deg: float, alt_amsl_m: float) -> None:
+        """Have the vehicle fly to a place, at an altitude above mean sea level."""
         situation = self._situation
-        target = SetPositionTarget(situation.target, lat_deg, lon_deg, float(alt_m))
+        target = SetPositionTarget(situation.target, lat_deg, lon_deg, float(alt_amsl_m))
         if self.target is None:
             self._streaming_since_s = situation.now
+        self._stands = False
         if target != self.target:
             self.target = target
             self._set_s = self._due_s = situation.now
             self._tries = 0
+            self._was_confirmed, self._foreign_reports = False, 0
+
+    def watch_reports(self) -> None:
+        """Handle a report of the target.
+
+        Raises:
+            TakenOverError: If somebody else has given the vehicle another target than the one that
+                it had confirmed.
+        """
+        state = self._situation.state
+        if self._stands and state.mode == self._autopilot.resting_mode:
+            self._standing = self._standing or state.target
+            self._count_report(foreign=not _are_near(self._standing, state.target))
+        if not self._is_reported:
+            return
+        if self.confirmed:
+            self._was_confirmed = True
+        self._count_report(
+            foreign=self._was_confirmed and not self.confirmed and state.target_s > self._set_s
+        )
+
+    def _count_report(self, *, foreign: bool) -> None:
+        self._foreign_reports = self._foreign_reports + 1 if foreign else 0
+        if self._foreign_reports >= _FOREIGN_REPORTS:
+            raise TakenOverError("sent elsewhere by somebody else")
+
+    def watch_position(self, *, under_way: bool) -> None:
+        """Handle a position.
+
+        Args:
+            under_way: Whether an order is; after it, the vehicle stays at the target.
+
+        Raises:
+            TakenOverError: If somebody else moves it without a target, by velocities.
+        """
+        situation, state = self._situation, self._situation.state
+        if under_way or not (self._is_reported and self._was_confirmed):
+            return
+        assert self.target is not None
+        here = (state.lat_deg, state.lon_deg)
+        away = offset_m((self.target.lat_deg, self.target.lon_deg), here)
+        unreported = situation.now - state.target_s > _UNREPORTED_S
+        if unreported and math.hypot(*away) > _MOVED_M:
+            raise TakenOverError("moved by somebody else")
+
+    @property
+    def _is_reported(self) -> bool:
+        """Whether the vehicle should report to fly to the target."""
+        autopilot = self._autopilot
+        guided = self._situation.state.mode == autopilot.guided_mode
+        return self.target is not None and guided and not autopilot.streams_setpoints
 
     @property
     def deadline(self) -> float:
@@ -83,15 +155,10 @@ class SetpointStreamer:
         now, state, target = self._situation.now, self._situation.state, self.target
         if self._autopilot.streams_setpoints:
             return state.mode == self._autopilot.guided_mode
-        if state.target is None or target is None or state.target_s <= self._set_s:
+        if target is None or state.target_s <= self._set_s:
             return False
-        alt_amsl_m = target.alt_m + state.alt_amsl_m - state.alt_m
-        return (
-            now - state.target_s < _TARGET_STALE_S
-            and abs(state.target[0] - target.lat_deg) < _TARGET_DEG
-            and abs(state.target[1] - target.lon_deg) < _TARGET_DEG
-            and abs(state.target[2] - alt_amsl_m) < _TARGET_ALT_M
-        )
+        wanted = (target.lat_deg, target.lon_deg, target.alt_amsl_m)
+        return now - state.target_s < _TARGET_STALE_S and _are_near(state.target, wanted)
 
     def send(self, *, under_way: bool) -> None:
         """Send the setpoint if it is due.
@@ -129,23 +196,25 @@ class SetpointStreamer:
         if not state.has_position:
             return target
         place = (state.lat_deg, state.lon_deg)
-        if speed_mps > 0 and self._autopilot.paced_setpoints:
-            if state.mode != self._autopilot.guided_mode:
-                # Hold its position until its mode shows that it follows setpoints.
-                self._paced = None
-                target = replace(target, lat_deg=state.lat_deg, lon_deg=state.lon_deg)
-            else:
-                if self._paced is None or self._paced.target != target:
-                    self._paced = PacedSetpoint(target, speed_mps, place, state.boot_s)
-                target = self._paced.advance(place, state.boot_s)
-        if not self._autopilot.altitudes_amsl:
+        if not (speed_mps > 0 and self._autopilot.paced_setpoints):
             return target
-        # PX4 moves its home by up to a metre in the first minutes of a flight: hence the mean.
-        home_m = state.alt_amsl_m - state.alt_m
-        if not math.isfinite(self._home_amsl_m):
-            self._home_amsl_m = home_m
-        self._home_amsl_m += _HOME_GAIN * (home_m - self._home_amsl_m)
-        return replace(target, alt_m=target.alt_m + self._home_amsl_m, above_sea=True)
+        if state.mode != self._autopilot.guided_mode:
+            # Hold its position until its mode shows that it follows setpoints.
+            self._paced = None
+            return replace(target, lat_deg=state.lat_deg, lon_deg=state.lon_deg)
+        if self._paced is None or self._paced.target != target:
+            self._paced = PacedSetpoint(target, speed_mps, place, state.boot_s)
+        return self._paced.advance(place, state.boot_s)
+
+
+def _are_near(
+    one: tuple[float, float, float] | None, other: tuple[float, float, float] | None
+) -> bool:
+    """Return whether two targets are the same, but for the rounding of messages."""
+    if one is None or other is None:
+        return one is other
+    limits = (_TARGET_DEG, _TARGET_DEG, _TARGET_ALT_M)
+    return all(abs(a - b) < limit for a, b, limit in zip(one, other, limits, strict=True))
 
 
 class PacedSetpoint:
@@ -207,10 +276,3 @@ class PacedSetpoint:
                 self._speed_mps * self._direction[1],
             ),
         )
-
-
-def offset_m(start: tuple[float, float], end: tuple[float, float]) -> tuple[float, float]:
-    """Return metres to north and east between places in degrees, exact enough along a leg."""
-    north_m = (end[0] - start[0]) * _METRES_PER_DEGREE
-    east_deg = (end[1] - start[1] + 180) % 360 - 180
-    return north_m, east_deg * _METRES_PER_DEGREE * math.cos(math.radians(start[0]))

@@ -11,7 +11,7 @@ import socket
 import threading
 import time
 from collections import Counter, deque
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
@@ -19,14 +19,15 @@ from types import MappingProxyType
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from dsse_ros.checks import check_number
+from dsse_ros.defects import Defects
 from dsse_ros.flight.commands import ControllerSettings
 from dsse_ros.flight.orders import Hold
 from dsse_ros.flight.vehicle_controller import (
-    Defects,
     Order,
     Outcome,
     Status,
     VehicleController,
+    log_new,
 )
 from dsse_ros.flight.vehicle_state import VehicleState
 from dsse_ros.mavlink.codec import Codec
@@ -125,7 +126,7 @@ class Vehicle:
         self._clock = clock
         self._link = parse_connection(settings.connection)
         self._controller = VehicleController(target, source, settings)
-        self._defects = Defects(f"vehicle {settings.system_id}")
+        self._defects = Defects()
         self._counts: Counter[str] = Counter()
         self._outbox: list[Outgoing] = []
         self._thread: threading.Thread | None = None
@@ -135,7 +136,7 @@ class Vehicle:
         self._heartbeat_s = 0.0
         # What threads share.
         self._snapshot = self._look()
-        self._orders: queue.SimpleQueue[tuple[Order | None, int]] = queue.SimpleQueue()
+        self._calls: queue.SimpleQueue[Callable[[float], list[Outgoing]]] = queue.SimpleQueue()
         self._given = Outcome()
         self._giving = threading.Lock()
         self._texts: deque[StatusText] = deque(maxlen=_MAX_TEXTS)
@@ -157,14 +158,13 @@ class Vehicle:
         self._thread.start()
 
     def adopt(self, mode: str) -> None:
-        """Take it over from an earlier program: see `ModeWatch.adopt`.
+        """Take it over from an earlier program: see `ModeWatch.adopt`."""
 
-        Raises:
-            RuntimeError: If it has been started.
-        """
-        if self._thread is not None:
-            raise RuntimeError("a vehicle is adopted before it starts")
-        self._controller.modes.adopt(mode)
+        def adopted(now: float) -> list[Outgoing]:
+            self._controller.modes.adopt(mode)
+            return []
+
+        self._call(adopted)
 
     def give(self, order: Order, authority: int = 0) -> int:
         """Give an order in place of any other; returns its number, from 1.
@@ -173,19 +173,35 @@ class Vehicle:
             order: The order.
             authority: See `VehicleController.give`.
         """
-        return self._put(order, authority, "under_way", "given")
+        return self._put(
+            order, "under_way", "given", lambda now: self._controller.give(order, now, authority)
+        )
 
-    def cancel(self) -> int:
-        """Drop the order; a vehicle in the air goes on by itself. Returns a number as `give`."""
-        return self._put(None, 0, "idle", "")
+    def release(self) -> int:
+        """Drop the order; a vehicle in the air goes on by itself, or holds if it needs setpoints.
 
-    def _put(self, order: Order | None, authority: int, status: Status, reason: str) -> int:
+        Returns:
+            A number as `give`.
+        """
+        return self._put(None, "idle", "", lambda now: self._controller.release(Hold(), now))
+
+    def _put(
+        self,
+        order: Order | None,
+        status: Status,
+        reason: str,
+        call: Callable[[float], list[Outgoing]],
+    ) -> int:
         with self._giving:
             given = Outcome(order, self._given.number + 1, status, reason)
-            self._orders.put((order, authority))
+            self._call(call)
             self._given = given
-        self._wake()
         return given.number
+
+    def _call(self, call: Callable[[float], list[Outgoing]]) -> None:
+        """Have the thread call a function with our time, and send what it returns."""
+        self._calls.put(call)
+        self._wake()
 
     @property
     def system_id(self) -> int:
@@ -291,7 +307,7 @@ class Vehicle:
         except Exception as error:
             # The vehicle needs heartbeats even if we fail on its messages.
             self._counts["errors"] += 1
-            self._defects.log(error)
+            log_new(self._defects, f"vehicle {self.settings.system_id}", error)
             time.sleep(_AFTER_ERROR_S)
         self._snapshot = self._look()
 
@@ -327,11 +343,7 @@ class Vehicle:
             self._counts["heartbeats"] += self._up
         with contextlib.suppress(queue.Empty):
             while True:
-                order, authority = self._orders.get_nowait()
-                if order is None:
-                    self._outbox += self._controller.cancel(now)
-                else:
-                    self._outbox += self._controller.give(order, now, authority)
+                self._outbox += self._calls.get_nowait()(now)
         if ready:
             self._receive(now)
         if now >= self._controller.deadline:

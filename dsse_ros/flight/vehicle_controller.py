@@ -6,7 +6,6 @@ from __future__ import annotations
 
 import logging
 import math
-import traceback
 from abc import ABC, abstractmethod
 from collections import Counter
 from collections.abc import Callable, Iterator
@@ -16,6 +15,7 @@ from typing import ClassVar, Literal, get_args
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from dsse_ros.checks import check_number
+from dsse_ros.defects import Defects, describe
 from dsse_ros.flight.commands import (
     CommandSender,
     ControllerSettings,
@@ -26,14 +26,22 @@ from dsse_ros.flight.commands import (
 from dsse_ros.flight.mode_watch import ModeWatch
 from dsse_ros.flight.setpoints import SetpointStreamer
 from dsse_ros.flight.upload import VerifiedUpload
-from dsse_ros.flight.vehicle_state import MessageRequests, VehicleState, observe, without_link
+from dsse_ros.flight.vehicle_state import (
+    MessageRequests,
+    VehicleState,
+    observe,
+    without_answer,
+    without_link,
+)
 from dsse_ros.mavlink.messages import (
     Address,
     CommandAck,
+    GlobalPosition,
     Heartbeat,
     Incoming,
     MissionMessage,
     Outgoing,
+    PositionTarget,
     SetPositionTarget,
     StatusText,
 )
@@ -126,7 +134,7 @@ class VehicleController:
         self._requests = MessageRequests(target, self.situation.autopilot, settings.position_hz)
         self._steps: Iterator[str] | None = None
         self._outcome = Outcome()
-        self._defects = Defects(f"vehicle {target.system}")
+        self._defects = Defects()
         self._due_s = -math.inf
         self._handing_over = False
         self._authority = 0
@@ -208,6 +216,8 @@ class VehicleController:
         situation, before, was_silent = self.situation, self.state, self._silent
         state = observe(before, message, now, situation.autopilot)
         heartbeat = isinstance(message, Heartbeat)
+        if state.identity.restarts > before.identity.restarts:
+            self._requests.forget()
         situation.state = self._with_setpoint_loss(state, heartbeat=heartbeat)
         self._requests.receive(message, now)
         if situation.state.failsafe not in ("", "offboard", before.failsafe):
@@ -220,6 +230,10 @@ class VehicleController:
                     situation.restart_stall_timer()
                 self.commands.watch_arming()
                 self.modes.watch(before)
+            case PositionTarget() if self._may_act:
+                self.setpoints.watch_reports()
+            case GlobalPosition() if self._may_act:
+                self.setpoints.watch_position(under_way=self._steps is not None)
             case StatusText(severity, text) if severity <= _CONCERNING:
                 situation.note_text(text)
             case CommandAck(target_system=system, target_component=component):
@@ -237,25 +251,35 @@ class VehicleController:
     def tick(self, now: float) -> list[Outgoing]:
         """Let time pass; returns what to send."""
         self._due_s = now + _TICK_S
-        return self._guarded(now, lambda: self._tick(now))
+        return self._guarded(now, lambda: self._tick(now)) + self._due_requests(now)
 
     def _tick(self, now: float) -> None:
         situation = self.situation
         timeout_s = situation.settings.link_timeout_s
         if situation.state.connected and now - situation.state.heard_s > timeout_s:
             situation.state = without_link(situation.state)
+            self._requests.forget()
             self.modes.end_setpoint_loss()
             self.counts["link_lost"] += 1
-        if self._may_act:
-            if self.exchange is not None:
-                situation.out += self.exchange.tick(now)
-            has_setpoint = self.setpoints.target is not None
-            state = situation.state
-            waits = self._steps is not None
-            unexplained = waits and not (state.ready or state.armed or state.unready)
-            situation.out += self._requests.due(
-                now, has_setpoint=has_setpoint, unexplained=unexplained
-            )
+        if self._may_act and self.exchange is not None:
+            situation.out += self.exchange.tick(now)
+
+    def _due_requests(self, now: float) -> list[Outgoing]:
+        """Return the requests for messages that are due.
+
+        To a vehicle that somebody else has, they go only until it is known which vehicle it is.
+        """
+        state, waits = self.state, self._steps is not None
+        unidentified = state.identity.uid is None
+        if not state.connected or state.problem or not (self._may_act or unidentified):
+            return []
+        if self._requests.has_no_version:
+            self.situation.state = without_answer(state)
+        return self._requests.due(
+            now,
+            has_setpoint=self.setpoints.expects_reports,
+            unexplained=waits and not (state.ready or state.armed or state.unready),
+        )
 
     def hand_over(self, hold: Order, now: float) -> list[Outgoing]:
         """Have a vehicle that flies to our setpoints hold by itself; returns what to send.
@@ -277,6 +301,22 @@ class VehicleController:
             return []
         self._handing_over = True
         return self.give(hold, now, self._authority)
+
+    def release(self, hold: Order, now: float) -> list[Outgoing]:
+        """Drop the order, and leave a vehicle that needs setpoints where it is without them.
+
+        Args:
+            hold: The order to hold.
+            now: Our time in seconds.
+
+        Returns:
+            What to send.
+        """
+        if self.situation.autopilot.streams_setpoints and self._outcome.order != hold:
+            sent = self.hand_over(hold, now)
+            if self._handing_over:
+                return sent
+        return self.cancel(now)
 
     @property
     def handing_over(self) -> bool:
@@ -309,7 +349,7 @@ class VehicleController:
         except Exception as error:
             # Streamed setpoints go on, and keep the vehicle where it is.
             self.counts["errors"] += 1
-            self._defects.log(error)
+            log_new(self._defects, f"vehicle {self.situation.target.system}", error)
             self.exchange = None
             if self._outcome.status == "under_way":
                 self._end("failed", describe(error))
@@ -369,7 +409,7 @@ class VehicleController:
                 self._wait("waiting for the vehicle's position")
                 return
             state = situation.state
-            self.setpoints.fly_to(state.lat_deg, state.lon_deg, state.alt_m)
+            self.setpoints.fly_to(state.lat_deg, state.lon_deg, state.alt_amsl_m)
         self.modes.await_guided_mode()
         if self._steps is not None:
             situation.restart_stall_timer()
@@ -382,32 +422,13 @@ class VehicleController:
         return f"in {state.mode or 'no known mode'}{failsafe}"
 
 
-class Defects:
-    """Unexpected exceptions in one part of the program: each kind is logged once.
+def log_new(defects: Defects, name: str, error: Exception) -> None:
+    """Log a defect with its traceback, if it is new.
 
     Args:
-        name: Whose defects they are, for the log.
+        defects: What is known.
+        name: Whose defect it is.
+        error: The defect.
     """
-
-    def __init__(self, name: str) -> None:
-        self._name = name
-        self._logged: set[tuple[type, str, int | None]] = set()
-
-    def log(self, error: Exception) -> None:
-        """Log an exception if it is new."""
-        if self.is_new(error):
-            _logger.error("%s: %s", self._name, describe(error), exc_info=error)
-
-    def is_new(self, error: Exception) -> bool:
-        """Return whether no exception of its type has come from the same line before."""
-        frames = traceback.extract_tb(error.__traceback__)
-        file, line = (frames[-1].filename, frames[-1].lineno) if frames else ("", 0)
-        kind = (type(error), file, line)
-        new = kind not in self._logged
-        self._logged.add(kind)
-        return new
-
-
-def describe(error: Exception) -> str:
-    """Return type and text of an exception."""
-    return f"{type(error).__name__}: {error}" if str(error) else type(error).__name__
+    if defects.is_new(error):
+        _logger.error("%s: %s", name, describe(error), exc_info=error)

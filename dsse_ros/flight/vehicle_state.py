@@ -10,9 +10,18 @@ from dataclasses import dataclass, replace
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from dsse_ros.flight.autopilots import Autopilot
+from dsse_ros.flight.identity import (
+    Identity,
+    unidentified,
+    with_heartbeat,
+    with_position,
+    with_version,
+    without_uid,
+)
 from dsse_ros.mavlink.messages import (
     NO_POSITION,
     Address,
+    AutopilotVersion,
     BatteryStatus,
     EkfStatus,
     ExtendedSysState,
@@ -73,6 +82,8 @@ _FAILSAFE_TEXTS = (
 _CLEARED = "cleared"
 _ALARM_S = 5.0
 """How long a text about a failsafe counts before the heartbeats report that one is active."""
+_UNKNOWN_TOTAL = 2**16 - 1
+"""MISSION_CURRENT.total of an autopilot that does not report it."""
 _CHECKS = ("prearm:", "arm:", "preflight:", "preflight fail:")
 """How status texts begin that say why it cannot be armed."""
 _REPEATED_S = 35.0
@@ -84,6 +95,7 @@ _MISSED = 3
 _GRACE_S = 1.0
 _REQUEST_AGAIN_S = 2.0
 _ASK_AGAIN_S = 10.0
+_VERSION_ASKS = 4
 _BY_NAME = -1
 
 
@@ -92,9 +104,11 @@ class VehicleState:
     """What a vehicle reports; numbers that are not known are NaN.
 
     Attributes:
+        identity: Which vehicle it is.
         connected: Whether heartbeats come.
         ready: Whether its position is good and its pre-arm checks are passed.
         armed: Whether its motors turn, or may.
+        disarmed_beats: Number of the last heartbeats that were not armed.
         problem: Why it must not be flown, as it is another kind of vehicle; empty if it may be.
         mode: Name of its flight mode: see `Autopilot`; empty if not known.
         flying: Whether it is off the ground.
@@ -114,6 +128,8 @@ class VehicleState:
         failsafe: Empty, or which one is active: `battery`, `gcs`, `radio`, `ekf`, `gps`, `motors`,
             `fence`, `offboard` (see `ModeWatch`), or `critical` if it does not report which.
         item_current: Number of the mission item that is flown, or would be; -1 if none.
+        item_total: Number of the items of its mission, without home; -1 if not known.
+        item_s: Our time of the last report of these.
         item_reached: Number of the item reached last; -1 if none.
         mission_over: Whether it reports that the mission has been flown to its end.
         target: Where it reports to be going: latitude, longitude in degrees, metres above mean sea
@@ -124,9 +140,11 @@ class VehicleState:
         position_s: Our time of its last position.
     """
 
+    identity: Identity = Identity()
     connected: bool = False
     ready: bool = False
     armed: bool = False
+    disarmed_beats: int = 0
     problem: str = ""
     mode: str = ""
     flying: bool = False
@@ -145,6 +163,8 @@ class VehicleState:
     fenced: bool = False
     failsafe: str = ""
     item_current: int = -1
+    item_total: int = -1
+    item_s: float = -math.inf
     item_reached: int = -1
     mission_over: bool = False
     target: tuple[float, float, float] | None = None
@@ -212,14 +232,18 @@ def observe(
             return replace(state, return_climb_m=value * autopilot.return_climbs[name])
         case PositionTarget():
             return replace(state, target=_target(state, message), target_s=now)
-        case MissionCurrent(seq=seq, mission_state=mission_state):
+        case MissionCurrent(seq=seq, total=total, mission_state=mission_state):
             return replace(
                 state,
                 item_current=seq,
+                item_total=total if total < _UNKNOWN_TOTAL else -1,
+                item_s=now,
                 mission_over=mission_state == mavlink.MISSION_STATE_COMPLETE,
             )
         case MissionItemReached(seq=seq):
             return replace(state, item_reached=seq)
+        case AutopilotVersion():
+            return replace(state, identity=with_version(state.identity, message, now))
         case StatusText(_, text):
             return _status_text(state, text, now, autopilot)
         case EventMessage():
@@ -228,8 +252,16 @@ def observe(
 
 
 def without_link(state: VehicleState) -> VehicleState:
-    """Return the state of a vehicle whose heartbeats have stopped: the last one that is known."""
-    return replace(state, connected=False, ready=False)
+    """Return the state of a vehicle whose heartbeats have stopped: the last one that is known.
+
+    When they come again, they may be another vehicle's.
+    """
+    return replace(state, connected=False, ready=False, identity=unidentified(state.identity))
+
+
+def without_answer(state: VehicleState) -> VehicleState:
+    """Return the state of a vehicle that does not report which one it is."""
+    return replace(state, identity=without_uid(state.identity))
 
 
 def _sys_status(state: VehicleState, message: SysStatus, autopilot: Autopilot) -> VehicleState:
@@ -270,9 +302,11 @@ def _heartbeat(
     armed = bool(message.base_mode & mavlink.MAV_MODE_FLAG_SAFETY_ARMED)
     known = replace(
         state,
+        identity=with_heartbeat(state.identity, armed=armed, now=now),
         connected=True,
         heard_s=now,
         armed=armed,
+        disarmed_beats=0 if armed else state.disarmed_beats + 1,
         problem=autopilot.problem(message.type, message.autopilot),
         mode=autopilot.mode_name(message.custom_mode),
         failsafe="critical" if critical else proven,
@@ -294,6 +328,7 @@ def _flying(state: VehicleState) -> VehicleState:
 
 
 def _position(state: VehicleState, message: GlobalPosition, now: float) -> VehicleState:
+    state = replace(state, identity=with_position(state.identity, message, now))
     if message.lat == 0 and message.lon == 0:
         # Autopilots send this while the position is unknown.
         return state
@@ -352,7 +387,8 @@ def _event(state: VehicleState, event: EventMessage) -> VehicleState:
 class MessageRequests:
     """Requests for the messages that are needed, repeated until they come, and when they stop.
 
-    The altitude and the climb of its return are requested too, as parameters.
+    The altitude and the climb of its return are requested too, as parameters. Its id is requested
+    again and again, because it may be exchanged, or have a double.
 
     An autopilot may acknowledge a request and forget it, and loses all of them when it restarts.
 
@@ -375,9 +411,20 @@ class MessageRequests:
                 self._rates_hz[kind] = position_hz
         self._received_s = dict.fromkeys(self._kinds, -math.inf)
         self._requested_s = dict.fromkeys([*self._kinds, HomePosition], -math.inf)
-        self._has_home = False
+        self._requested_s[AutopilotVersion] = -math.inf
+        self.forget()
         self._parameter_s = -math.inf
         self._asked_s = math.inf
+
+    def forget(self) -> None:
+        """Request again what does not change while the same vehicle is connected."""
+        self._has_home = self._has_version = False
+        self._version_asks = 0
+
+    @property
+    def has_no_version(self) -> bool:
+        """Whether it does not answer the requests for its id."""
+        return self._version_asks > _VERSION_ASKS and not self._has_version
 
     def receive(self, message: Incoming, now: float) -> None:
         """Take note of a message."""
@@ -386,6 +433,8 @@ class MessageRequests:
             self._received_s[kind] = now
         elif kind is HomePosition:
             self._has_home = True
+        elif kind is AutopilotVersion:
+            self._has_version = True
         elif isinstance(message, ParamValue):
             name = message.param_id
             self._parameters = [names for names in self._parameters if name not in names]
@@ -417,11 +466,17 @@ class MessageRequests:
                 requests.append(
                     command_long(self._target, mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, *parameters)
                 )
-        if not self._has_home and now - self._requested_s[HomePosition] > _REQUEST_AGAIN_S:
-            self._requested_s[HomePosition] = now
-            requests.append(
-                command_long(self._target, mavlink.MAV_CMD_REQUEST_MESSAGE, float(HomePosition.id))
-            )
+        again_s = _ASK_AGAIN_S if self._has_version else _REQUEST_AGAIN_S
+        for one, wanted, period_s in (
+            (HomePosition, not self._has_home, _REQUEST_AGAIN_S),
+            (AutopilotVersion, True, again_s),
+        ):
+            if wanted and now - self._requested_s[one] > period_s:
+                self._requested_s[one] = now
+                self._version_asks += one is AutopilotVersion
+                requests.append(
+                    command_long(self._target, mavlink.MAV_CMD_REQUEST_MESSAGE, float(one.id))
+                )
         if self._parameters and now - self._parameter_s > _ASK_AGAIN_S:
             self._parameter_s = now
             requests += [

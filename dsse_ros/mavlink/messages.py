@@ -30,6 +30,7 @@ MISSION_FAULTS = frozenset(
 Heartbeat = mavlink.MAVLink_heartbeat_message
 SysStatus = mavlink.MAVLink_sys_status_message
 BatteryStatus = mavlink.MAVLink_battery_status_message
+AutopilotVersion = mavlink.MAVLink_autopilot_version_message
 EkfStatus = mavlink.MAVLink_ekf_status_report_message
 GlobalPosition = mavlink.MAVLink_global_position_int_message
 GpsRaw = mavlink.MAVLink_gps_raw_int_message
@@ -79,17 +80,15 @@ class SetPositionTarget:
         target: The vehicle's autopilot.
         lat_deg: WGS84 latitude.
         lon_deg: WGS84 longitude.
-        alt_m: Altitude above home, or above mean sea level.
+        alt_amsl_m: Altitude above mean sea level.
         velocity_mps: Velocity to north and east, None to stop there.
-        above_sea: Whether the altitude is above mean sea level.
     """
 
     target: Address
     lat_deg: float
     lon_deg: float
-    alt_m: float
+    alt_amsl_m: float
     velocity_mps: tuple[float, float] | None = None
-    above_sea: bool = False
 
     def message(self) -> mavlink.MAVLink_message:
         """Return it as MAVLink has it.
@@ -100,11 +99,11 @@ class SetPositionTarget:
         return mavlink.MAVLink_set_position_target_global_int_message(
             0,
             *self.target,
-            _ABOVE_SEA if self.above_sea else _ABOVE_HOME,
+            mavlink.MAV_FRAME_GLOBAL_INT,
             _POSITION if self.velocity_mps is None else _POSITION & ~_NO_VELOCITY,
             _degrees_e7("lat_deg", self.lat_deg),
             _degrees_e7("lon_deg", self.lon_deg),
-            self.alt_m,
+            self.alt_amsl_m,
             *(self.velocity_mps or (0.0, 0.0)),
             *(0.0,) * 6,
         )
@@ -122,6 +121,7 @@ MissionMessage = (
 INCOMING: tuple[Any, ...] = (
     Heartbeat,
     SysStatus,
+    AutopilotVersion,
     BatteryStatus,
     EkfStatus,
     GlobalPosition,
@@ -150,8 +150,6 @@ Outgoing = (
 )
 """A message to a vehicle."""
 
-_ABOVE_SEA = mavlink.MAV_FRAME_GLOBAL_INT
-_ABOVE_HOME = mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT
 _NO_VELOCITY = (
     mavlink.POSITION_TARGET_TYPEMASK_VX_IGNORE
     | mavlink.POSITION_TARGET_TYPEMASK_VY_IGNORE

@@ -52,8 +52,8 @@ class FlightSettings(ArrivalSettings):
         choices=tuple(FIRMWARES),
     )  # fmt: skip
     search_altitude: float = field(
-        "float", "Altitude above home to which a vehicle descends to search a cell; the flight "
-        "altitude if that is lower.", 30.0, low=1, high=20000, unit="m",
+        "float", "Altitude to which a vehicle descends to search a cell, measured as the flight "
+        "altitude is; that one if it is lower.", 30.0, low=1, high=20000, unit="m",
     )  # fmt: skip
     search_hold: float = field(
         "float", "Time that a vehicle holds at the search altitude.", 5.0, low=0, high=600, unit="s"
@@ -77,6 +77,7 @@ def search_missions(
     settings: FlightSettings,
     homes: Sequence[Home | None],
     home_hold_s: float = 0.0,
+    datum_amsl_m: float | None = None,
 ) -> list[Mission]:
     """Return what each vehicle has to fly: see `track_mission`.
 
@@ -90,6 +91,7 @@ def search_missions(
         settings: How it is flown.
         homes: Where each vehicle takes off; None below its first cell.
         home_hold_s: See `track_mission`.
+        datum_amsl_m: See `track_mission`.
     """
     paths = [[tuple(cell) for cell in without_repeats(cells).tolist()] for cells, _ in tracks]
     searched = [[tuple(cell) for cell in cells[flags].tolist()] for cells, flags in tracks]
@@ -105,6 +107,7 @@ def search_missions(
             search_hold_s=settings.search_hold,
             level_cells=cells,
             home_hold_s=home_hold_s,
+            datum_amsl_m=datum_amsl_m,
         )
         for frame, track, home, cells in zip(frames, tracks, homes, level, strict=True)
     ]

@@ -53,7 +53,9 @@ class BridgePublishers:
         self._placed_s = [-math.inf] * len(names)
         self._frame_prefix = ""
 
-    def publish_place(self, i: int, vehicle: Vehicle, frame: GridFrame, stamp: Time) -> None:
+    def publish_place(
+        self, i: int, vehicle: Vehicle, frame: GridFrame, datum_m: float, stamp: Time
+    ) -> None:
         """Publish the position of a vehicle, if it has reported one since the last call."""
         state = vehicle.state
         self._frame_prefix = frame.frame_prefix
@@ -61,7 +63,7 @@ class BridgePublishers:
             return
         self._placed_s[i] = state.position_s
         place = (state.lat_deg, state.lon_deg)
-        pose = vehicle_pose(frame, *place, state.alt_m, state.heading_deg, stamp)
+        pose = vehicle_pose(frame, *place, state.alt_amsl_m - datum_m, state.heading_deg, stamp)
         self._poses[i].publish(pose)
         alt_m = state.alt_amsl_m + state.geoid_m
         self._fixes[i].publish(vehicle_fix(frame, self._names[i], *place, alt_m, stamp))
@@ -214,8 +216,8 @@ def _summary(
         return "error", f"refused: {refused}"
     if not state.connected:
         return "stale", vehicle.trouble or blocked or f"no heartbeat on {vehicle.connection}"
-    if vehicle.state.problem:
-        return "error", vehicle.state.problem
+    if vehicle.state.problem or vehicle.state.identity.twins:
+        return "error", vehicle.state.problem or vehicle.state.identity.twins
     if blocked:
         return "warning", f"waits: {blocked}"
     if state.failsafe or outcome.status in ("failed", "taken_over", "failsafe"):

@@ -10,6 +10,7 @@ from typing import Any
 from rclpy.node import Node
 
 from dsse_ros.bridge.fleet_controller import FleetController
+from dsse_ros.defects import describe
 from dsse_ros.nodes.operator_services import OPERATOR_SERVICES
 
 
@@ -23,8 +24,12 @@ def serve(node: Node, fleet: FleetController) -> None:
 def _operate(
     fleet: FleetController, drone: int | None, what: str, request: Any, response: Any
 ) -> Any:
-    if what == "arm":
-        response.success, response.message = fleet.arm(drone, bool(request.data))
-    else:
-        response.success, response.message = fleet.operate(drone, what)
+    try:
+        if what == "arm":
+            response.success, response.message = fleet.arm(drone, bool(request.data))
+        else:
+            response.success, response.message = fleet.operate(drone, what)
+    except Exception as error:
+        # An exception that escapes would end the node.
+        response.success, response.message = False, f"defect: {describe(error)}"
     return response

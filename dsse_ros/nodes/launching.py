@@ -19,10 +19,12 @@ from launch.actions import DeclareLaunchArgument, OpaqueFunction, Shutdown
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 
+from dsse_ros.runtime.exit_codes import BAD_INPUT
 from dsse_ros.scenario.fields import check_known
 
 _BOOL = ["true", "false"]
 _WATCHERS = ("recorder", "foxglove_viewer", "rviz2")
+OnExit = Callable[[Any, LaunchContext], Shutdown | None]
 _FAILURE = "dsse_ros_failure"
 
 
@@ -91,7 +93,11 @@ def mission_arguments() -> list[DeclareLaunchArgument]:
 
 
 def mission_nodes(
-    context: LaunchContext, defaults: str, given: Mapping[str, str], fixed: Mapping[str, Any]
+    context: LaunchContext,
+    defaults: str,
+    given: Mapping[str, str],
+    fixed: Mapping[str, Any],
+    on_exit: OnExit | None = None,
 ) -> list[Node]:
     """Return the nodes of a mission, the recorder first: it misses what is not latched.
 
@@ -100,6 +106,7 @@ def mission_nodes(
         defaults: File in config/ with the default parameters.
         given: More parameters of `sim_node`, see `node`.
         fixed: Parameters of `sim_node` by their values, see `node`.
+        on_exit: What the end of the simulation or the planner does; by default it ends the launch.
     """
     values = context.launch_configurations
     clock = {"use_sim_time": "use_sim_time"}
@@ -111,9 +118,10 @@ def mission_nodes(
         **given,
     }
     of_planner = {**clock, "planner": "planner", "seed": "seed"}
+    ends = {"on_exit": on_exit} if on_exit else {}
     nodes = [
-        node(context, "sim_node", [defaults], of_simulation, fixed),
-        node(context, "planner_node", [defaults], of_planner),
+        node(context, "sim_node", [defaults], of_simulation, fixed, **ends),
+        node(context, "planner_node", [defaults], of_planner, **ends),
     ]
     if values["record"] == "true":
         nodes.insert(0, node(context, "recorder", [defaults], {"bag": "bag"}))
@@ -172,10 +180,25 @@ def node(
         output="screen",
         # An interrupted bridge first makes its vehicles hold, and DDS needs time too.
         sigterm_timeout="20",
-        # The mission continues if a node that only watches ends: RViz is closed, the disk is full.
-        on_exit=_note_failure if executable in _WATCHERS else _end,
-        **{"package": "dsse_ros", **options},
+        **{
+            "package": "dsse_ros",
+            # The mission continues if a node that only watches ends: RViz is closed, the disk is full.
+            "on_exit": _note_failure if executable in _WATCHERS else _end,
+            **options,
+        },
     )
+
+
+def leave_to_bridge(event: Any, context: LaunchContext) -> Shutdown | None:
+    """Keep the failure of a node, and leave the vehicles and their operator the bridge.
+
+    Raises:
+        RuntimeError: If the node has refused its parameters: then no vehicle has taken off.
+    """
+    if event.returncode == BAD_INPUT:
+        return _end(event, context)
+    _note_failure(event, context)
+    return None
 
 
 def _end(event: Any, context: LaunchContext) -> Shutdown | None:

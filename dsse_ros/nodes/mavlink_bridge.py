@@ -7,10 +7,8 @@ from __future__ import annotations
 import re
 import sys
 import time
-from collections.abc import Callable
-from functools import partial
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 from rclpy.clock import Clock
 from sensor_msgs.msg import PointCloud2
@@ -18,7 +16,6 @@ from std_msgs.msg import String
 
 from dsse_ros.bridge.fleet_controller import FleetController
 from dsse_ros.bridge.flight_records import FlightRecords, default_directory
-from dsse_ros.bridge.mission_exporter import MissionExporter
 from dsse_ros.bridge.settings import BridgeSettings
 from dsse_ros.flight.autopilots import AUTOPILOTS
 from dsse_ros.flight.vehicle import Fleet, Vehicle, VehicleSettings
@@ -58,18 +55,12 @@ class BridgeNode(AlarmNode):
         # Monitors compare the stamps of diagnostics with the wall clock.
         self._wall_clock = Clock()
         self.fleet = _fleet(self.settings)
-        vehicles = [] if self.fleet is None else list(self.fleet)
-        self._records: FlightRecords | None = None
-        self.follower: FleetController | MissionExporter
-        if self.fleet is None:
-            self.follower = MissionExporter(self.settings, self._log)
-        else:
-            self._records = self._open_records(vehicles)
-            self.follower = FleetController(self.settings, vehicles, self._records, self._log)
-        names = [f"drone{i}" for i in range(len(vehicles))]
+        self._records = self._open_records(self.fleet)
+        self.controller = FleetController(self.settings, self.fleet, self._records, self._log)
+        names = self.controller.names
         self.publishers_ = BridgePublishers(endpoints, names)
         self._agents, *_ = [
-            endpoints.subscription(kind, topic, partial(self._on, topic, read), kept)
+            endpoints.subscription(kind, topic, read, kept)
             for kind, topic, read, kept in (
                 (String, "agents", self._on_agents, LATCHED),
                 (PointCloud2, "step_report", self._on_report, COMPLETE),
@@ -77,20 +68,21 @@ class BridgeNode(AlarmNode):
             )
         ]
         endpoints.check_all_used()
-        if isinstance(self.follower, FleetController):
-            bridge_services.serve(self, self.follower)
-        self.alarms.make(self._turn).repeat(TURN_S)
-        self.alarms.make(self._publish_poses).repeat(1.0 / self.settings.pose_rate)
-        self.alarms.make(self._publish_diagnostics).repeat(DIAGNOSTICS_S)
+        bridge_services.serve(self, self.controller)
+        for what, callback, period_s in (
+            ("turn", self._turn, TURN_S),
+            ("vehicle_pose", self._publish_poses, 1.0 / self.settings.pose_rate),
+            ("/diagnostics", self._publish_diagnostics, DIAGNOSTICS_S),
+        ):
+            self.alarms.make(self.isolated(what, callback)).repeat(period_s)
         if self.settings.arm == "always":
             self.get_logger().warning(_ALWAYS)
-        if self.fleet is not None:
-            self.fleet.start()
-            for name, vehicle in zip(names, vehicles, strict=True):
-                one = vehicle.settings
-                self.get_logger().info(
-                    f"{name}: waiting for system {one.system_id} on {one.connection}"
-                )
+        self.fleet.start()
+        for name, vehicle in zip(names, self.fleet, strict=True):
+            one = vehicle.settings
+            self.get_logger().info(
+                f"{name}: waiting for system {one.system_id} on {one.connection}"
+            )
 
     def _log(self, level: str, text: str) -> None:
         # One call per level: rclpy raises if a call in the source logs at a second level.
@@ -105,7 +97,7 @@ class BridgeNode(AlarmNode):
             case _:
                 logger.error(text)
 
-    def _open_records(self, vehicles: list[Vehicle]) -> FlightRecords:
+    def _open_records(self, vehicles: Sequence[Vehicle]) -> FlightRecords:
         """Return the records of who had the vehicles before.
 
         Raises:
@@ -113,7 +105,8 @@ class BridgeNode(AlarmNode):
         """
         directory = Path(self.settings.state_directory or default_directory())
         try:
-            records = FlightRecords(directory, [one.system_id for one in vehicles])
+            connections = [(one.system_id, one.settings.connection) for one in vehicles]
+            records = FlightRecords(directory, connections)
         except OSError as error:
             raise FieldError(
                 f"state_directory must be writable, got {str(error.filename)!r}: {error.strerror}"
@@ -126,29 +119,24 @@ class BridgeNode(AlarmNode):
 
     # The search
 
-    def _on(self, topic: str, read: Callable[[Any], None], message: Any) -> None:
-        try:
-            read(message)
-        except ValueError as error:
-            self.warn(topic, f"{topic}: {error}")
-
     def _on_agents(self, message: String) -> None:
-        self.follower.take_agents(agents_from_message(message), time.monotonic())
+        info = agents_from_message(message, with_definition=False)
+        self.controller.take_agents(info, time.monotonic())
 
     def _on_report(self, message: PointCloud2) -> None:
         report = step_report_from_message(message)
         stamp_ns = to_nanoseconds(message.header.stamp)
-        self.follower.take_report(stamp_ns, report, time.monotonic())
+        self.controller.take_report(stamp_ns, report, time.monotonic())
 
     def _on_mission_report(self, message: PointCloud2) -> None:
         report = mission_report_from_message(message)
         stamp_ns = to_nanoseconds(message.header.stamp)
-        self.follower.take_mission_report(stamp_ns, report, time.monotonic())
+        self.controller.take_mission_report(stamp_ns, report, time.monotonic())
 
     def _look_for_simulations(self) -> None:
         count = self.count_publishers(self.resolve_topic_name("step_report"))
         self._simulations = count
-        if self.follower.set_publishers(count) and count:
+        if self.controller.set_publishers(count) and count:
             # Every remaining simulation sends its latest agents to a new subscription.
             old = self._agents
             self._agents = self.create_subscription(String, "agents", old.callback, old.qos_profile)
@@ -160,14 +148,13 @@ class BridgeNode(AlarmNode):
         """Give the vehicles the orders that are due."""
         now_s = time.monotonic()
         self._look_for_simulations()
-        self.follower.turn(now_s)
-        if isinstance(self.follower, FleetController) and self.fleet is not None:
-            trouble, stamp = self.follower.trouble(now_s), self.get_clock().now().to_msg()
-            for i, vehicle in enumerate(self.fleet):
-                self._watch_link(self.follower.names[i], vehicle)
-                one = self.follower.followers[i]
-                self.publishers_.publish_state(i, one, vehicle, trouble, stamp, now_s)
-        if self.settings.exit_at_end and self.follower.finished:
+        self.controller.turn(now_s)
+        trouble, stamp = self.controller.trouble(now_s), self.get_clock().now().to_msg()
+        for i, vehicle in enumerate(self.fleet):
+            self._watch_link(self.controller.names[i], vehicle)
+            one = self.controller.followers[i]
+            self.publishers_.publish_state(i, one, vehicle, trouble, stamp, now_s)
+        if self.settings.exit_at_end and self.controller.finished:
             self.finished = True
 
     def _watch_link(self, name: str, vehicle: Vehicle) -> None:
@@ -182,47 +169,44 @@ class BridgeNode(AlarmNode):
     # Topics
 
     def _publish_poses(self) -> None:
-        if self.fleet is None or not isinstance(self.follower, FleetController):
-            return
-        plan = self.follower.plan
+        plan = self.controller.plan
         for i, vehicle in enumerate(self.fleet if plan is not None else ()):
             assert plan is not None
             stamp = self.get_clock().now().to_msg()
-            self.publishers_.publish_place(i, vehicle, plan.frames[i], stamp)
+            self.publishers_.publish_place(i, vehicle, plan.frames[i], plan.datum_m, stamp)
 
     def _publish_diagnostics(self) -> None:
-        follower = self.follower
+        controller = self.controller
         self.publishers_.publish_diagnostics(
             self._wall_clock.now().to_msg(),
             self.get_fully_qualified_name().lstrip("/"),
             self.settings.mode,
-            [] if self.fleet is None else list(self.fleet),
-            follower.followers if isinstance(follower, FleetController) else [],
-            following=follower.search.info is not None,
+            self.fleet,
+            controller.followers,
+            following=controller.search.info is not None,
             alive=self._simulations > 0,
-            holding=isinstance(follower, FleetController) and follower.holding,
-            trouble=follower.trouble(time.monotonic()),
+            holding=controller.holding,
+            trouble=controller.trouble(time.monotonic()),
         )
+
+    def hand_over(self) -> None:
+        """Leave the vehicles to their autopilots."""
+        self.controller.close()
+        self.fleet.close()
 
     def destroy_node(self) -> None:
         """Leave the vehicles to their autopilots, and close the node."""
-        if isinstance(self.follower, FleetController):
-            self.follower.close()
-        if self.fleet is not None:
-            self.fleet.close()
-        if self._records is not None:
-            self._records.close()
+        self.hand_over()
+        self._records.close()
         super().destroy_node()
 
 
-def _fleet(settings: BridgeSettings) -> Fleet | None:
-    """Return the vehicles, None if the mode flies none.
+def _fleet(settings: BridgeSettings) -> Fleet:
+    """Return the vehicles.
 
     Raises:
         FieldError: If a setting is not allowed.
     """
-    if settings.mode == "export":
-        return None
     connections = settings.connections or AUTOPILOTS[settings.autopilot].connections(
         settings.vehicles
     )

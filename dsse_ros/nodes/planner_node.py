@@ -83,7 +83,7 @@ class PlannerNode(AlarmNode):
         self._ready = self._says_compiling = self._compiled = False
         self._publisher = endpoints.publisher(Int32MultiArray, "joint_action", COMMANDS)
         self._inputs = [
-            endpoints.subscription(kind, topic, partial(self._on, topic, read), LATCHED)
+            endpoints.subscription(kind, topic, partial(self._on, read), LATCHED)
             for kind, topic, read in (
                 (String, "agents", self._on_agents),
                 (Image, "probability", self._inbox.take_map),
@@ -100,13 +100,9 @@ class PlannerNode(AlarmNode):
         self._wall_clock = Clock()
         self.alarms.make(self._publish_diagnostics).repeat(_DIAGNOSTICS_S)
 
-    def _on(self, topic: str, read: Callable[[Any], None], message: Any) -> None:
-        try:
-            read(message)
-        except ValueError as error:
-            self.warn(topic, f"{topic}: {error}")
-        else:
-            self._plan()
+    def _on(self, read: Callable[[Any], None], message: Any) -> None:
+        read(message)
+        self._plan()
 
     def _on_agents(self, message: String) -> None:
         info = self._inbox.take_agents(message)

@@ -20,6 +20,9 @@ _SIGNALS = (signal.SIGINT, signal.SIGTERM, *_OF_TERMINAL)
 _GRACE_S = 0.2
 """Wall time in which the main thread must run its handler before the watching thread exits."""
 
+STUCK_S = 5.0
+"""Wall time after a signal in which a node's loop must end."""
+
 _leaving = threading.RLock()
 _clean_up: list[Callable[[], object]] = []
 _code: int | None = None
@@ -38,6 +41,42 @@ class Stop:
     def __call__(self, number: int, frame: FrameType | None) -> None:
         """Record the signal."""
         self.wanted = True
+
+
+class WatchedStop(Stop):
+    """The same for a loop that must end: if it does not, a thread ends the process.
+
+    That is at the second signal, or `STUCK_S` after the first one; `leave_on_signals` starts the
+    thread.
+
+    Args:
+        hand_over: Called from a thread before the exit; may raise.
+
+    Attributes:
+        loop_ended: To be set once the loop has ended.
+    """
+
+    def __init__(self, hand_over: Callable[[], object]) -> None:
+        self._hand_over = hand_over
+        self._signals = 0
+        self.loop_ended = threading.Event()
+
+    def watch(self, number: int) -> None:
+        """Handle a signal beside the main thread, which may not return from a callback."""
+        self._signals += 1
+        patience_s = STUCK_S if self._signals == 1 else 0.0
+        threading.Thread(
+            target=self._leave_if_stuck, args=(number, patience_s), daemon=True
+        ).start()
+
+    def _leave_if_stuck(self, number: int, patience_s: float) -> None:
+        if self.loop_ended.wait(patience_s):
+            return
+        # Never released: a second caller waits for the end.
+        _leaving.acquire()
+        with contextlib.suppress(Exception):
+            self._hand_over()
+        os._exit(128 + number)
 
 
 def on_signals(handler: Handler | signal.Handlers) -> None:
@@ -73,8 +112,11 @@ def _watch(read: int) -> None:
     while numbers := os.read(read, 1):
         time.sleep(_GRACE_S)
         # Another handler may be set by now.
-        if signal.getsignal(numbers[0]) is _leave:
+        handler = signal.getsignal(numbers[0])
+        if handler is _leave:
             _leave(numbers[0], None)
+        elif isinstance(handler, WatchedStop):
+            handler.watch(numbers[0])
 
 
 def _leave(number: int, frame: FrameType | None) -> None:

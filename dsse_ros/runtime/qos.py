@@ -91,13 +91,16 @@ class Endpoints:
     def subscription(
         self, kind: Any, topic: str, callback: Callable[[Any], None], qos: QoSProfile
     ) -> Subscription:
-        """Return a subscription.
+        """Return a subscription; the node logs what its callback raises.
 
         Raises:
             FieldError: If an override of its QoS is not allowed.
         """
         return self._node.create_subscription(
-            kind, topic, callback, self._profile("subscription", topic, qos)
+            kind,
+            topic,
+            self._node.isolated(topic, callback),
+            self._profile("subscription", topic, qos),
         )
 
     def check_all_used(self) -> None:

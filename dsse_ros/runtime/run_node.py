@@ -10,11 +10,12 @@ import os
 import signal
 import sys
 import time
+import traceback
 import warnings
 import weakref
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import rclpy
 from rclpy.clock import Clock, ClockType
@@ -30,10 +31,11 @@ from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import get_rmw_implementation_identifier, remove_ros_args
 
+from dsse_ros.defects import Defects, describe
 from dsse_ros.runtime import discovery, security
 from dsse_ros.runtime.alarms import Alarms
 from dsse_ros.runtime.exit_codes import fail
-from dsse_ros.runtime.interrupts import Stop, leave_on_signals, on_signals
+from dsse_ros.runtime.interrupts import WatchedStop, leave_on_signals, on_signals
 from dsse_ros.runtime.parameters import QOS_PREFIX, declarable, overrides
 from dsse_ros.runtime.ros_arguments import (
     NO_NAMES,
@@ -42,6 +44,8 @@ from dsse_ros.runtime.ros_arguments import (
     typed_names,
 )
 from dsse_ros.search import FieldError
+
+T = TypeVar("T")
 
 MAX_DOMAIN = 232
 """The highest domain id with valid ports (DDSI-RTPS 2.3, 9.6.1.1)."""
@@ -96,6 +100,7 @@ class AlarmNode(Node):
         self.typed_names = typed_names(_ros_arguments)
         self.alarms = Alarms(time.monotonic)
         self._warned: dict[str, float] = {}
+        self._defects = Defects()
         self.create_timer(
             _ELSEWHERE_S, self.alarms.ring, clock=Clock(clock_type=ClockType.STEADY_TIME)
         )
@@ -139,6 +144,34 @@ class AlarmNode(Node):
             self._warned[kind] = now_s
             self.get_logger().warning(text)
 
+    def isolated(self, what: str, callback: Callable[..., T]) -> Callable[..., T | None]:
+        """Return a callback whose exceptions are logged, because one that escapes ends the node.
+
+        A ValueError is bad input: a warning, at most one a second. Any other exception is a defect:
+        an error, once for each kind.
+
+        Args:
+            what: The start of the log line, such as the topic.
+            callback: The callback.
+        """
+
+        def call(*arguments: Any) -> T | None:
+            try:
+                return callback(*arguments)
+            except ValueError as error:
+                self.warn(what, f"{what}: {error}")
+            except Exception as error:
+                # While ROS is left, nothing can be published.
+                if self.context.ok() and self._defects.is_new(error):
+                    text = "".join(traceback.format_exception(error))
+                    self.get_logger().error(f"{what}: defect: {describe(error)}\n{text}")
+            return None
+
+        return call
+
+    def hand_over(self) -> None:  # noqa: B027
+        """Leave what the node controls in a safe state; called from any thread before it ends."""
+
     def debug(self, text: Callable[[], str]) -> None:
         """Log at debug level; make the text only if that level is logged."""
         if self.get_logger().is_enabled_for(LoggingSeverity.DEBUG):
@@ -149,7 +182,9 @@ def run_node(name: str, make_node: Callable[[], AlarmNode], argv: list[str] | No
     """Make a node, spin it until it has ended, SIGINT or SIGTERM; returns the process's exit code.
 
     The process should exit soon after the return: from then on it ignores both signals. If leaving
-    ROS takes longer than `LEAVING_S`, the process ends.
+    ROS takes longer than `LEAVING_S`, the process ends. If a callback keeps the loop from ending,
+    another signal, or `interrupts.STUCK_S` after the first one, ends the process once the node has
+    handed over.
 
     Args:
         name: Start of the error line.
@@ -158,7 +193,7 @@ def run_node(name: str, make_node: Callable[[], AlarmNode], argv: list[str] | No
     """
     node: AlarmNode | None = None
     executor: Executor | None = None
-    stop = Stop()
+    stop = WatchedStop(lambda: node.hand_over() if node is not None else None)
     try:
         leave_on_signals(_destroy_nodes, code=0)
         with _as_field_error():
@@ -179,6 +214,7 @@ def run_node(name: str, make_node: Callable[[], AlarmNode], argv: list[str] | No
     finally:
         # Ignore signals instead of handling them: a signal can kill Python while it exits.
         on_signals(signal.SIG_IGN)
+        stop.loop_ended.set()
         leave_ros(executor, node)
     return 0
 

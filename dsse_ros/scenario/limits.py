@@ -10,6 +10,8 @@ from dsse_ros.scenario.fields import FieldError
 
 MAX_SIDE = 10_000
 """Cells along a side of the largest possible grid, the limit of a scenario's `grid_size`."""
+CELL_SIZE_M = (1e-3, 1e6)
+"""Smallest and largest side of a cell."""
 LARGEST_GRID_CELLS = 4_000_000
 """Cells of the largest grid allocated without an explicit request for a larger one."""
 DEFAULT_ORIGIN_DEG = (-24.04, -46.17)

@@ -27,7 +27,7 @@ from dsse_ros.scenario.fault_fields import FaultFields, hold_up
 from dsse_ros.scenario.fields import FieldError, Spec, check_all, check_known, field, specs
 from dsse_ros.scenario.incident import Incident
 from dsse_ros.scenario.incident_fields import IncidentFields, on_incident_grid
-from dsse_ros.scenario.limits import DEFAULT_ORIGIN_DEG
+from dsse_ros.scenario.limits import CELL_SIZE_M, DEFAULT_ORIGIN_DEG
 from dsse_ros.scenario.markov_chain_fields import MarkovChainFields
 from dsse_ros.scenario.probability_matrix import ProbabilityMatrix
 from dsse_ros.scenario.rules import Rules, profile
@@ -95,7 +95,7 @@ class Scenario(
     )  # fmt: skip
     cell_size: float | None = field(
         "float", "Side of a cell; by default the width that the camera sees.", None,
-        low=1e-3, high=1e6, unit="m",
+        low=CELL_SIZE_M[0], high=CELL_SIZE_M[1], unit="m",
     )  # fmt: skip
     field_of_view: float = field(
         "float", "Full angle of the camera across a cell.", PAPER_FIELD_OF_VIEW_DEG,

@@ -9,10 +9,13 @@ at what persons have done, and at each message that is sent.
 from __future__ import annotations
 
 import random
+import re
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
+from autopilot.local_frame import Point
+from autopilot.maneuvers import GoTo
 from virtual_fleet import VirtualFleet, VirtualSearch, pilots_mode
 from virtual_flight import VirtualFlight
 
@@ -20,6 +23,8 @@ from dsse_ros.mavlink.messages import (
     CommandAck,
     CommandLong,
     Heartbeat,
+    HomePosition,
+    PositionTarget,
     SetPositionTarget,
 )
 from msg_adapters.frames import cell_to_map
@@ -159,7 +164,8 @@ class Interleaving:
             (self.restart_simulation, 3), (self.restart_both, 1), (self.end_simulation, 1),
             (self.start_other, 1), (self.pilot, 4), (self.foreign_mode, 3), (self.foreign_arm, 2),
             (self.foreign_disarm, 2), (self.failsafe, 2), (self.cut, 2), (self.clear, 4),
-            (self.withdraw, 1), (self.operate, 2),
+            (self.withdraw, 1), (self.operate, 2), (self.power_cycle, 2), (self.exchange, 1),
+            (self.come_back_late, 1), (self.reboot, 1), (self.move_home, 1), (self.fly_here, 2),
         ]  # fmt: skip
         kinds, weights = zip(*events, strict=True)
         for _ in range(length):
@@ -215,6 +221,9 @@ class Interleaving:
     def restart_bridge(self) -> None:
         """Kill the bridge and start it again."""
         for i, facts in enumerate(self.facts):
+            # Its clearances end with it.
+            launched = self.fleet.controller.followers[i].custody.record.launched
+            facts.may_start = facts.may_start and launched
             if self.fleet.flights[i].vehicle.landed and self.unsure(i):
                 # Who has seen the one does not see the other.
                 facts.held_since, facts.fresh = None, facts.was_fresh
@@ -230,6 +239,93 @@ class Interleaving:
         self.end_simulation()
         self.restart_bridge()
         self.start_simulation()
+
+    def come_back_late(self) -> None:
+        """Kill the bridge and start it again after more than a minute."""
+        end_s = self.fleet.now + 70.0
+        self.note("bridge_killed")
+        while self.fleet.now < end_s:
+            for flight in self.fleet.flights:
+                # Nobody decides anything; what is under way goes on.
+                flight.step()
+        self.lose_flights()
+        self.restart_bridge()
+
+    def reboot(self) -> None:
+        """Start the computer of the bridge again."""
+        self.fleet.records.rebooted = True
+        self.note("computer_restarted")
+        self.lose_flights()
+        self.restart_bridge()
+
+    def lose_flights(self) -> None:
+        """See that a bridge that comes late may fly nothing on, but with arm:=always."""
+        for facts in self.facts:
+            if self.arm == "always":
+                # Nor does it know who had it meanwhile.
+                facts.held_since = None
+                continue
+            facts.lose_all()
+            facts.up_since = None
+
+    def power_cycle(self) -> None:
+        """Switch an autopilot off and on, on the ground."""
+        i, flight, facts = self.any_vehicle()
+        if flight.vehicle.armed or not flight.vehicle.landed or facts.up_since is not None:
+            return
+        if any(one.command == ARM for one in self.just_asked(flight)):
+            return
+        if self.fleet.custody(i) != "free":
+            facts.fresh = False
+        facts.may_start = False
+        flight.vehicle.power_cycle()
+        self.note(f"power_cycle {i}")
+
+    def exchange(self) -> None:
+        """Put another airframe in the place of one."""
+        before = len(self.events)
+        self.power_cycle()
+        if len(self.events) == before:
+            return
+        i = int(self.events[-1].split()[-1])
+        self.fleet.flights[i].vehicle.uid += 100
+        self.facts[i] = Facts(held_since=None)
+        self.note(f"exchange {i}")
+
+    def move_home(self) -> None:
+        """Have a ground station set the home of a vehicle where that is."""
+        i, flight, facts = self.any_vehicle()
+        vehicle = flight.vehicle
+        high = vehicle.craft.up_m - vehicle.home.up_m > 8.0 and not vehicle.landed
+        known = self.fleet.controller.followers[i].custody.record.home is not None
+        # With PX4 it holds first, as it would return without setpoints.
+        if self.autopilot != "ardupilot" or not (high and known) or not facts.may_move:
+            return
+        vehicle.home = vehicle.craft.point
+        vehicle.broadcast_home()
+        facts.taken(flight)
+        facts.shows = lambda message: isinstance(message, HomePosition)
+        self.note(f"home {i}")
+
+    def fly_here(self) -> None:
+        """Have a ground station send a vehicle elsewhere in its guided mode."""
+        i, flight, facts = self.any_vehicle()
+        vehicle = flight.vehicle
+        guided = self.autopilot == "ardupilot" and vehicle.mode.name == "GUIDED"
+        settled = flight.outcome.status == "done" and not vehicle.landed and facts.may_move
+        if not (guided and settled) or not isinstance(vehicle.maneuver, GoTo):
+            return
+        if self.cut_until_s[i] > self.fleet.now:
+            return
+        north_m, east_m, up_m = vehicle.craft.point
+        vehicle.maneuver = GoTo(Point(north_m + 60.0, east_m, up_m))
+        facts.taken(flight)
+        lat, _ = vehicle.frame.geodetic(north_m + 60.0, east_m)
+        facts.shows = lambda message: (
+            isinstance(message, PositionTarget) and abs(message.lat_int * 1e-7 - lat) < 1e-4
+        )
+        facts.shown = 3
+        self.note(f"fly_here {i}")
 
     def step(self) -> None:
         """Do a step, if the vehicles have done the last one."""
@@ -293,6 +389,12 @@ class Interleaving:
             # On the ground it takes nothing: that is where vehicles wait.
             self.note(f"station {i} {mode} on the ground")
         elif flight.vehicle.mode.name == mode and not asked:
+            heard = flight.received[self.first_received[i] :]
+            number = flight.vehicle.custom_mode
+            if not any(isinstance(m, Heartbeat) and m.custom_mode != number for m in heard):
+                # A bridge that has just come has not seen that there was another one.
+                facts.held_since = None
+                return
             facts.taken(flight)
             facts.released = flight.vehicle.armed and mode == "GUIDED"
             self.note(f"station {i} {mode}")
@@ -400,7 +502,7 @@ class Interleaving:
         i = self.random.choice([None, *range(len(self.facts))])
         followers = self.fleet.controller.followers
         _, text = self.fleet.controller.arm(i, True)
-        cleared = text.partition(";")[0].partition("cleared to fly: ")[2].split(", ")
+        cleared = re.findall(r"drone\d+", "".join(re.findall(r"cleared [a-z ]*: [^;]*", text)))
         for k, facts in enumerate(self.facts):
             if f"drone{k}" not in cleared:
                 continue
@@ -421,7 +523,7 @@ class Interleaving:
         """Have a person keep the vehicles on the ground."""
         _, text = self.fleet.controller.arm(None, False)
         for k, facts in enumerate(self.facts):
-            if f"drone{k}" in text.partition(";")[0]:
+            if f"drone{k}" in "".join(re.findall(r"kept on the ground: [^;]*", text)):
                 facts.may_start = facts.fresh = False
         self.note(f"withdraw {text}")
 
@@ -430,11 +532,15 @@ class Interleaving:
         what = self.random.choice(["hold", "return", "land"])
         i = self.random.choice([None, *range(len(self.facts))])
         _, text = self.fleet.controller.operate(i, what)
+        ordered = "".join(re.findall(r"ordered to [a-z]*: [^;]*", text))
+        kept = "".join(re.findall(r"kept on the ground: [^;]*", text))
         for k, facts in enumerate(self.facts):
-            if f"drone{k}" in text.partition(";")[0]:
-                if not self.known(k, len(self.fleet.flights[k].received)):
-                    # That comes after what nobody has seen.
-                    facts.held_since = None
+            if f"drone{k}" in ordered:
+                # A launched vehicle comes down whoever has it; otherwise that comes after what
+                # nobody has seen.
+                facts.held_since = None
+                facts.may_move = facts.may_move or not self.fleet.flights[k].vehicle.landed
+            if f"drone{k}" in ordered + kept:
                 if not facts.may_move:
                     facts.may_start = False
                 facts.recalled, facts.fresh = what != "hold", False

@@ -14,7 +14,7 @@ from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
 from virtual_fleet import FRAME, SEARCH, VirtualFleet, VirtualSearch
 
-from dsse_ros.bridge.airspace import Flyer, admit
+from dsse_ros.bridge.airspace import Airspace, Flyer
 from dsse_ros.flight.orders import GoTo, Hold, Land, Order, Return, Search, TakeOff
 from dsse_ros.flight.vehicle_state import VehicleState
 from msg_adapters.frames import GridFrame, cell_to_map
@@ -159,6 +159,10 @@ def test_vehicles_on_missions_keep_apart(
     assert not any(one.lost for one in fleet.controller.followers)
 
 
+DATUM_M = 300.0
+"""Layers are above that, not above the sea."""
+
+
 def flyer(
     name: str,
     place: tuple[float, float],
@@ -171,16 +175,23 @@ def flyer(
     lat_deg, lon_deg, _ = map_to_geodetic(FRAME, *place, 0.0)
     state = VehicleState(
         connected=True, flying=flying, armed=flying, lat_deg=lat_deg, lon_deg=lon_deg,
-        alt_m=alt_m, home=(lat_deg + (0.0 if name == "drone0" else 0.01), lon_deg, 0.0),
+        alt_m=alt_m, alt_amsl_m=DATUM_M + alt_m,
+        home=(lat_deg + (0.0 if name == "drone0" else 0.01), lon_deg, DATUM_M),
     )  # fmt: skip
-    return Flyer(name, state, order, replace(FRAME, alt_m=layer_m or alt_m))
+    frame = replace(FRAME, alt_m=layer_m or alt_m)
+    return Flyer(name, state, place, order, frame, DATUM_M)
+
+
+def admit(order: Order, one: Flyer, others: list[Flyer]) -> Order | str:
+    airspace = Airspace({i + 1: other for i, other in enumerate(others)})
+    return airspace.admit(0, one, order)
 
 
 def to(kind: type[GoTo] | type[Search], cell: tuple[int, int], alt_m: float) -> Order:
     lat_deg, lon_deg, _ = map_to_geodetic(FRAME, *cell_to_map(FRAME, *cell), 0.0)
     if kind is GoTo:
-        return GoTo(lat_deg, lon_deg, alt_m, 10.0)
-    return Search(lat_deg, lon_deg, alt_m, 15.0, 5.0, 10.0)
+        return GoTo(lat_deg, lon_deg, DATUM_M + alt_m, 10.0)
+    return Search(lat_deg, lon_deg, DATUM_M + alt_m, DATUM_M + 15.0, 5.0, 10.0)
 
 
 def at(*cell: int) -> tuple[float, float]:
@@ -191,7 +202,9 @@ def test_over_a_cell_where_a_lower_one_stays_it_is_searched_from_the_layer() -> 
     high = flyer("drone0", at(1, 1), 60.0)
     search = to(Search, (1, 1), 60.0)
     low = flyer("drone1", at(1, 1), 55.0)
-    assert admit(search, high, [low]) == replace(search, search_alt_m=60.0)  # type: ignore[type-var]
+    assert isinstance(search, Search)
+    level = replace(search, search_amsl_m=DATUM_M + 60.0)
+    assert admit(search, high, [low]) == level
     assert admit(search, high, [flyer("drone1", at(2, 1), 55.0)]) == search
     # The lower one searches below.
     below = to(Search, (1, 1), 55.0)
@@ -204,6 +217,7 @@ def test_a_search_waits_for_one_that_passes_and_one_that_passes_for_a_search() -
     waits = "waiting for {} to be out of the way"
     assert admit(search, high, [passing]) == waits.format("drone1")
     searching = flyer("drone0", at(1, 1), 30.0, search, layer_m=60.0)
+    assert passing.order is not None
     assert admit(passing.order, replace(passing, order=None), [searching]) == (
         waits.format("drone0")
     )
@@ -220,15 +234,69 @@ def test_who_comes_down_waits_for_those_below_and_not_for_those_above(order: Ord
 
 def test_nobody_takes_off_through_one_that_is_there() -> None:
     ground = flyer("drone0", at(1, 1), 0.0, flying=False, layer_m=60.0)
-    assert isinstance(admit(TakeOff(60.0), ground, [flyer("drone1", at(1, 1), 55.0)]), str)
-    assert admit(TakeOff(60.0), ground, [flyer("drone1", at(2, 1), 55.0)]) == TakeOff(60.0)
-    assert admit(TakeOff(60.0), ground, [flyer("drone1", at(1, 1), 65.0)]) == TakeOff(60.0)
+    up = TakeOff(DATUM_M + 60.0)
+    assert isinstance(admit(up, ground, [flyer("drone1", at(1, 1), 55.0)]), str)
+    assert admit(up, ground, [flyer("drone1", at(2, 1), 55.0)]) == up
+    assert admit(up, ground, [flyer("drone1", at(1, 1), 65.0)]) == up
 
 
 def test_at_one_altitude_nothing_keeps_vehicles_apart_and_nothing_waits() -> None:
     here, there = flyer("drone0", at(1, 1), 60.0), flyer("drone1", at(1, 1), 60.0)
     for order in (to(Search, (1, 1), 60.0), Return(), Hold()):
         assert admit(order, here, [there]) == order
+
+
+@pytest.mark.parametrize("alt_m", [5.0, 58.0, 60.0, 300.0])
+@pytest.mark.parametrize("layer_m", [60.0, 55.0], ids=["same layer", "another"])
+def test_one_whose_intent_is_not_known_takes_the_whole_column(alt_m: float, layer_m: float) -> None:
+    here = flyer("drone0", at(0, 1), 60.0)
+    unknown = replace(flyer("drone1", at(2, 1), alt_m, layer_m=layer_m), known=False)
+    airspace = Airspace({0: here, 1: unknown})
+    through, elsewhere = to(GoTo, (3, 1), 60.0), to(GoTo, (0, 3), 60.0)
+    for order, free in ((through, False), (elsewhere, True)):
+        assert isinstance(airspace.admit(0, here, order), str) != free
+        # It may also come while the order is carried out.
+        assert (airspace.intruder(0, here, order) == "") == free
+    assert isinstance(airspace.admit(0, flyer("drone0", at(2, 1), 60.0), Return()), str)
+    known = Airspace({0: here, 1: replace(unknown, known=True, frame=replace(FRAME, alt_m=50.0))})
+    assert known.intruder(0, here, through) == ""
+
+
+def test_one_that_may_climb_before_it_returns_takes_the_layers_above() -> None:
+    low = flyer("drone1", at(1, 1), 45.0, Return())
+    above = to(GoTo, (3, 1), 60.0)
+    high = flyer("drone0", at(0, 1), 60.0)
+    assert admit(above, high, [low]) == above
+    climbs = replace(low, state=replace(low.state, return_alt_m=70.0))
+    assert isinstance(admit(above, high, [climbs]), str)
+
+
+@settings(max_examples=200)
+@given(
+    st.lists(
+        st.tuples(st.integers(0, 3), st.integers(0, 3), st.floats(0, 90), st.integers(0, 6)),
+        min_size=1,
+        max_size=6,
+    ),
+    st.integers(0, 6),
+)
+def test_all_at_once_is_the_same_as_one_after_the_other(
+    others: list[tuple[int, int, float, int]], number: int
+) -> None:
+    orders: list[Order | None] = [
+        None, to(GoTo, (2, 2), 55.0), to(Search, (1, 3), 50.0), Return(), Land(), Hold(),
+        TakeOff(DATUM_M + 60.0),
+    ]  # fmt: skip
+    flyers = {
+        i + 1: flyer(f"drone{i + 1}", at(col, row), alt_m, orders[k], layer_m=40.0 + i)
+        for i, (col, row, alt_m, k) in enumerate(others)
+    }
+    one, order = flyer("drone0", at(1, 1), 60.0), orders[number] or Hold()
+    blocked = isinstance(Airspace(flyers).admit(0, one, order), str)
+    each = [
+        isinstance(Airspace({i: other}).admit(0, one, order), str) for i, other in flyers.items()
+    ]
+    assert blocked == any(each)
 
 
 def test_neighbouring_cells_are_far_enough_apart() -> None:

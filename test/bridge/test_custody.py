@@ -47,7 +47,8 @@ def test_nothing_is_armed_that_was_not_cleared_since_it_was_grounded(events: lis
 def test_who_was_taken_or_is_down_is_released_by_a_person_alone(
     events: list[Event], custody: Custody
 ) -> None:
-    without = [event for event in events if event not in (Event.CLEAR, Event.RELEASE)]
+    persons = (Event.CLEAR, Event.RELEASE, Event.COME_DOWN)
+    without = [event for event in events if event not in persons]
     assert reached(without, custody) in (Custody.TAKEN, Custody.FAILSAFE, Custody.GROUNDED)
 
 
@@ -63,7 +64,7 @@ def test_a_released_vehicle_waits_for_a_clearance_too(
 def test_after_an_operators_call_only_a_clearance_lets_it_move_on(custody: Custody) -> None:
     for call in (Event.HOLD, Event.COME_DOWN, Event.GROUND):
         after = next_custody(custody, call)
-        for event in set(Event) - {Event.CLEAR, Event.HOLD, Event.COME_DOWN}:
+        for event in set(Event) - {Event.CLEAR, Event.HOLD, Event.COME_DOWN, Event.FALL}:
             later = next_custody(after, event)
             orders = set(MAY_ORDER[later]) - set(MAY_ORDER[after])
             before = set(MAY_ORDER[custody])
@@ -79,4 +80,11 @@ def test_what_a_person_or_a_failsafe_does_counts_in_every_state_of_a_flight(
     assert next_custody(custody, Event.FAILSAFE) is Custody.FAILSAFE
     assert next_custody(custody, Event.DOWN) in (Custody.GROUNDED, Custody.TAKEN)
     assert next_custody(custody, Event.HOLD) is Custody.HELD
+    assert next_custody(custody, Event.FALL) is Custody.RECALLED
+
+
+@given(st.sampled_from(Custody))
+def test_an_operator_can_bring_down_what_the_bridge_has_launched_in_every_state(
+    custody: Custody,
+) -> None:
     assert next_custody(custody, Event.COME_DOWN) is Custody.RECALLED

@@ -29,15 +29,15 @@ from msg_adapters.track_missions import track_mission
 FRAME = GridFrame(20, 130.0, -24.04, -46.17, 0.0, 120.0)
 SIDE_M = 2600.0
 MARGIN_M = 200.0
-FENCE = Fence(FRAME, MARGIN_M, min_alt_m=10.0, max_alt_m=120.0)
-COMMANDS = st.sampled_from([16, 19, 21, 22])
+FENCE = Fence(FRAME, MARGIN_M, min_amsl_m=10.0, max_amsl_m=120.0)
+COMMANDS = st.sampled_from([16, 22])
 INSIDE_M = st.floats(-MARGIN_M + 0.1, SIDE_M + MARGIN_M - 0.1)
 FAR_M = st.floats(MARGIN_M + 0.1, 4e5)
 
 
 def waypoint(x_m=1300.0, y_m=1300.0, **values):
     lat_deg, lon_deg, _ = map_to_geodetic(FRAME, x_m, y_m, 0.0)
-    known = {"command": 16, "param4": math.nan, "alt_m": 120.0}
+    known = {"command": 16, "frame": 0, "param4": math.nan, "alt_m": 120.0}
     return MissionItem(**{**known, "lat_deg": lat_deg, "lon_deg": lon_deg, **values})
 
 
@@ -72,20 +72,19 @@ def test_all_the_rest_of_the_earth_is_outside(lat_deg, lon_deg):
 
 
 @pytest.mark.slow
-@given(st.integers(0, 19), st.integers(0, 19), st.sampled_from([16, 19]))
-def test_no_vehicle_is_sent_over_a_cell_outside_the_area_but_may_take_off_there(col, row, command):
+@given(st.integers(0, 19), st.integers(0, 19))
+def test_no_vehicle_is_sent_over_a_cell_outside_the_area_but_may_take_off_there(col, row):
     area = tuple("1" * row_of + "0" * (20 - row_of) for row_of in range(20))
     fence = dataclasses.replace(FENCE, area=area)
     x_m, y_m = (col + 0.5) * 130.0, (19 - row + 0.5) * 130.0
-    item = waypoint(x_m, y_m, command=command)
+    item = waypoint(x_m, y_m)
     place = (item.lat_deg, item.lon_deg, 120.0)
     wanted = None if col < row else "outside_fence"
     assert code(item, fence) == wanted
     checked = check_place(*place, fence)
     assert (checked.code if isinstance(checked, Rejected) else None) == wanted
     assert check_take_off(*place, fence) == Accepted(place)
-    for of_home in (21, 22):
-        assert code(waypoint(x_m, y_m, command=of_home), fence) is None
+    assert code(waypoint(x_m, y_m, command=22), fence) is None
 
 
 def test_the_place_straight_through_the_earth_is_outside():
@@ -103,11 +102,6 @@ def test_the_place_straight_through_the_earth_is_outside():
 def test_an_item_too_high_or_too_low_is_refused(alt_m):
     assert code(waypoint(alt_m=alt_m)) == "altitude"
     assert code(waypoint(alt_m=alt_m, command=22)) == "altitude"
-
-
-def test_only_a_landing_goes_to_the_ground():
-    assert code(waypoint(alt_m=0.0, command=21)) is None
-    assert code(waypoint(alt_m=-1.0, command=21)) == "altitude"
 
 
 @given(
@@ -133,12 +127,12 @@ def test_a_place_that_is_not_on_the_earth_is_refused(field, value):
     assert code(dataclasses.replace(waypoint(), **{field: value})) == "not_on_earth"
 
 
-@given(st.integers(0, 255).filter(lambda frame: frame != 3), COMMANDS)
-def test_an_altitude_above_anything_but_home_is_refused(frame, command):
+@given(st.integers(1, 255), COMMANDS)
+def test_an_altitude_above_anything_but_the_sea_is_refused(frame, command):
     assert code(waypoint(frame=frame, command=command)) == "unknown_frame"
 
 
-@given(st.integers(0, 65535).filter(lambda command: command not in (16, 19, 20, 21, 22)))
+@given(st.integers(0, 65535).filter(lambda command: command not in (16, 20, 22)))
 def test_a_command_that_is_never_sent_is_refused(command):
     assert code(waypoint(command=command, param4=0.0)) == "unknown_command"
 
@@ -149,12 +143,11 @@ def test_a_parameter_that_no_command_has_is_refused():
 
 def test_a_return_needs_no_place():
     assert code(MissionItem(20, FRAME_MISSION)) is None
-    assert code(MissionItem(20)) is None
-    assert code(MissionItem(20, 7)) == "unknown_frame"
+    assert code(MissionItem(20, 0)) == code(MissionItem(20, 7)) == "unknown_frame"
 
 
 @given(
-    ITEMS, st.sampled_from([16, 19, 20, 21, 22]), st.sampled_from([2, 3]), INSIDE_M, INSIDE_M,
+    ITEMS, st.sampled_from([16, 20, 22]), st.sampled_from([0, 2]), INSIDE_M, INSIDE_M,
     st.floats(-50, 200),
 )  # fmt: skip
 def test_what_is_accepted_can_be_flown_and_what_can_be_flown_is_accepted(
@@ -165,12 +158,12 @@ def test_what_is_accepted_can_be_flown_and_what_can_be_flown_is_accepted(
         item, command=command, frame=frame, param4=0.0, lat_deg=lat_deg, lon_deg=lon_deg,
         alt_m=alt_m,
     )  # fmt: skip
-    lowest_m = 0.0 if command == 21 else 10.0
-    assert (code(near) is None) == (command == 20 or (lowest_m <= alt_m <= 120.0 and frame == 3))
+    fits = frame == 2 if command == 20 else frame == 0 and 10.0 <= alt_m <= 120.0
+    assert (code(near) is None) == fits
 
 
 def test_a_mission_is_refused_by_its_first_bad_item():
-    mission = track_mission(FRAME, [(0, 0), (1, 0)])
+    mission = track_mission(FRAME, [(0, 0), (1, 0)], datum_amsl_m=0.0)
     items = [*mission.numbered("ardupilot"), waypoint(9000.0), waypoint(alt_m=500.0)]
     checked = check_mission(items, FENCE, "ardupilot")
     assert isinstance(checked, Rejected)
@@ -178,15 +171,16 @@ def test_a_mission_is_refused_by_its_first_bad_item():
 
 
 def test_home_is_checked_where_ardupilot_has_it_and_nowhere_else():
-    items = track_mission(FRAME, [(0, 0)]).numbered("ardupilot")
+    items = track_mission(FRAME, [(0, 0)], datum_amsl_m=0.0).numbered("ardupilot")
     assert check_mission(items, FENCE, "ardupilot") == Accepted(tuple(items))
     as_px4 = check_mission(items, FENCE, "px4")
-    assert isinstance(as_px4, Rejected) and as_px4.reason.startswith("item 0: frame must be 3")
+    # Home is on the ground.
+    assert isinstance(as_px4, Rejected) and as_px4.reason.startswith("item 0: altitude must be")
     far = Mission(Home(0.0, 0.0, 0.0), tuple(items[1:])).numbered("ardupilot")
     for spoilt, wanted in (
         (far, "outside_fence"),
         (items[1:], "unknown_command"),
-        ([waypoint(), *items[1:]], "unknown_frame"),
+        ([waypoint(frame=3), *items[1:]], "unknown_frame"),
         ([dataclasses.replace(items[0], lat_deg=math.nan), *items[1:]], "not_finite"),
     ):
         checked = check_mission(spoilt, FENCE, "ardupilot")
@@ -203,15 +197,19 @@ NOWHERE = dataclasses.replace(FENCE, area=("0" * 20,) * 20)
         (
             waypoint(command=17, param4=0.0),
             "unknown_command",
-            "command must be take-off, waypoint, hold, land or return, got 17",
+            "command must be take-off, waypoint or return, got 17",
         ),
-        (waypoint(frame=0), "unknown_frame", "frame must be 3, above home, got 0"),
+        (waypoint(frame=3), "unknown_frame", "frame must be 0, above the sea, got 3"),
         (waypoint(param1=math.nan), "not_finite", "param1 must be a finite number, got nan"),
         (waypoint(param2=2e6), "bad_parameter", "param2 must be -1e+06 to 1e+06, got 2000000.0"),
         (waypoint(lat_deg=math.inf), "not_finite", "lat_deg must be a finite number, got inf"),
         (waypoint(lat_deg=91.0), "not_on_earth", "lat_deg must be -90 to 90, got 91.0"),
         (waypoint(lon_deg=180.5), "not_on_earth", "lon_deg must be -180 to 180, got 180.5"),
-        (waypoint(alt_m=121.0), "altitude", "alt_m must be 10 to 120 above home, got 121.0"),
+        (
+            waypoint(alt_m=121.0),
+            "altitude",
+            "altitude must be 10 to 120 m above the sea, got 121.0",
+        ),
         (
             waypoint(lat_deg=0.0, lon_deg=0.0),
             "outside_fence",
@@ -237,7 +235,7 @@ def test_a_cell_outside_the_area_is_refused_by_its_place_and_its_column_and_row(
 def test_a_place_that_is_not_finite_is_refused_by_its_field(index, value):
     place = [waypoint().lat_deg, waypoint().lon_deg, 120.0]
     place[index] = value
-    name = ("lat_deg", "lon_deg", "alt_m")[index]
+    name = ("lat_deg", "lon_deg", "altitude")[index]
     refused = Rejected("not_finite", f"{name} must be a finite number, got {value!r}")
     assert check_place(*place, FENCE) == check_take_off(*place, FENCE) == refused
 
@@ -252,7 +250,7 @@ def test_a_parameter_at_its_limit_and_a_return_come_back_as_they_are():
 )
 def test_a_fence_may_be_as_small_and_as_large_as_it_says(values):
     fence = Fence(FRAME, *values)
-    assert (fence.margin_m, fence.min_alt_m, fence.max_alt_m) == values
+    assert (fence.margin_m, fence.min_amsl_m, fence.max_amsl_m) == values
 
 
 @pytest.mark.parametrize(
@@ -261,9 +259,9 @@ def test_a_fence_may_be_as_small_and_as_large_as_it_says(values):
         ((1e6 + 0.5, 0.0, 120.0), "margin_m must be 0 to 1e+06, got 1000000.5"),
         (
             (0.0, 0.0, 1e5 + 0.5),
-            "max_alt_m must be 0 to 100000, got 100000.5",
+            "max_amsl_m must be -100000 to 100000, got 100000.5",
         ),
-        ((0.0, 50.0, 40.0), "min_alt_m must be 0 to 40, got 50.0"),
+        ((0.0, 50.0, 40.0), "min_amsl_m must be -100000 to 40, got 50.0"),
     ],
 )
 def test_a_fence_that_cannot_be_is_refused_by_its_field(values, reason):
@@ -272,9 +270,7 @@ def test_a_fence_that_cannot_be_is_refused_by_its_field(values, reason):
     assert str(raised.value) == reason
 
 
-@pytest.mark.parametrize(
-    "values", [(-1.0, 0.0, 120.0), (math.nan, 0.0, 120.0), (0.0, 50.0, 40.0), (0.0, -1.0, 120.0)]
-)
+@pytest.mark.parametrize("values", [(-1.0, 0.0, 120.0), (math.nan, 0.0, 120.0), (0.0, 50.0, 40.0)])
 def test_a_fence_that_holds_nothing_is_refused(values):
     with pytest.raises(ValueError, match=" must be "):
         Fence(FRAME, *values)

@@ -168,10 +168,32 @@ def test_somebody_plans_the_search_once_its_drones_were_commanded() -> None:
     assert news(other) == [News.BEGUN, News.STEP] and other.commanded
 
 
-def test_without_vehicles_any_number_of_drones_is_followed() -> None:
-    search = FollowedSearch(None, whole=True)
-    search.take_agents(agents(count=3))
-    assert news(search) == [News.BEGUN] and search.foreign == ""
+@pytest.mark.parametrize("refused", ["", "a vehicle is in the air"])
+def test_a_mission_that_is_described_anew_is_another_one(refused: str) -> None:
+    # A vehicle takes off between the two.
+    reasons = iter(["", *[refused] * 9])
+    search = FollowedSearch(2, whole=False, refuse=lambda info: next(reasons))
+    search.take_agents(agents())
+    search.take_report(13, report(1))
+    assert news(search) == [News.BEGUN, News.STEP]
+    moved = replace(agents(), frame=replace(agents().frame, origin_lat_deg=10.0))
+    search.take_agents(moved)
+    assert (news(search), search.foreign) == (
+        ([News.STEP], refused) if refused else ([News.BEGUN, News.STEP], "")
+    )
+    assert (search.info == moved) == (not refused)
+
+
+@pytest.mark.parametrize("counts", [(2, 1, 3), (2, 3, 2), (2, 1)])
+def test_a_mission_whose_drones_change_in_number_leaves_those_that_are_followed(
+    counts: tuple[int, ...],
+) -> None:
+    search = FollowedSearch(2, whole=False)
+    for count in counts:
+        search.take_agents(agents(count=count))
+        search.take_report(13, report(1))
+        news(search)
+        assert search.info is not None and len(search.info.agents) == 2 == len(search.legs)
 
 
 def test_the_same_mission_from_its_start_is_another_one() -> None:

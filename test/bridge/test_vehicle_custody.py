@@ -9,16 +9,26 @@ from typing import Any
 
 import pytest
 
-from dsse_ros.bridge.custody import Custody
-from dsse_ros.bridge.vehicle_custody import FOREIGN_S, RISEN_M, Arm, FlightRecord, VehicleCustody
+from dsse_ros.bridge.custody import MAY_ORDER, Custody
+from dsse_ros.bridge.flight_record import FlightRecord, inherited
+from dsse_ros.bridge.vehicle_custody import (
+    CONSENT_S,
+    FOREIGN_S,
+    RISEN_M,
+    Arm,
+    VehicleCustody,
+)
 from dsse_ros.flight.autopilots import ARDUPILOT, PX4, Autopilot
-from dsse_ros.flight.orders import GoTo, Land, TakeOff
+from dsse_ros.flight.identity import Identity
+from dsse_ros.flight.orders import FlyMission, GoTo, Land, TakeOff
 from dsse_ros.flight.vehicle_controller import Outcome
 from dsse_ros.flight.vehicle_state import VehicleState
+from msg_adapters.mission_items import MissionItem
+from msg_adapters.result import Accepted, Rejected
 
 SEARCH = (7, 1)
 TOP_M = 60.0
-FLOWN = FlightRecord(Custody.FOLLOWING, SEARCH, flown=True, alt_m=TOP_M)
+FLOWN = FlightRecord(Custody.FOLLOWING, SEARCH, flown=True, launched=True, top_amsl_m=TOP_M)
 ENDING = replace(FLOWN, custody=Custody.ENDING)
 HELD = replace(FLOWN, custody=Custody.HELD)
 LANDING = replace(FLOWN, custody=Custody.RECALLED, end="land")
@@ -33,9 +43,10 @@ def custody_of(autopilot: Autopilot, record: FlightRecord, arm: Arm = "true") ->
 
 def seen_in(mode: str, **changes: Any) -> VehicleState:
     state = VehicleState(
-        connected=True, armed=True, flying=True, mode=mode, alt_m=TOP_M, lat_deg=-24.0,
-        lon_deg=-46.0,
+        connected=True, armed=True, flying=True, mode=mode, alt_m=TOP_M, alt_amsl_m=TOP_M,
+        lat_deg=-24.0, lon_deg=-46.0,
     )  # fmt: skip
+    changes |= {"alt_amsl_m": changes["alt_m"]} if "alt_m" in changes else {}
     return replace(state, **changes)
 
 
@@ -100,7 +111,7 @@ def test_what_ends_an_order_after_a_clearance_in_the_air_counts(
     custody = custody_of(autopilot, HELD)
     climbs = Outcome(TakeOff(TOP_M), 2, "under_way")
     custody.observe(seen_in(autopilot.guided_mode), climbs, takes_off=False)
-    assert custody.clear() == ""
+    assert custody.clear(0.0) == Accepted("cleared to fly")
     assert custody.state is Custody.FOLLOWING
     custody.observe(seen_in("LAND"), replace(climbs, status=status), takes_off=False)
     assert custody.state in (Custody.TAKEN, Custody.FAILSAFE)
@@ -115,7 +126,7 @@ def test_who_has_ended_an_order_before_a_clearance_is_known_to_who_clears_it() -
     custody.observe(seen_in("GUIDED"), ended, takes_off=False)
     assert custody.state is Custody.RELEASED
     custody.begin((7, 2), TOP_M, first=False)
-    assert custody.clear(alone=True) == ""
+    assert custody.clear(0.0, alone=True) == Accepted("cleared to fly")
     custody.observe(seen_in("GUIDED"), ended, takes_off=False)
     assert custody.state is Custody.FOLLOWING
 
@@ -164,36 +175,98 @@ def test_what_an_operator_has_called_back_is_not_given_back_by_the_parameter(
     custody = custody_of(ARDUPILOT, record, "always")
     custody.begin((7, 2), TOP_M, first=False)
     custody.observe(seen_in("LAND"), Outcome(Land(), 1, "under_way"), takes_off=False)
-    custody.clear_automatically()
+    custody.clear_automatically(0.0)
     taken = Outcome(Land(), 1, "taken_over", "in GUIDED")
     for _ in range(3):
         custody.observe(seen_in("GUIDED"), taken, takes_off=False)
-        custody.clear_automatically()
+        custody.clear_automatically(0.0)
     assert custody.state is Custody.RELEASED
 
 
-CLEARED = FlightRecord(Custody.CLEARED, SEARCH, arm=True, alt_m=TOP_M)
+CLEARED = FlightRecord(Custody.CLEARED, SEARCH, arm=True, top_amsl_m=TOP_M)
+
+
+def on_the_ground(autopilot: Autopilot = ARDUPILOT, **changes: Any) -> VehicleState:
+    ground: dict[str, Any] = {
+        "armed": False, "flying": False, "alt_m": 0.0, "heard_s": 100.0, "disarmed_beats": 2,
+    }  # fmt: skip
+    return seen_in(autopilot.resting_mode, **ground | changes)
+
+
+@pytest.mark.parametrize("fresh", [True, False])
+@pytest.mark.parametrize("record", [FLOWN, HELD, LANDING, ENDING], ids=lambda one: one.custody.name)
+def test_a_vehicle_in_the_air_is_flown_on_only_by_a_bridge_that_comes_soon(
+    record: FlightRecord, fresh: bool
+) -> None:
+    assert inherited(record, fresh=fresh).custody is (record.custody if fresh else Custody.RELEASED)
+
+
+@pytest.mark.parametrize("fresh", [True, False])
+@pytest.mark.parametrize("arm", ["false", "true"])
+@pytest.mark.parametrize("search", [SEARCH, None], ids=["this search", "a search to come"])
+def test_a_clearance_ends_with_its_bridge_and_the_parameter_of_the_next_one_counts(
+    fresh: bool, arm: Arm, search: Any
+) -> None:
+    record = replace(CLEARED, search=search, arm=True, modes=("LOITER",))
+    custody = custody_of(ARDUPILOT, inherited(record, fresh=fresh), arm)
+    assert custody.state is Custody.FREE
+    custody.observe(on_the_ground(), Outcome(), takes_off=False)
+    custody.clear_automatically(0.0)
+    assert custody.state is Custody.CLEARED and custody.record.arm == (arm == "true")
+    assert custody.record.modes == ()
+    later = VehicleCustody(ARDUPILOT, arm, inherited(record, fresh=fresh), lambda: None)
+    later.begin((7, 2), TOP_M, first=False)
+    later.observe(on_the_ground(), Outcome(), takes_off=False)
+    later.clear_automatically(0.0)
+    assert later.state is Custody.FREE
+
+
+def test_a_clearance_for_a_search_to_come_lapses_if_none_comes() -> None:
+    custody = VehicleCustody(ARDUPILOT, "false", FlightRecord(), lambda: None)
+    custody.observe(on_the_ground(), Outcome(), takes_off=False)
+    assert custody.clear(50.0) == Accepted("cleared for the next search")
+    for now_s, expected in ((CONSENT_S, Custody.CLEARED), (CONSENT_S + 51.0, Custody.FREE)):
+        custody.lapse(now_s)
+        assert custody.state is expected
+    followed = custody_of(ARDUPILOT, FlightRecord(), "false")
+    followed.observe(on_the_ground(), Outcome(), takes_off=False)
+    assert followed.clear(50.0) == Accepted("cleared to fly")
+    followed.lapse(CONSENT_S + 1000.0)
+    assert followed.state is Custody.CLEARED
 
 
 @pytest.mark.parametrize("autopilot", [ARDUPILOT, PX4], ids=lambda one: one.name)
-@pytest.mark.parametrize("flying", [False, True], ids=["on the ground", "in the air"])
-def test_what_was_to_arm_as_a_bridge_ended_is_flown_on_by_the_next_one_if_that_comes_soon(
-    autopilot: Autopilot, flying: bool
+@pytest.mark.parametrize("fresh", [True, False])
+@pytest.mark.parametrize("seen", ["disarmed", "armed", "climbing"])
+def test_what_a_bridge_was_about_to_launch_is_flown_on_by_the_next_one_only_if_it_flies(
+    autopilot: Autopilot, fresh: bool, seen: str
 ) -> None:
     before = custody_of(autopilot, CLEARED)
-    waits = seen_in(autopilot.resting_mode, armed=False, flying=False, alt_m=0.0, heard_s=100.0)
-    before.begin_arming(100.0)
+    waits = on_the_ground(autopilot)
+    before.launch()
     before.observe(waits, Outcome(TakeOff(TOP_M), 2, "under_way", "arming"), takes_off=True)
-    mode = (autopilot.take_off_mode or autopilot.guided_mode) if flying else autopilot.resting_mode
-    for later_s, expected in (
-        (3.0, Custody.FOLLOWING),
-        (20.0, Custody.TAKEN),
-        (-90.0, Custody.TAKEN),
-    ):
-        after = custody_of(autopilot, before.record)
-        seen = seen_in(mode, flying=flying, alt_m=10.0 * flying, heard_s=100.0 + later_s)
-        after.observe(seen, Outcome(), takes_off=False)
-        assert after.state is expected
+    after = custody_of(autopilot, inherited(before.record, fresh=fresh), "always")
+    mode = autopilot.take_off_mode or autopilot.guided_mode
+    state = {
+        "disarmed": waits,
+        "armed": replace(waits, armed=True),
+        "climbing": seen_in(mode, alt_m=10.0),
+    }[seen]
+    after.observe(state, Outcome(), takes_off=False)
+    if not fresh:
+        assert not MAY_ORDER[after.state]
+        return
+    assert after.state is (Custody.TAKEN if seen == "disarmed" else Custody.FOLLOWING)
+    after.observe(waits, Outcome(), takes_off=False)
+    after.clear_automatically(0.0)
+    assert after.state is (Custody.GROUNDED if seen == "climbing" else Custody.TAKEN)
+
+
+def test_a_take_off_that_is_called_off_before_the_motors_turn_has_launched_nothing() -> None:
+    custody = custody_of(ARDUPILOT, CLEARED)
+    custody.launch()
+    custody.observe(on_the_ground(), Outcome(), takes_off=False)
+    assert not custody.record.launched and custody.state is Custody.CLEARED
 
 
 @pytest.mark.parametrize("mode", ["GUIDED", "LOITER"])
@@ -203,30 +276,140 @@ def test_what_nobody_has_commanded_to_arm_is_somebody_elses(mode: str) -> None:
     assert custody.state is Custody.TAKEN
 
 
-def test_what_was_to_arm_as_a_bridge_ended_and_is_not_armed_stays_down() -> None:
-    custody = custody_of(ARDUPILOT, replace(CLEARED, arming_s=5.0), "always")
-    waits = seen_in("GUIDED", armed=False, flying=False, alt_m=0.0)
-    custody.observe(waits, Outcome(), takes_off=False)
-    custody.clear_automatically()
-    assert custody.state is Custody.TAKEN
-    assert custody.lost == "disarmed while no bridge was there"
+@pytest.mark.parametrize(
+    ("mode", "expected"), [("GUIDED", Custody.FOLLOWING), ("LOITER", Custody.TAKEN)]
+)
+def test_who_arms_it_by_hand_hands_it_over_in_guided_alone(mode: str, expected: Custody) -> None:
+    custody = custody_of(ARDUPILOT, replace(CLEARED, arm=False), "false")
+    seen = seen_in(mode, flying=False, alt_m=0.0)
+    waiting = Outcome(TakeOff(TOP_M, arm=False), 1, "under_way")
+    custody.observe(seen, waiting, takes_off=True)
+    assert custody.state is expected
 
 
 def test_what_somebody_arms_and_disarms_after_its_flight_is_theirs() -> None:
     custody = custody_of(ARDUPILOT, replace(FLOWN, custody=Custody.GROUNDED), "always")
     for armed in (False, True, False):
-        seen = seen_in("GUIDED", armed=armed, flying=False, alt_m=0.0)
-        custody.observe(seen, Outcome(), takes_off=False)
+        custody.observe(on_the_ground(armed=armed), Outcome(), takes_off=False)
     assert custody.state is Custody.TAKEN
     custody.begin((7, 2), TOP_M, first=False)
-    custody.clear_automatically()
+    custody.clear_automatically(0.0)
     assert custody.state is Custody.TAKEN
 
 
-@pytest.mark.parametrize("flies", [False, True])
-def test_what_was_to_arm_and_disarms_before_it_flies_may_be_a_persons(flies: bool) -> None:
-    custody = custody_of(ARDUPILOT, replace(CLEARED, arming_s=100.0), "always")
-    for armed, flying in ((True, False), (True, flies), (False, False)):
-        seen = seen_in("GUIDED", armed=armed, flying=flying, alt_m=0.0, heard_s=102.0)
-        custody.observe(seen, Outcome(), takes_off=False)
-    assert custody.state is (Custody.GROUNDED if flies else Custody.TAKEN)
+RESTARTED = Identity("", restarts=1)
+
+
+@pytest.mark.parametrize("custody", Custody)
+def test_a_restarted_autopilot_was_in_somebodys_hands(custody: Custody) -> None:
+    led = custody_of(ARDUPILOT, replace(FLOWN, custody=custody), "false")
+    led.observe(on_the_ground(identity=RESTARTED), Outcome(), takes_off=False)
+    may_arm = led.state is Custody.CLEARED
+    assert not may_arm
+    # Before anybody has cleared it, it may be switched on as often as anybody likes.
+    assert (led.state is Custody.FREE) == (custody is Custody.FREE)
+
+
+def test_what_a_restarted_autopilot_was_cleared_for_is_cleared_again_by_a_person() -> None:
+    led = custody_of(ARDUPILOT, CLEARED)
+    for _ in range(3):
+        led.observe(on_the_ground(identity=RESTARTED), Outcome(), takes_off=False)
+        led.clear_automatically(0.0)
+    assert led.state is Custody.TAKEN and led.lost == "taken over: its autopilot was restarted"
+    assert led.clear(0.0) == Accepted("cleared to fly")
+
+
+HOME = (-24.0, -46.0, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("home", "expected"),
+    [
+        ((-24.0, -46.0, 4.0), Custody.FOLLOWING),
+        ((-24.0, -46.0, 95.0), Custody.TAKEN),
+        ((-24.001, -46.0, 0.0), Custody.TAKEN),
+    ],
+    ids=["PX4's own", "up here", "there"],
+)
+@pytest.mark.parametrize("restarted", [False, True])
+def test_a_home_that_is_moved_in_flight_is_a_persons_act(
+    home: Any, expected: Custody, restarted: bool
+) -> None:
+    led = custody_of(ARDUPILOT, FLOWN)
+    led.observe(seen_in("GUIDED", home=HOME), Outcome(STEP, 1, "under_way"), takes_off=False)
+    if restarted:
+        led = custody_of(ARDUPILOT, inherited(led.record, fresh=True))
+    led.observe(seen_in("GUIDED", home=home), Outcome(STEP, 1, "under_way"), takes_off=False)
+    assert led.state is expected
+
+
+def in_mission(item: int, time_s: float, total: int = 5, **changes: Any) -> VehicleState:
+    return seen_in("AUTO", item_current=item, item_total=total, item_s=time_s, **changes)
+
+
+MISSION = FlyMission(tuple(MissionItem(16, lat_deg=-24.0, lon_deg=-46.0) for _ in range(6)))
+
+
+@pytest.mark.parametrize(
+    ("state", "expected"),
+    [
+        (in_mission(3, 11.0), Custody.FOLLOWING),
+        (in_mission(5, 20.0), Custody.FOLLOWING),
+        (in_mission(2, 11.0, total=9), Custody.TAKEN),
+        (in_mission(2, 11.0, total=0), Custody.TAKEN),
+        (in_mission(1, 11.0), Custody.TAKEN),
+        (in_mission(0, 11.0), Custody.TAKEN),
+    ],
+    ids=["goes on", "after a gap", "another", "cleared", "set back", "set home"],
+)
+@pytest.mark.parametrize("restarted", [False, True])
+def test_who_changes_the_mission_that_it_flies_has_taken_it_over(
+    state: VehicleState, expected: Custody, restarted: bool
+) -> None:
+    def bridge(record: FlightRecord) -> VehicleCustody:
+        led = VehicleCustody(ARDUPILOT, "true", record, lambda: None, whole=True)
+        led.begin(SEARCH, TOP_M, first=True)
+        return led
+
+    flies = Outcome(MISSION, 1, "under_way")
+    led = bridge(FLOWN)
+    led.observe(in_mission(2, 10.0), flies, takes_off=False)
+    if restarted:
+        led, flies = bridge(inherited(led.record, fresh=True)), Outcome()
+        led.observe(in_mission(2, 10.0), flies, takes_off=False)
+    led.observe(state, flies, takes_off=False)
+    assert led.state is expected
+
+
+def test_an_autopilot_that_does_not_report_the_length_of_its_mission_is_believed() -> None:
+    led = VehicleCustody(ARDUPILOT, "true", FLOWN, lambda: None, whole=True)
+    led.begin(SEARCH, TOP_M, first=True)
+    for item in range(1, 5):
+        state = in_mission(item, 10.0 * item, total=0)
+        led.observe(state, Outcome(MISSION, 1, "under_way"), takes_off=False)
+    assert led.state is Custody.FOLLOWING
+
+
+@pytest.mark.parametrize(("later_s", "named"), [(1.0, True), (20.0, False)])
+def test_a_failsafe_whose_cause_comes_after_its_mode_is_named(later_s: float, named: bool) -> None:
+    led = custody_of(ARDUPILOT, FLOWN)
+    taken = Outcome(STEP, 1, "taken_over", "in LAND")
+    led.observe(seen_in("LAND", heard_s=10.0), taken, takes_off=False)
+    assert led.state is Custody.TAKEN and led.lost == "taken over: in LAND"
+    seen = seen_in("LAND", heard_s=10.0 + later_s, failsafe="fence")
+    led.observe(seen, taken, takes_off=False)
+    assert led.state is (Custody.FAILSAFE if named else Custody.TAKEN)
+    assert led.lost == ("fence failsafe" if named else "taken over: in LAND")
+
+
+def test_nobody_is_told_that_a_vehicle_flies_that_has_no_search() -> None:
+    for record in (HELD, replace(LANDING, lost="recalled by the operator: land")):
+        led = VehicleCustody(ARDUPILOT, "true", record, lambda: None)
+        led.observe(seen_in("GUIDED"), Outcome(), takes_off=False)
+        refused = led.clear(0.0)
+        assert isinstance(refused, Rejected) and "no search" in refused.reason
+        assert led.state is record.custody
+    led = custody_of(ARDUPILOT, HELD)
+    led.observe(seen_in("GUIDED"), Outcome(), takes_off=False)
+    assert isinstance(led.clear(0.0, search_alive=False), Rejected)
+    assert led.state is Custody.HELD

@@ -15,16 +15,17 @@ from hypothesis import strategies as st
 from dsse_ros.bridge.clearance import Clearance
 from dsse_ros.bridge.custody import MAY_ORDER, Custody
 from dsse_ros.bridge.fence import Fence
+from dsse_ros.bridge.flight_record import FlightRecord, inherited
 from dsse_ros.bridge.settings import BridgeSettings
 from dsse_ros.bridge.tasks import leg_task, mission_task
-from dsse_ros.bridge.vehicle_custody import FlightRecord
 from dsse_ros.bridge.vehicle_follower import (
     CRITICAL_S,
     RETRY_S,
     TRIES,
     VehicleFollower,
 )
-from dsse_ros.flight.autopilots import ARDUPILOT, PX4
+from dsse_ros.flight.autopilots import PX4
+from dsse_ros.flight.identity import Identity
 from dsse_ros.flight.orders import (
     FlyMission,
     GoTo,
@@ -50,9 +51,10 @@ SETTINGS = BridgeSettings()
 FENCE = Fence(FRAME, 500.0, 10.0, 150.0)
 SEARCH, NEXT_SEARCH = (7, 1), (7, 2)
 ON_GROUND = VehicleState(
-    connected=True, ready=True, mode="GUIDED", lat_deg=-23.999, lon_deg=-45.999, alt_m=0.0
-)
-FLYING = replace(ON_GROUND, armed=True, flying=True, alt_m=120.0)
+    identity=Identity(uid=""), connected=True, ready=True, mode="GUIDED", lat_deg=-23.999,
+    lon_deg=-45.999, alt_m=0.0, alt_amsl_m=0.0, climb_mps=0.0, disarmed_beats=2,
+)  # fmt: skip
+FLYING = replace(ON_GROUND, armed=True, flying=True, alt_m=120.0, alt_amsl_m=120.0)
 FLOWN = FlightRecord(Custody.FOLLOWING, SEARCH, flown=True)
 
 
@@ -86,7 +88,16 @@ class Vehicle:
             self.state = FLYING
         elif isinstance(order, Return | Land | FlyMission):
             self.state = ON_GROUND
+        elif isinstance(order, GoTo | Search):
+            alt_m = order.alt_amsl_m if isinstance(order, GoTo) else order.search_amsl_m
+            self.be_at(order.lat_deg, order.lon_deg, alt_m)
         self.turn(status="done")
+
+    def be_at(self, lat_deg: float, lon_deg: float, alt_m: float = 120.0) -> None:
+        """Be at a place."""
+        self.state = replace(
+            self.state, lat_deg=lat_deg, lon_deg=lon_deg, alt_m=alt_m, alt_amsl_m=alt_m
+        )
 
     def take_off(self) -> None:
         """Get it into the air, from the ground."""
@@ -109,12 +120,9 @@ class Vehicle:
 
 
 def follower(**changes: Any) -> VehicleFollower:
-    options = {
-        "autopilot": ARDUPILOT, "at_end": "return", "join_timeout_s": 100.0,
-        "lost_timeout_s": 30.0, "arm": "true",
-    }  # fmt: skip
-    search = changes.pop("search", SEARCH)
-    led = VehicleFollower(**(options | changes))
+    search, record = changes.pop("search", SEARCH), changes.pop("record", None)
+    options = {"join_timeout": 100.0, "lost_timeout": 30.0, "arm": "true"}
+    led = VehicleFollower(BridgeSettings(**(options | changes)), record)
     led.begin(search, 120.0, FENCE, first=True)
     return led
 
@@ -126,7 +134,7 @@ def in_the_air(led: VehicleFollower | None = None, **changes: Any) -> Vehicle:
 
 def follow(led: VehicleFollower, stamp: int, *cell: int, **changes: Any) -> None:
     leg = Leg(stamp, (cell[0], cell[1]), **changes)
-    led.follow(leg, leg_task(leg, FRAME, SETTINGS, FENCE))
+    led.follow(leg, leg_task(leg, FRAME, SETTINGS, FENCE, 0.0))
 
 
 def place(*cell: int) -> tuple[float, float]:
@@ -144,7 +152,7 @@ def test_a_vehicle_takes_off_first_and_its_climb_is_not_cut_short() -> None:
     vehicle.obey()
     assert vehicle.orders[-1] == TakeOff(120.0)
     # In the air, but not there yet.
-    vehicle.state = replace(FLYING, alt_m=40.0)
+    vehicle.state = replace(FLYING, alt_m=40.0, alt_amsl_m=40.0)
     follow(led, 13, 3, 5)
     assert vehicle.turn() is None
     vehicle.obey()
@@ -162,8 +170,11 @@ def test_a_search_is_done_once_for_each_step_that_has_one() -> None:
         assert vehicle.orders[-1] == Search(*place(2, 2), 120.0, 30.0, 5.0, 10.0)
         assert not vehicle.follower.arrived
         vehicle.obey()
+        assert vehicle.orders[-1] == GoTo(*place(2, 2), 120.0, 10.0)
+        assert not vehicle.follower.arrived
+        vehicle.obey()
         assert vehicle.follower.arrived_stamp_ns == stamp
-    assert len(vehicle.orders) == 2
+    assert len(vehicle.orders) == 4
 
 
 @pytest.mark.slow
@@ -185,11 +196,15 @@ def test_every_cell_is_flown_to_in_order_and_none_is_left_before_it_is_reached(
             vehicle.obey()
     flown = [
         ((order.lat_deg, order.lon_deg), isinstance(order, Search))
-        for order in vehicle.orders
-        if isinstance(order, GoTo | Search)
+        for order, before in zip(vehicle.orders, [None, *vehicle.orders], strict=False)
+        # After a search it climbs on the spot.
+        if isinstance(order, GoTo | Search) and not isinstance(before, Search)
     ]
-    without_repeats = [w for w, before in zip(wanted, [None, *wanted], strict=False)
-                       if w != before or w[1]]  # fmt: skip
+    without_repeats = [
+        (there, searched)
+        for (there, searched), before in zip(wanted, [None, *wanted], strict=False)
+        if searched or before is None or there != before[0]
+    ]
     assert flown == without_repeats
 
 
@@ -204,6 +219,7 @@ def test_at_the_end_the_last_leg_is_flown_and_then_the_end(at_end: str, order: O
     follow(led, 13, 1, 1, searched=True, over=True)
     assert isinstance(vehicle.turn(), Search)
     assert vehicle.turn() is None
+    vehicle.obey()
     vehicle.obey()
     assert vehicle.orders[-1] == order
     assert [vehicle.turn() for _ in range(3)] == [None] * 3
@@ -246,6 +262,8 @@ def test_what_it_does_waits_for_others_and_the_reason_is_shown() -> None:
     level = Search(*place(1, 1), 120.0, 120.0, 5.0, 10.0)
     vehicle.clearance = Clearance(admit=lambda order: level)
     assert vehicle.turn() == level
+    vehicle.clearance = Clearance()
+    vehicle.obey()
     vehicle.obey()
     assert vehicle.follower.arrived and not vehicle.follower.blocked
 
@@ -256,7 +274,7 @@ def test_who_is_recalled_waits_for_nobody(over: bool) -> None:
     follow(vehicle.follower, 13, 1, 1, over=over)
     vehicle.clearance = Clearance(admit=lambda order: "waiting for drone1 to be out of the way")
     vehicle.turn()
-    assert vehicle.follower.custody.operate("land") == ""
+    assert isinstance(vehicle.follower.custody.operate("land"), Accepted)
     assert vehicle.turn() == Land()
 
 
@@ -321,11 +339,14 @@ def test_who_is_lost_before_take_off_stays_on_the_ground(at_end: str) -> None:
 def fly_mission(led: VehicleFollower, *, holds: bool = False) -> FlyMission:
     home = Home(-23.999, -45.999, 0.0)
     track = (st_array([(0, 9), (1, 9)]), st_array([0, 0], bool))
-    (mission,) = search_missions([FRAME], [track], SETTINGS, [home], 600.0 if holds else 0.0)
+    hold_s = 600.0 if holds else 0.0
+    (mission,) = search_missions([FRAME], [track], SETTINGS, [home], hold_s, 0.0)
     task = mission_task(mission, FENCE, PX4, holds_over_home=holds)
     led.follow(Leg(13, (1, 9), over=True), task)
-    assert isinstance(task, Accepted) and isinstance(task.value, FlyMission)
-    return task.value
+    assert isinstance(task, Accepted)
+    (order,) = task.value
+    assert isinstance(order, FlyMission)
+    return order
 
 
 def st_array(values: list[Any], kind: type = int) -> Any:
@@ -356,7 +377,7 @@ ENDINGS = {
 def test_a_bridge_started_again_flies_on_only_what_was_its_own(
     over: bool, record: FlightRecord, landed: bool, arm: str
 ) -> None:
-    led = follower(record=record, arm=arm)
+    led = follower(record=inherited(record, fresh=True), arm=arm)
     vehicle = Vehicle(led, ON_GROUND if landed else FLYING)
     follow(led, 13, 1, 1, over=over)
     for _ in range(3):
@@ -374,7 +395,7 @@ def test_a_bridge_started_again_flies_on_only_what_was_its_own(
     elif custody is Custody.CLEARED:
         # Somebody else has flown it up.
         assert kinds == set()
-        assert over or led.custody.state is Custody.TAKEN
+        assert led.custody.state is Custody.FREE
     elif custody is Custody.HELD:
         assert kinds == {Hold}
     elif custody is Custody.RECALLED:
@@ -391,7 +412,9 @@ def test_a_bridge_started_again_flies_on_only_what_was_its_own(
 def test_without_a_persons_word_nothing_takes_off_for_a_second_search(
     record: FlightRecord, landed: bool, same_program: bool
 ) -> None:
-    led = VehicleFollower(ARDUPILOT, "return", 100.0, 30.0, arm="true", record=record)
+    led = VehicleFollower(
+        BridgeSettings(arm="true"), record if same_program else inherited(record, fresh=True)
+    )
     if same_program:
         led.begin(SEARCH, 120.0, FENCE, first=True)
         led.advance(VehicleState(), Outcome(), 0.0)
@@ -420,7 +443,7 @@ def test_a_person_clears_what_has_landed_for_one_search() -> None:
     vehicle = Vehicle(led, replace(ON_GROUND, mode="RTL"))
     follow(led, 13, 1, 1)
     assert vehicle.turn() is None
-    assert led.custody.clear() == ""
+    assert isinstance(led.custody.clear(vehicle.now_s), Accepted)
     # In whatever mode it stands there: the person has seen that.
     assert vehicle.turn() == TakeOff(120.0, arm=True, from_modes=("RTL",))
     vehicle.obey()
@@ -439,7 +462,7 @@ def test_a_clearance_after_the_search_is_for_the_next_one() -> None:
     vehicle = Vehicle(led)
     follow(led, 13, 1, 1, over=True)
     vehicle.turn()
-    assert led.custody.clear() == ""
+    assert isinstance(led.custody.clear(vehicle.now_s), Accepted)
     assert [vehicle.turn() for _ in range(3)] == [None] * 3
     led.begin(NEXT_SEARCH, 120.0, FENCE)
     follow(led, 13, 1, 1)
@@ -478,13 +501,13 @@ def test_what_a_pilot_has_taken_over_gets_no_order_any_more() -> None:
     led.begin(NEXT_SEARCH, 120.0, FENCE)
     follow(led, 39, 4, 4)
     assert vehicle.turn() is None and not led.lost
-    assert led.blocked == "a person has released it, in GUIDED: drone<i>/arm clears it to fly"
-    assert not led.custody.clear(alone=True)
+    assert led.blocked == "nobody has it, in GUIDED: drone<i>/arm clears it to fly"
+    assert isinstance(led.custody.clear(vehicle.now_s, alone=True), Accepted)
     assert isinstance(vehicle.turn(), GoTo)
 
 
 def test_a_mode_that_is_set_at_disarming_releases_nothing() -> None:
-    vehicle = in_the_air(autopilot=PX4)
+    vehicle = in_the_air(autopilot="px4")
     led = vehicle.follower
     follow(led, 13, 1, 1)
     vehicle.turn()
@@ -513,11 +536,12 @@ def test_a_failsafe_that_leaves_the_mode_takes_the_vehicle_out_and_home(failsafe
 
 
 def test_a_bridge_started_again_leaves_what_a_named_failsafe_of_px4_has() -> None:
-    led = follower(autopilot=PX4, record=replace(FLOWN, mode="HOLD"), search=NEXT_SEARCH)
+    led = follower(autopilot="px4", record=replace(FLOWN, mode="HOLD"), search=NEXT_SEARCH)
     vehicle = Vehicle(led, replace(FLYING, mode="HOLD", failsafe="battery"))
     assert vehicle.turn() is None
     assert led.custody.state is Custody.FAILSAFE
-    assert "a failsafe has it" in led.custody.operate("land")
+    refused = led.custody.operate("land")
+    assert isinstance(refused, Rejected) and "a failsafe has it" in refused.reason
     assert vehicle.turn() is None
 
 
@@ -567,7 +591,7 @@ def test_an_operator_is_obeyed_whatever_the_search_does_until_a_clearance(what: 
     led = vehicle.follower
     follow(led, 13, 1, 1)
     vehicle.turn()
-    assert led.custody.operate(what) == ""
+    assert isinstance(led.custody.operate(what), Accepted)
     assert vehicle.turn() == OPERATIONS[what]
     assert bool(led.lost) == (what != "hold")
     for stamp, over in ((26, False), (39, True)):
@@ -577,7 +601,7 @@ def test_an_operator_is_obeyed_whatever_the_search_does_until_a_clearance(what: 
     follow(led, 0, 3, 3)
     assert vehicle.turn() in (None, OPERATIONS[what])
     if what == "hold":
-        assert led.custody.clear() == ""
+        assert isinstance(led.custody.clear(vehicle.now_s), Accepted)
         assert vehicle.turn() == GoTo(*place(3, 3), 120.0, 10.0)
         return
     vehicle.obey()
@@ -591,12 +615,12 @@ def test_on_the_ground_an_operator_keeps_it_there_also_with_arm_always() -> None
         vehicle = Vehicle(led)
         follow(led, 0, 1, 1)
         assert isinstance(vehicle.turn(), TakeOff)
-        assert act(led.custody) == ""
+        assert act(led.custody) == Accepted("kept on the ground")
         assert led.lost == "kept on the ground by the operator"
         led.begin(NEXT_SEARCH, 120.0, FENCE)
         follow(led, 0, 1, 1)
         assert [vehicle.turn() for _ in range(3)] == [None] * 3
-        assert led.custody.clear() == ""
+        assert isinstance(led.custody.clear(vehicle.now_s), Accepted)
         led.begin((7, 3), 120.0, FENCE)
         follow(led, 0, 1, 1)
         vehicle.take_off()
@@ -604,18 +628,28 @@ def test_on_the_ground_an_operator_keeps_it_there_also_with_arm_always() -> None
 
 @pytest.mark.parametrize("custody", [Custody.TAKEN, Custody.FAILSAFE, Custody.RELEASED])
 @pytest.mark.parametrize("what", OPERATIONS)
-def test_an_operator_at_the_bridge_does_not_take_what_a_person_or_a_failsafe_has(
-    custody: Custody, what: str
+@pytest.mark.parametrize("launched", [False, True])
+def test_an_operator_brings_down_what_the_bridge_has_launched_and_nothing_else(
+    custody: Custody, what: str, launched: bool
 ) -> None:
-    vehicle = in_the_air(replace_record(custody))
+    record = replace(FLOWN, custody=custody, lost="taken over: in LOITER", launched=launched)
+    vehicle = in_the_air(follower(record=record))
+    mode = "GUIDED" if custody is Custody.RELEASED else "LOITER"
+    vehicle.state = replace(FLYING, mode=mode)
     follow(vehicle.follower, 13, 1, 1)
     vehicle.turn()
-    assert " has " in vehicle.follower.custody.operate(what)
-    assert [vehicle.turn() for _ in range(3)] == [None] * 3
-
-
-def replace_record(custody: Custody) -> VehicleFollower:
-    return follower(record=replace(FLOWN, custody=custody, lost="taken over: in LOITER"))
+    authority = vehicle.follower.custody.authority
+    result = vehicle.follower.custody.operate(what)
+    if what == "hold" or not launched:
+        assert isinstance(result, Rejected) and " has it" in result.reason
+        assert [vehicle.turn() for _ in range(3)] == [None] * 3
+        return
+    assert result == Accepted(f"ordered to {what}")
+    assert vehicle.turn() == (Land(mode) if what == "land" else Return(mode))
+    # The order goes back to another consent than the one that was lost.
+    assert vehicle.follower.custody.authority == authority + 1
+    vehicle.obey()
+    assert vehicle.follower.custody.state is Custody.TAKEN
 
 
 @pytest.mark.parametrize("state", [ON_GROUND, FLYING], ids=["on the ground", "in the air"])
@@ -632,12 +666,12 @@ def test_of_the_steps_that_come_late_in_one_go_the_last_one_counts(state: Vehicl
 def test_a_mission_that_was_begun_is_not_begun_again_by_a_bridge_started_anew() -> None:
     for state, custody in ((ON_GROUND, Custody.FOLLOWING), (FLYING, Custody.FOLLOWING),
                            (ON_GROUND, Custody.GROUNDED)):  # fmt: skip
-        led = follower(whole=True, record=replace(FLOWN, custody=custody), arm="always")
+        led = follower(mode="mission", record=replace(FLOWN, custody=custody), arm="always")
         vehicle = Vehicle(led, state)
         fly_mission(led)
         assert [vehicle.turn() for _ in range(3)] == [None] * 3
         assert led.finished == (not state.flying) and not led.lost
-    led = follower(whole=True)
+    led = follower(mode="mission")
     vehicle = Vehicle(led)
     fly_mission(led)
     assert isinstance(vehicle.turn(), FlyMission) and not led.finished
@@ -650,7 +684,7 @@ def ready_for_mission(led: VehicleFollower) -> Vehicle:
 
 
 def test_a_mission_that_fails_in_the_air_is_not_begun_again() -> None:
-    led = follower(whole=True)
+    led = follower(mode="mission")
     fly_mission(led)
     vehicle = ready_for_mission(led)
     vehicle.state = FLYING
@@ -723,19 +757,18 @@ def test_a_vehicle_takes_off_once_for_each_clearance_whatever_happens(
             vehicle.state = replace(vehicle.state, mode="GUIDED")
         elif event == "restart":
             record, leg = led.custody.record, led.leg
-            led = vehicle.follower = VehicleFollower(
-                ARDUPILOT, "return", 100.0, 30.0, arm="false", record=record
-            )
+            settings = BridgeSettings(arm="false")
+            led = vehicle.follower = VehicleFollower(settings, inherited(record, fresh=True))
             led.begin((7, mission), 120.0, FENCE, first=True)
             consents += 1
             vehicle.outcome = Outcome()
             if leg is not None:
-                led.follow(leg, leg_task(leg, FRAME, SETTINGS, FENCE))
+                led.follow(leg, leg_task(leg, FRAME, SETTINGS, FENCE, 0.0))
         elif event == "reset":
             mission, over = mission + 1, False
             led.begin((7, mission), 120.0, FENCE)
         elif event == "clear":
-            led.custody.clear()
+            led.custody.clear(vehicle.now_s)
             consents += 1
         elif event == "withdraw":
             led.custody.ground()
@@ -800,7 +833,7 @@ def test_an_order_that_fails_is_given_again_and_then_the_vehicle_is_lost() -> No
 
 
 def test_a_vehicle_that_is_never_connected_is_lost_in_the_end() -> None:
-    led = follower(join_timeout_s=3.0)
+    led = follower(join_timeout=3.0)
     vehicle = Vehicle(led, VehicleState())
     follow(led, 0, 0, 0)
     vehicle.turn()
@@ -816,7 +849,8 @@ def test_another_kind_of_vehicle_is_lost_at_once_and_gets_no_order() -> None:
     vehicle = Vehicle(led, replace(ON_GROUND, problem=problem))
     follow(led, 0, 1, 1)
     assert [vehicle.turn() for _ in range(3)] == [None] * 3
-    assert problem in (led.lost, led.blocked) and led.custody.clear() == problem
+    assert problem in (led.lost, led.blocked)
+    assert led.custody.clear(vehicle.now_s) == Rejected("unfit", problem)
     airborne = in_the_air()
     airborne.state = replace(FLYING, problem=problem)
     follow(airborne.follower, 0, 1, 1)
@@ -825,7 +859,7 @@ def test_another_kind_of_vehicle_is_lost_at_once_and_gets_no_order() -> None:
 
 
 def test_what_is_wrong_with_the_link_is_reported_of_who_is_lost() -> None:
-    led = follower(join_timeout_s=3.0)
+    led = follower(join_timeout=3.0)
     follow(led, 0, 0, 0)
     for now_s in (0.0, 3.1):
         led.advance(VehicleState(), Outcome(), now_s, "/dev/nope: No such file or directory")
@@ -836,13 +870,13 @@ def test_what_is_wrong_with_the_link_is_reported_of_who_is_lost() -> None:
     ("state", "lost"),
     [
         (
-            VehicleState(connected=True, ready=True, mode="GUIDED"),
+            VehicleState(identity=Identity(""), connected=True, ready=True, mode="GUIDED"),
             "no position within 3 s: unsigned",
         ),
         (replace(ON_GROUND, ready=False), "not ready within 3 s: PreArm: Compass not healthy"),
         (
             replace(ON_GROUND, lat_deg=-35.0),
-            "no take-off within 3 s: take-off: place must be within 500 m of the search area, got "
+            "no take-off within 3 s: place must be within 500 m of the search area, got "
             "(-35.0000000, -45.9990000)",
         ),
     ],
@@ -850,7 +884,7 @@ def test_what_is_wrong_with_the_link_is_reported_of_who_is_lost() -> None:
 def test_who_cannot_take_off_is_lost_after_the_join_timeout_once_with_the_reason(
     state: VehicleState, lost: str
 ) -> None:
-    led = follower(join_timeout_s=3.0)
+    led = follower(join_timeout=3.0)
     follow(led, 0, 0, 0)
     outcome = Outcome()
     trouble = "unsigned" if not state.has_position else ""
@@ -865,7 +899,7 @@ def test_who_cannot_take_off_is_lost_after_the_join_timeout_once_with_the_reason
 
 
 def test_somebody_who_may_arm_later_has_all_the_time_in_the_world() -> None:
-    led = follower(join_timeout_s=3.0, arm="false")
+    led = follower(join_timeout=3.0, arm="false")
     vehicle = Vehicle(led)
     follow(led, 0, 0, 0)
     assert vehicle.turn() == TakeOff(120.0, arm=False)
@@ -898,7 +932,7 @@ def test_a_leg_out_of_the_fence_is_refused_and_the_vehicle_holds(
 ) -> None:
     frame = replace(FRAME, alt_m=changes.get("altitude", 120.0))
     leg = Leg(13, cell)
-    task = leg_task(leg, frame, SETTINGS, FENCE)
+    task = leg_task(leg, frame, SETTINGS, FENCE, 0.0)
     assert isinstance(task, Rejected) and task.code == code
     vehicle = in_the_air()
     led = vehicle.follower
@@ -911,9 +945,9 @@ def test_a_leg_out_of_the_fence_is_refused_and_the_vehicle_holds(
 
 def test_a_search_below_the_fence_is_refused() -> None:
     settings = replace(SETTINGS, search_altitude=5.0)
-    task = leg_task(Leg(13, (5, 5), searched=True), FRAME, settings, FENCE)
+    task = leg_task(Leg(13, (5, 5), searched=True), FRAME, settings, FENCE, 0.0)
     assert isinstance(task, Rejected) and task.code == "altitude"
-    assert isinstance(leg_task(Leg(13, (5, 5)), FRAME, settings, FENCE), Accepted)
+    assert isinstance(leg_task(Leg(13, (5, 5)), FRAME, settings, FENCE, 0.0), Accepted)
 
 
 def test_nothing_takes_off_that_stands_elsewhere_or_does_not_know_where() -> None:
@@ -923,7 +957,7 @@ def test_nothing_takes_off_that_stands_elsewhere_or_does_not_know_where() -> Non
     for _ in range(3):
         vehicle.turn(status="done")
     assert led.refused.startswith("take-off: ") and not led.lost
-    vehicle.state = VehicleState(connected=True, ready=True, mode="GUIDED")
+    vehicle.state = VehicleState(identity=Identity(""), connected=True, ready=True, mode="GUIDED")
     assert vehicle.turn() is None
     assert TakeOff(120.0) not in vehicle.orders
     vehicle.state = ON_GROUND
@@ -932,7 +966,7 @@ def test_nothing_takes_off_that_stands_elsewhere_or_does_not_know_where() -> Non
 
 
 def test_a_mission_is_flown_as_a_whole_with_its_own_end() -> None:
-    led = follower(whole=True)
+    led = follower(mode="mission")
     mission = fly_mission(led)
     vehicle = ready_for_mission(led)
     assert vehicle.orders[-1] == mission
@@ -944,7 +978,7 @@ def test_a_mission_is_flown_as_a_whole_with_its_own_end() -> None:
 
 
 def test_a_mission_that_holds_over_home_is_landed_from_there_when_the_others_allow() -> None:
-    led = follower(whole=True)
+    led = follower(mode="mission")
     mission = fly_mission(led, holds=True)
     vehicle = ready_for_mission(led)
     vehicle.state = replace(FLYING, mode="AUTO", item_current=mission.hold_item, lat_deg=-23.99)
@@ -962,7 +996,7 @@ def test_a_mission_that_holds_over_home_is_landed_from_there_when_the_others_all
 def test_a_vehicle_that_a_person_flies_home_from_its_mission_is_not_landed_by_a_new_bridge() -> (
     None
 ):
-    led = follower(whole=True, record=replace(FLOWN, mode="AUTO"))
+    led = follower(mode="mission", record=replace(FLOWN, mode="AUTO"))
     mission = fly_mission(led, holds=True)
     vehicle = Vehicle(
         led, replace(FLYING, mode="AUTO", item_current=mission.hold_item, lat_deg=-23.99)
@@ -977,7 +1011,7 @@ def test_a_vehicle_that_a_person_flies_home_from_its_mission_is_not_landed_by_a_
 
 
 def test_a_mission_whose_vehicle_is_down_but_armed_is_let_end_by_itself() -> None:
-    led = follower(whole=True)
+    led = follower(mode="mission")
     fly_mission(led)
     vehicle = ready_for_mission(led)
     vehicle.state = FLYING
@@ -990,7 +1024,7 @@ def test_a_mission_whose_vehicle_is_down_but_armed_is_let_end_by_itself() -> Non
 
 
 def test_a_mission_that_cannot_be_made_without_home_is_given_up_in_the_end() -> None:
-    led = follower(whole=True, join_timeout_s=3.0)
+    led = follower(mode="mission", join_timeout=3.0)
     vehicle = Vehicle(led)
     leg = Leg(13, (1, 9), over=True)
     led.follow(leg, None)
@@ -998,7 +1032,7 @@ def test_a_mission_that_cannot_be_made_without_home_is_given_up_in_the_end() -> 
     assert led.blocked == "no home position" and not led.has_task
     fly_mission(led)
     assert isinstance(vehicle.turn(status="done"), FlyMission) and not led.blocked
-    other = follower(whole=True, join_timeout_s=3.0)
+    other = follower(mode="mission", join_timeout=3.0)
     other.follow(leg, None)
     for now_s in (0.0, 3.1):
         other.advance(ON_GROUND, Outcome(), now_s)

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import math
 import random
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -16,8 +16,10 @@ from numpy.typing import NDArray
 from virtual_flight import STEP_S, VirtualFlight
 
 from dsse_ros.bridge.fleet_controller import FleetController
+from dsse_ros.bridge.flight_record import FlightRecord, inherited
+from dsse_ros.bridge.flight_records import FRESH_S
 from dsse_ros.bridge.settings import BridgeSettings
-from dsse_ros.bridge.vehicle_custody import FlightRecord
+from dsse_ros.flight.orders import Hold
 from dsse_ros.flight.vehicle_controller import Order, Outcome
 from dsse_ros.flight.vehicle_state import VehicleState
 from dsse_ros.mavlink.messages import StatusText
@@ -34,15 +36,51 @@ FRAME = GridFrame(4, 60.0, -24.04, -46.17, 0.0, 40.0)
 TURN_STEPS = 2
 
 
-class Records(dict[int, FlightRecord]):
-    """Records that outlive the programs of a test; of others there is one that says nothing."""
+class Records:
+    """The records of vehicles, which outlive the programs of a test, as `FlightRecords` has them.
 
-    def __missing__(self, system_id: int) -> FlightRecord:
-        return FlightRecord()
+    Args:
+        vehicles: How many.
 
-    def update(self, records: Any) -> None:
-        """Keep them."""
-        super().update(records)
+    Attributes:
+        alive_s: When a program was there last.
+        rebooted: Whether the machine has been restarted since.
+        written: The last record of each vehicle that has been seen, by its own id.
+    """
+
+    def __init__(self, vehicles: int) -> None:
+        self.alive_s, self.rebooted = 0.0, False
+        self.written: dict[str, FlightRecord] = {}
+        self._names = [f"connection {i}" for i in range(vehicles)]
+        self._clock = lambda: 0.0
+        self._fresh = True
+
+    def begin(self, clock: Callable[[], float]) -> None:
+        """Begin another program."""
+        self._clock = clock
+        self._fresh = not self.rebooted and clock() - self.alive_s <= FRESH_S
+        self.rebooted = False
+        for name, record in self.written.items():
+            self.written[name] = inherited(record, fresh=self._fresh)
+
+    def __getitem__(self, i: int) -> FlightRecord:
+        return self.written.get(self._names[i], FlightRecord())
+
+    def identify(self, i: int, uid: str) -> FlightRecord:
+        """Return the record of the vehicle that is connected."""
+        if uid and uid != self._names[i]:
+            if self._names[i].startswith("connection") and uid not in self.written:
+                self.written[uid] = self[i]
+            self._names[i] = uid
+        return self[i]
+
+    def update(self, i: int, record: FlightRecord) -> None:
+        """Keep a record."""
+        self.written[self._names[i]] = record
+
+    def keep_alive(self) -> None:
+        """Remember that the program is there."""
+        self.alive_s = self._clock()
 
 
 class VirtualSearch:
@@ -177,9 +215,9 @@ class VirtualVehicle:
         self.flight.give(order, authority)
         return self.outcome.number
 
-    def cancel(self) -> int:
+    def release(self) -> int:
         """Drop the order."""
-        self.flight._send(self.flight.controller.cancel(self.flight.now))
+        self.flight._send(self.flight.controller.release(Hold(), self.flight.now))
         return self.outcome.number
 
     def take_texts(self) -> list[StatusText]:
@@ -193,7 +231,8 @@ class VirtualFleet:
     Args:
         vehicles: How many.
         autopilot: Which autopilots they have.
-        homes_m: Where they stand, east and north of the grid's corner; 20 m apart by default.
+        homes_m: Where they stand, east and north of the grid's corner, and above the sea; by
+            default 20 m apart, at the sea.
         vehicle: Fields of the vehicles' `Settings`, also by vehicle.
         frame: Where the grid lies.
         seed: Of links and vehicles.
@@ -211,7 +250,7 @@ class VirtualFleet:
         vehicles: int = 1,
         autopilot: str = "ardupilot",
         *,
-        homes_m: Sequence[tuple[float, float]] | None = None,
+        homes_m: Sequence[tuple[float, ...]] | None = None,
         vehicle: Mapping[str, Any] | None = None,
         frame: GridFrame = FRAME,
         seed: int = 0,
@@ -228,14 +267,16 @@ class VirtualFleet:
                 delay_s=0.05,
                 alt_tolerance_m=1.0 if vehicles > 1 else 3.0,
                 vehicle={
-                    "home": Place(*map_to_geodetic(frame, *home, 0.0)),
+                    "home": Place(*map_to_geodetic(frame, *home[:2], 0.0)[:2], *home[2:] or (0.0,)),
                     "ready_s": 3.0,
                     **(vehicle or {}),
                 },
             )
             for i, home in enumerate(homes_m)
         ]  # fmt: skip
-        self.records = Records()
+        for i, flight in enumerate(self.flights):
+            flight.vehicle.uid = i + 1
+        self.records = Records(vehicles)
         self.searches: list[VirtualSearch] = []
         self.log: list[str] = []
         self.steps = 0
@@ -246,6 +287,7 @@ class VirtualFleet:
     def start(self) -> None:
         """Start the program, again if there is one."""
         vehicles = []
+        self.records.begin(lambda: self.now)
         for i, flight in enumerate(self.flights):
             flight.restart()
             vehicles.append(VirtualVehicle(flight, i + 1))
@@ -360,6 +402,11 @@ class VirtualFleet:
     def custody(self, i: int = 0) -> str:
         """Return who has a vehicle."""
         return self.controller.followers[i].custody.state.value
+
+    def amsl_m(self, i: int = 0) -> float:
+        """Return how high a vehicle is above the sea."""
+        vehicle = self.flights[i].vehicle
+        return float(vehicle.settings.home.alt_amsl_m + vehicle.craft.up_m)
 
     def down(self) -> bool:
         """Whether all vehicles stand on the ground, disarmed."""

@@ -11,6 +11,7 @@ from pathlib import Path
 import mission_reader
 import pytest
 
+from dsse_ros.cli.export_gis import main as export_gis
 from dsse_ros.cli.export_mission import main, search
 from dsse_ros.search import Scenario, SearchEnv, profile
 from msg_adapters.mission_items import NAV_RETURN_TO_LAUNCH, NAV_TAKEOFF, NAV_WAYPOINT
@@ -64,6 +65,18 @@ def test_every_drone_gets_a_mission_with_all_its_searches(tmp_path: Path) -> Non
         moves = (cells[1:, i] != cells[:-1, i]).any(axis=1).sum()
         stops = sum(item.alt_m == 30.0 for item in inner)
         assert len(inner) == 1 + moves + 2 * stops
+
+
+def test_a_recorded_mission_is_written_as_the_search_that_it_was(tmp_path: Path) -> None:
+    pytest.importorskip("gpxpy")
+    options = ["--scenario", str(SCENARIO), "--seed", "2"]
+    assert export_gis([*options, "--out", str(tmp_path / "gis")]) == 0
+    log = tmp_path / "gis" / "mission.csv"
+    printed = export(log, "--out", tmp_path / "recorded")
+    assert printed == export(*options, "--out", tmp_path / "played").replace("played", "recorded")
+    for name in ("drone0.plan", "drone2.waypoints"):
+        recorded, played = (tmp_path / one / name for one in ("recorded", "played"))
+        assert recorded.read_bytes() == played.read_bytes()
 
 
 def test_the_flight_is_as_asked_for(tmp_path: Path) -> None:
@@ -121,6 +134,8 @@ def test_the_program_ends_with_one_line_and_code_2(arguments: tuple[str, ...], l
         (("--planner", "nobody"), "--planner"),
         (("--num-drones", "0"), "num_drones must be an integer >= 1"),
         (("--out", "/dev/null/here"), "out: '/dev/null/here'"),
+        (("nowhere.csv",), "file: 'nowhere.csv'"),
+        (("nowhere.csv", "--pattern", "PS"), "file must not be given with pattern"),
     ],
 )
 def test_what_is_not_allowed_gets_one_line(

@@ -11,6 +11,7 @@ from typing import Any
 import pytest
 from autopilot.commands import ACCEPTED
 from autopilot.faults import Fault
+from autopilot.local_frame import Place, Point
 from autopilot.main import make_vehicle
 from autopilot.px4 import Mode, Px4
 from hypothesis import Phase, example, given, settings
@@ -82,7 +83,7 @@ def test_a_place_is_reached_when_the_vehicle_is_there(autopilot: str) -> None:
 
 
 @both
-def test_a_search_descends_holds_and_climbs_back(autopilot: str) -> None:
+def test_a_search_descends_over_its_place_and_holds_there(autopilot: str) -> None:
     flight = flying(autopilot, up_m=40.0)
     flight.give(Search(*flight.place(30.0, 0.0), 40.0, 12.0, hold_s=8.0, radius_m=3.0))
     heights = []
@@ -93,7 +94,49 @@ def test_a_search_descends_holds_and_climbs_back(autopilot: str) -> None:
     low = [now for now, up_m, _ in heights if up_m < 13.1]
     assert 8.0 <= low[-1] - low[0] < 16.0
     assert all(off_m < 4.0 for _, up_m, off_m in heights if up_m < 35.0)
-    assert abs(heights[-1][1] - 40.0) < 4.0
+    assert abs(heights[-1][1] - 12.0) < 1.1
+
+
+@both
+def test_a_search_that_is_begun_again_over_its_place_goes_on_from_there(autopilot: str) -> None:
+    flight = flying(autopilot, up_m=40.0)
+    search = Search(*flight.place(30.0, 0.0), 40.0, 12.0, hold_s=8.0, radius_m=3.0)
+    flight.give(search)
+    flight.until(lambda: flight.vehicle.craft.up_m < 20.0)
+    flight.give(search)
+    highest_m = 0.0
+    while flight.outcome.status == "under_way":
+        flight.step()
+        highest_m = max(highest_m, flight.vehicle.craft.up_m)
+    assert flight.outcome.status == "done"
+    assert highest_m < 21.0
+
+
+HILL = {"home": Place(-24.0, -46.3, 300.0)}
+
+
+@both
+def test_altitudes_of_orders_are_above_the_sea_wherever_home_is(autopilot: str) -> None:
+    flight = VirtualFlight(autopilot, vehicle=HILL)
+    assert flight.fly(TakeOff(340.0)).status == "done"
+    assert flight.vehicle.craft.up_m == pytest.approx(40.0, abs=3.5)
+    assert flight.fly(GoTo(*flight.place(40.0, 0.0), 320.0, 3.0)).status == "done"
+    flight.wait(5.0)
+    assert flight.vehicle.craft.up_m == pytest.approx(20.0, abs=0.5)
+
+
+@both
+@pytest.mark.parametrize("up_m", [None, 25.0], ids=["here", "elsewhere"])
+def test_a_home_that_is_moved_in_flight_moves_no_target(autopilot: str, up_m: float | None) -> None:
+    flight = flying(autopilot, up_m=40.0)
+    flight.fly(go_to(flight, 40.0, 0.0, 40.0))
+    vehicle = flight.vehicle
+    vehicle.home = vehicle.craft.point if up_m is None else Point(5.0, 5.0, up_m)
+    vehicle.broadcast_home()
+    flight.wait(5.0)
+    assert flight.fly(go_to(flight, 60.0, 0.0, 40.0)).status == "done"
+    flight.wait(5.0)
+    assert vehicle.craft.up_m == pytest.approx(40.0, abs=0.5)
 
 
 @both
@@ -263,7 +306,7 @@ def test_messages_that_stop_to_come_are_asked_for_again() -> None:
     flight = VirtualFlight()
     flight.wait(10.0)
     # As after a restart of the autopilot.
-    flight._channel.stream_only(flight.vehicle.default_intervals_s, flight.now)
+    flight._channels[0].stream_only(flight.vehicle.default_intervals_s, flight.now)
     before = flight.now
     flight.wait(10.0)
     assert flight.state.position_s > before + 5.0
@@ -682,11 +725,11 @@ def test_px4_whose_home_moves_rests_at_the_top_of_its_climb_unasked(home_up_m: f
     flight = VirtualFlight("px4", alt_tolerance_m=1.0)
     flight.give(TakeOff(30.0))
     flight.until(lambda: flight.vehicle.craft.up_m > 15.0)
-    flight.vehicle.home_up_m = home_up_m
+    flight.vehicle.home = Point(0.0, 0.0, home_up_m)
     flight.until(lambda: flight.outcome.status != "under_way")
     assert flight.outcome.status == "done"
     assert flight.fly(go_to(flight, 40.0, 0.0, 30.0)).status == "done"
-    assert flight.vehicle.craft.up_m == pytest.approx(30.0 + home_up_m, abs=1.5)
+    assert flight.vehicle.craft.up_m == pytest.approx(30.0, abs=1.5)
 
 
 def test_a_hold_short_of_the_top_of_px4s_climb_is_a_persons() -> None:

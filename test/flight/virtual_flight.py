@@ -9,6 +9,7 @@ import itertools
 import math
 import random
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 from autopilot.main import make_vehicle
@@ -29,7 +30,7 @@ from dsse_ros.mavlink.messages import (
 )
 from msg_adapters.mission_items import FRAME_MISSION, MissionItem
 
-VEHICLE, OURSELVES = Address(1, 1), Address(245, 191)
+VEHICLE, OURSELVES, STATION = Address(1, 1), Address(245, 191), Address(255, 190)
 HEARTBEAT = Heartbeat(18, 8, 0, 0, 4, 3)
 STEP_S = 0.05
 
@@ -78,24 +79,44 @@ class VirtualFlight:
         self._codec = Codec(OURSELVES, VEHICLE)
         self._order = itertools.count()
         self._under_way: list[tuple[float, int, bool, bytes]] = []
-        self._channel = self.vehicle.connect(
-            lambda data: self._put(bytes(data), to_vehicle=False), datagram=True
-        )
+        self._vehicles = [self.vehicle]
+        self._channels = [self._connect(self.vehicle)]
+        self._station = Codec(STATION, VEHICLE)
         self._heartbeat_s = 0.0
+
+    def _connect(self, vehicle: Any) -> Any:
+        return vehicle.connect(lambda data: self._put(bytes(data), to_vehicle=False), datagram=True)
+
+    def add_twin(self, **settings: Any) -> Any:
+        """Return another vehicle with the same system id behind the same link."""
+        twin = make_vehicle(replace(self.vehicle.settings, **settings))
+        twin.advance(self.now)
+        twin.boot_s = self.now
+        twin.uid += 1000
+        self._vehicles.append(twin)
+        self._channels.append(self._connect(twin))
+        return twin
+
+    def send_from_station(self, message: Any) -> None:
+        """Have another ground station send the vehicle a message."""
+        for vehicle, channel in zip(self._vehicles, self._channels, strict=True):
+            vehicle.receive(channel, self._station.encode(message))
 
     # Time
 
     def step(self) -> None:
         """Let a moment pass."""
         self.now += STEP_S
-        self.vehicle.advance(self.now)
+        for vehicle in self._vehicles:
+            vehicle.advance(self.now)
         if self.now >= self._heartbeat_s:
             self._heartbeat_s = self.now + 1.0
             self._put(self._codec.encode(HEARTBEAT), to_vehicle=True)
         while self._under_way and self._under_way[0][0] <= self.now:
             _, _, to_vehicle, data = heapq.heappop(self._under_way)
             if to_vehicle:
-                self.vehicle.receive(self._channel, data)
+                for vehicle, channel in zip(self._vehicles, self._channels, strict=True):
+                    vehicle.receive(channel, data)
                 continue
             for message in self._codec.decode(data, self.now, datagram=True):
                 self.received.append(message)

@@ -245,7 +245,7 @@ def test_a_message_of_another_message_set_is_skipped() -> None:
             {
                 "target_system": 7,
                 "target_component": 1,
-                "coordinate_frame": 6,
+                "coordinate_frame": 5,
                 "type_mask": 3576,
                 "lat_int": -240000000,
                 "lon_int": -463000000,
@@ -253,7 +253,7 @@ def test_a_message_of_another_message_set_is_skipped() -> None:
             },
         ),
         (
-            SetPositionTarget(VEHICLE, -24.0, -46.3, 120.0, (3.0, -4.0), above_sea=True),
+            SetPositionTarget(VEHICLE, -24.0, -46.3, 120.0, (3.0, -4.0)),
             "SET_POSITION_TARGET_GLOBAL_INT",
             {"coordinate_frame": 5, "type_mask": 3520, "vx": 3.0, "vy": -4.0, "vz": 0.0},
         ),

@@ -107,9 +107,7 @@ def test_the_vehicles_get_what_the_flight_gives_them() -> None:
     assert parameters(lines["sim_node"], "sim_node")["autopilot"] == "px4"
 
 
-@pytest.mark.parametrize(
-    ("mode", "waits"), [("guided", True), ("mission", False), ("export", False)]
-)
+@pytest.mark.parametrize(("mode", "waits"), [("guided", True), ("mission", False)])
 def test_the_simulation_waits_for_vehicles_that_follow_it_and_for_no_others(
     mode: str, waits: bool
 ) -> None:
@@ -170,6 +168,22 @@ def test_a_node_that_has_failed_makes_the_launch_fail(code: int) -> None:
 @pytest.mark.parametrize("code", [0, -2])
 def test_a_node_that_has_finished_or_was_interrupted_does_not(code: int) -> None:
     assert isinstance(launching._end(Exited("sim_node-1", code), LaunchContext()), Shutdown)
+
+
+@pytest.mark.parametrize("code", [0, 1, -9, -11])
+def test_the_bridge_of_a_flight_outlives_planner_and_simulation(code: int) -> None:
+    context = LaunchContext()
+    assert launching.leave_to_bridge(Exited("planner_node-2", code), context) is None
+    if code:
+        with pytest.raises(RuntimeError, match=f"planner_node-2 ended with code {code}"):
+            launching._end(Exited("mavlink_bridge-3", 0), context)
+    else:
+        assert isinstance(launching._end(Exited("mavlink_bridge-3", 0), context), Shutdown)
+
+
+def test_a_node_of_a_flight_that_refuses_its_parameters_ends_it() -> None:
+    with pytest.raises(RuntimeError, match="planner_node-2 ended with code 2"):
+        launching.leave_to_bridge(Exited("planner_node-2", 2), LaunchContext())
 
 
 def test_a_recorder_that_has_failed_makes_the_launch_fail_at_its_end() -> None:

@@ -11,7 +11,6 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-import mission_reader
 import pytest
 from bridge_rig import (
     RIGHT,
@@ -351,49 +350,23 @@ def test_a_mission_is_flown_when_the_search_is_over(rig: Rig, autopilot: str, mo
         assert min(away_m(pose, (0, 3)) for pose in bridge.poses[0]) <= 10.0
 
 
-def test_a_search_that_was_over_before_the_bridge_was_there_is_written_whole(rig: Rig) -> None:
-    sim = rig.sim(SEARCHED | {"drones_positions": [0, 5], "timestep_limit": 2})
-    for _ in range(3):
-        fly(sim, UP)
-    bridge = rig.start("mavlink_bridge", {"mode": "export", "export_directory": str(rig.folder)})
-    rig.until(lambda: "2 files in" in bridge.output, "the files")
-    items = mission_reader.waypoints((rig.folder / "drone0.waypoints").read_text())
-    # Home, take-off, the first cell, the end of the leg, return.
-    assert len(items) == 5
-
-
 def test_a_search_whose_report_does_not_come_is_an_error_until_it_comes(rig: Rig) -> None:
-    sim = rig.sim(
-        SEARCHED | {"drones_positions": [0, 5], "timestep_limit": 1}, "-r", "mission_report:=kept"
-    )
-    for _ in range(2):
-        fly(sim, UP)
-    bridge = rig.start("mavlink_bridge", {"mode": "export", "export_directory": str(rig.folder)})
-    health_when(rig, "the search is over, and its mission_report has not come")
-    kept = rig.first(PointCloud2, "kept")
-    rig.talk(PointCloud2, "mission_report", LATCHED).publish(kept)
-    rig.until(lambda: "2 files in" in bridge.output, "the files")
-    health_when(rig, "following")
-
-
-def test_export_writes_the_search_to_files_and_flies_nothing(rig: Rig) -> None:
-    start = {"drones_positions": [0, 5, 3, 3], "timestep_limit": 2}
-    sim = rig.sim(SEARCHED | start)
-    folder = rig.folder / "bridge"
-    bridge = rig.start("mavlink_bridge", {"mode": "export", "export_directory": str(folder)})
-    health_when(rig, "following")
-    for actions in ((UP, SEARCH), (UP, RIGHT), (RIGHT, RIGHT)):
-        fly(sim, *actions)
-    rig.until(lambda: "files in" in bridge.output, "the files")
-    for i in range(2):
-        items = mission_reader.waypoints((folder / f"drone{i}.waypoints").read_text())
-        plan = mission_reader.plan((folder / f"drone{i}.plan").read_text())
-        assert len(items) == 1 + len(plan.items)
-        assert sorted({item.alt_m for item in items[1:-1]}) == ([30.0, 115.0] if i else [120.0])
+    with autopilots((), speedup=5.0, ready_s=5.0) as vehicles:
+        sim = rig.sim(
+            SEARCHED | {"drones_positions": [0, 5], "timestep_limit": 1},
+            "-r", "mission_report:=kept",
+        )  # fmt: skip
+        for _ in range(2):
+            fly(sim, UP)
+        Bridge(rig, vehicles, mode="mission")
+        health_when(rig, "the search is over, and its mission_report has not come")
+        kept = rig.first(PointCloud2, "kept")
+        rig.talk(PointCloud2, "mission_report", LATCHED).publish(kept)
+        health_when(rig, "following")
 
 
 def test_messages_that_make_no_sense_are_reported_once_and_end_nothing(rig: Rig) -> None:
-    bridge = rig.start("mavlink_bridge", {"mode": "export"})
+    bridge = rig.start("mavlink_bridge", {"state_directory": str(rig.folder / "state")})
     agents, report = (
         rig.talk(kind, topic, LATCHED)
         for kind, topic in ((String, "agents"), (PointCloud2, "step_report"))
@@ -449,7 +422,7 @@ def test_vehicles_for_another_number_of_drones_stay_where_they_are(rig: Rig) -> 
 @pytest.mark.parametrize(
     ("parameters", "line"),
     [
-        ({"mode": "auto"}, "mode must be one of guided, mission, export, got 'auto'"),
+        ({"mode": "auto"}, "mode must be one of guided, mission, got 'auto'"),
         ({"connections": ["udp:here"]}, "connections must be udpin:HOST:PORT, "),
         ({"connections": ["/dev/ttyS99,RKINT"]}, "connections must have a rate of "),
         ({"connections": ["tcp::5760"] * 2}, "connections must differ, got 'tcp::5760' for 2"),

@@ -32,6 +32,7 @@ WORLD = {
 LAYERS: dict[str, tuple[set[str], set[str]]] = {
     "dsse_ros": (set(), {"ros", "messages", "mavlink"}),
     "dsse_ros.checks": (set(), {"ros", "messages", "mavlink"}),
+    "dsse_ros.defects": (set(), {"ros", "messages", "mavlink"}),
     "dsse_ros.extras": (set(), {"ros", "messages", "mavlink"}),
     "dsse_ros.temporary": (set(), {"ros", "messages", "mavlink"}),
     "dsse_ros.private_files": (set(), {"ros", "messages", "mavlink"}),
@@ -166,6 +167,7 @@ LAYERS: dict[str, tuple[set[str], set[str]]] = {
             "dsse_ros.flight",
             "dsse_ros.mavlink",
             "dsse_ros.checks",
+            "dsse_ros.defects",
             "dsse_ros.private_files",
             "dsse_ros.whole_files",
             "msg_adapters",
@@ -180,6 +182,7 @@ LAYERS: dict[str, tuple[set[str], set[str]]] = {
             "dsse_ros.mavlink",
             "dsse_ros.mission",
             "dsse_ros.checks",
+            "dsse_ros.defects",
             "dsse_ros.private_files",
             "msg_adapters",
         },
@@ -194,7 +197,7 @@ LAYERS: dict[str, tuple[set[str], set[str]]] = {
         },
         {"ros", "messages", "mavlink"},
     ),
-    "dsse_ros.runtime": (WORLD | {"dsse_ros.runtime"}, {"mavlink"}),
+    "dsse_ros.runtime": (WORLD | {"dsse_ros.runtime", "dsse_ros.defects"}, {"mavlink"}),
     "dsse_ros.nodes": (
         WORLD
         | {
@@ -202,6 +205,7 @@ LAYERS: dict[str, tuple[set[str], set[str]]] = {
             "dsse_ros.runtime",
             "dsse_ros.bridge",
             "dsse_ros.dashboard",
+            "dsse_ros.defects",
             "dsse_ros.flight",
             "dsse_ros.mavlink",
             "dsse_ros.mission",

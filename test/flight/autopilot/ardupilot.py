@@ -219,13 +219,15 @@ class ArduCopter(Vehicle):
         return Land(self._metres("LAND_ALT_LOW"), max(0.1, self._metres("LAND_SPEED")))
 
     def way_home(self) -> Return:
-        here = self.craft.point
-        least_m = max(_RETURNS_ABOVE_M, here.up_m + self._metres("RTL_CLIMB_MIN"))
+        here, home = self.craft.point, self.home
+        above_m, away_m = here.up_m - home.up_m, self.craft.distance_m(home)
+        least_m = max(_RETURNS_ABOVE_M, above_m + self._metres("RTL_CLIMB_MIN"))
         up_m, slope = max(self._metres("RTL_ALT"), least_m), self.parameters["RTL_CONE_SLOPE"]
         if slope >= _LEAST_SLOPE:
             # Near home it does not climb all the way, but at least what it always climbs.
-            up_m = min(up_m, max(slope * math.hypot(*here[:2]), least_m))
-        return Return(here, up_m, None, self.parameters["RTL_LOIT_TIME"] / 1000, self.landing())
+            up_m = min(up_m, max(slope * away_m, least_m))
+        wait_s = self.parameters["RTL_LOIT_TIME"] / 1000
+        return Return(here, home, up_m, None, wait_s, self.landing())
 
     def acceptance_radius_m(self, item: Item) -> float:
         return self._metres("WPNAV_RADIUS")
@@ -307,6 +309,7 @@ class ArduCopter(Vehicle):
         self.send_text("Arming motors")
         self.start_motors()
         self._enter_mode()
+        self.home = self.craft.point
         self.broadcast_home()
         return ACCEPTED
 
@@ -325,10 +328,11 @@ class ArduCopter(Vehicle):
 
     def _nav_takeoff(self, command: Command) -> int:
         ready = self.armed and self.landed and self.mode is Mode.GUIDED
-        higher = command.z > self.craft.up_m and Point(0.0, 0.0, command.z).within_reach
+        up_m = self.home.up_m + command.z
+        higher = up_m > self.craft.up_m and Point(0.0, 0.0, up_m).within_reach
         if not ready or not higher:
             return FAILED
-        self.maneuver = self.take_off(command.z)
+        self.maneuver = self.take_off(up_m)
         return ACCEPTED
 
     def _do_reposition(self, command: Command) -> int:
@@ -338,7 +342,7 @@ class ArduCopter(Vehicle):
             return DENIED
         if not command.on_the_earth or command.frame not in ABSOLUTE_FRAMES | RELATIVE_FRAMES:
             return DENIED
-        up_m = height_m(command.z, command.frame, self.frame)
+        up_m = height_m(command.z, command.frame, self.frame, self.home.up_m)
         target = Point(*self.frame.horizontal(command.lat_deg, command.lon_deg), up_m)
         if not target.within_reach:
             return DENIED
@@ -388,7 +392,7 @@ class ArduCopter(Vehicle):
             # There is no terrain, so it continues its maneuver.
             return
         lat_deg, lon_deg = message.lat_int * 1e-7, message.lon_int * 1e-7
-        up_m = height_m(message.alt, frame, self.frame)
+        up_m = height_m(message.alt, frame, self.frame, self.home.up_m)
         target = Point(*self.frame.horizontal(lat_deg, lon_deg), up_m)
         known = frame in ABSOLUTE_FRAMES | RELATIVE_FRAMES
         on_the_earth = abs(lat_deg) <= 90 and abs(lon_deg) <= 180

@@ -18,6 +18,9 @@ if TYPE_CHECKING:
 _SPOOL_UP_S = 1.2
 _LAND_DETECTION_S = 2.0
 _REACHED_M = 0.3
+_GRAVITY_MPS2 = 9.81
+_FALL_MPS = 14.7
+"""As fast as ArduCopter's model falls with its motors off."""
 _POSITION_GAIN = 0.95
 """PX4's MPC_XY_P."""
 
@@ -59,6 +62,33 @@ class GoTo(Maneuver):
         """Whether the vehicle is as near as that, in height too."""
         height_m = abs(self.target.up_m - vehicle.craft.up_m)
         return max(vehicle.craft.distance_m(self.target), height_m) <= radius_m
+
+
+class CarriedAway(GoTo):
+    """Fly to a place against a wind that is too strong.
+
+    Args:
+        target: The place.
+        north_mps: Velocity over ground, likewise the next.
+    """
+
+    def __init__(self, target: Point, north_mps: float, east_mps: float) -> None:
+        super().__init__(target)
+        self._velocity = (north_mps, east_mps)
+
+    def step(self, vehicle: Vehicle, dt_s: float) -> None:
+        vehicle.craft.fly_with(*self._velocity, 0.0, vehicle.limits, dt_s)
+
+
+class Fall(Maneuver):
+    """Fall to the ground with dead motors, and lie there."""
+
+    def step(self, vehicle: Vehicle, dt_s: float) -> None:
+        craft = vehicle.craft
+        craft.up_mps = max(craft.up_mps - _GRAVITY_MPS2 * dt_s, -_FALL_MPS)
+        craft.up_m = max(craft.up_m + craft.up_mps * dt_s, 0.0)
+        if craft.up_m == 0.0:
+            craft.stop()
 
 
 class Velocity(Maneuver):
@@ -166,6 +196,7 @@ class Return(Maneuver):
 
     Args:
         here: Where from.
+        home: Where to.
         up_m: Height above home of the way; nothing descends to it.
         descend_to_up_m: Height above home to go down to before the wait, if any.
         wait_s: Time to wait over home.
@@ -173,13 +204,19 @@ class Return(Maneuver):
     """
 
     def __init__(
-        self, here: Point, up_m: float, descend_to_up_m: float | None, wait_s: float, land: Land
+        self,
+        here: Point,
+        home: Point,
+        up_m: float,
+        descend_to_up_m: float | None,
+        wait_s: float,
+        land: Land,
     ) -> None:
-        top_m = max(here.up_m, up_m)
-        over_home = Point(0.0, 0.0, top_m)
+        top_m = max(here.up_m, home.up_m + up_m)
+        over_home = home._replace(up_m=top_m)
         self._legs = [here._replace(up_m=top_m), over_home]
         if descend_to_up_m is not None:
-            self._legs.append(over_home._replace(up_m=min(top_m, descend_to_up_m)))
+            self._legs.append(over_home._replace(up_m=min(top_m, home.up_m + descend_to_up_m)))
         self._wait_s = wait_s
         self._land = land
         self.target = self._legs[0]

@@ -96,8 +96,15 @@ class Item:
         return point if point.within_reach else here
 
 
-def height_m(altitude_m: float, frame: int, local: LocalFrame) -> float:
-    """Return metres above home of an altitude in a MAV_FRAME; the sea is the only terrain."""
+def height_m(altitude_m: float, frame: int, local: LocalFrame, home_up_m: float = 0.0) -> float:
+    """Return metres above the first home of an altitude in a MAV_FRAME.
+
+    Args:
+        altitude_m: The altitude.
+        frame: The MAV_FRAME; the sea is the only terrain.
+        local: Where the first home is.
+        home_up_m: How much higher home is now.
+    """
     if frame in ABSOLUTE_FRAMES:
         return altitude_m - local.home.alt_amsl_m
-    return altitude_m
+    return home_up_m + altitude_m

@@ -238,12 +238,13 @@ class Px4(Vehicle):
     def way_home(self) -> Return:
         here, wait_s = self.craft.point, self.parameters["RTL_LAND_DELAY"]
         descend_up_m = self._height_m("RTL_DESCEND_ALT") if wait_s else None
-        return Return(here, self._return_up_m(), descend_up_m, wait_s, self.landing())
+        up_m = self._return_up_m()
+        return Return(here, self.home, up_m, descend_up_m, wait_s, self.landing())
 
     def _return_up_m(self) -> float:
         """Return the height above home to which it climbs before it flies home."""
         up_m, near_m = self._height_m("RTL_RETURN_ALT"), self.parameters["NAV_ACC_RAD"]
-        half_angle_deg, away_m = self.parameters["RTL_CONE_ANG"], math.hypot(*self.craft.point[:2])
+        half_angle_deg, away_m = self.parameters["RTL_CONE_ANG"], self.craft.distance_m(self.home)
         if half_angle_deg == 0 or away_m > max(near_m, self.parameters["RTL_MIN_DIST"]):
             return up_m
         if away_m <= near_m:

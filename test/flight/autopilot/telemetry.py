@@ -34,11 +34,11 @@ _FULL_V, _EMPTY_V = 12.6, 9.6
 
 
 def _ms(vehicle: Vehicle) -> int:
-    return int(vehicle.time_s * 1000)
+    return int(vehicle.uptime_s * 1000)
 
 
 def _us(vehicle: Vehicle) -> int:
-    return int(vehicle.time_s * 1e6)
+    return int(vehicle.uptime_s * 1e6)
 
 
 def _degrees_e7(vehicle: Vehicle) -> tuple[int, int]:
@@ -127,7 +127,7 @@ def global_position_int(vehicle: Vehicle) -> Message:
     craft = vehicle.craft
     return mavlink.MAVLink_global_position_int_message(
         _ms(vehicle), *_degrees_e7(vehicle), round(1000 * _amsl_m(vehicle)),
-        round(1000 * (craft.up_m - vehicle.home_up_m)),
+        round(1000 * (craft.up_m - vehicle.home.up_m)),
         round(100 * craft.north_mps), round(100 * craft.east_mps), round(-100 * craft.up_mps),
         round(100 * _course_deg(vehicle)) % 36000,
     )  # fmt: skip
@@ -195,7 +195,7 @@ def autopilot_version(vehicle: Vehicle) -> Message:
     version = vehicle.version
     return mavlink.MAVLink_autopilot_version_message(
         vehicle.capabilities, version[0] << 24 | version[1] << 16 | version[2] << 8 | 255,
-        0, 0, 0, nothing, nothing, nothing, 0, 0, vehicle.settings.system,
+        0, 0, 0, nothing, nothing, nothing, 0, 0, vehicle.uid,
     )  # fmt: skip
 
 
@@ -214,10 +214,9 @@ def estimator_status(vehicle: Vehicle) -> Message:
 def home_position(vehicle: Vehicle) -> Message | None:
     if not vehicle.has_position:
         return None
-    home = vehicle.frame.home
+    home = vehicle.home_place
     return mavlink.MAVLink_home_position_message(
-        round(home.lat_deg * 1e7), round(home.lon_deg * 1e7),
-        round(1000 * (home.alt_amsl_m + vehicle.home_up_m)),
+        round(home.lat_deg * 1e7), round(home.lon_deg * 1e7), round(1000 * home.alt_amsl_m),
         0.0, 0.0, 0.0, [1.0, 0.0, 0.0, 0.0], 0.0, 0.0, 0.0, _us(vehicle),
     )  # fmt: skip
 

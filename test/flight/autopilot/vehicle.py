@@ -17,8 +17,8 @@ from typing import ClassVar
 from .channel import Channel, Sender
 from .commands import ACCEPTED, DENIED, FAILED, UNSUPPORTED, Command
 from .faults import Fault, Schedule
-from .local_frame import LocalFrame
-from .maneuvers import Hold, Land, Maneuver, Return, TakeOff
+from .local_frame import LocalFrame, Place, Point
+from .maneuvers import Fall, Hold, Land, Maneuver, Return, TakeOff
 from .mission_items import Item
 from .mission_run import Mission, MissionRun
 from .mission_service import MissionService
@@ -71,7 +71,9 @@ class Vehicle(ABC):
         mission: What is stored.
         parameters: By name.
         limits: What it may do now.
-        home_up_m: How far it has moved the home that it reports up from where it stood.
+        home: Where its home is from where it stood first, as it or a person has moved it.
+        boot_s: Vehicle time at which its autopilot was started.
+        uid: Its own id.
     """
 
     autopilot: ClassVar[int]
@@ -94,7 +96,9 @@ class Vehicle(ABC):
         self.armed = False
         self.landed = True
         self.battery = 1.0
-        self.home_up_m = 0.0
+        self.home = Point(0.0, 0.0, 0.0)
+        self.boot_s = 0.0
+        self.uid = settings.system
         self.failsafes: set[str] = set()
         self.mission = Mission()
         self._speed_mps: float | None = None
@@ -113,6 +117,7 @@ class Vehicle(ABC):
         self._faults = Schedule(settings.faults)
         self._grounded_s = 0.0
         self._airborne_s: float | None = None
+        self._fall: Fall | None = None
         self._loses_requests = settings.requests_lost_s > 0
         self._had_position = False
         self._handlers: dict[str, Handler] = {
@@ -131,6 +136,7 @@ class Vehicle(ABC):
             mavlink.MAV_CMD_COMPONENT_ARM_DISARM: self._arm_disarm,
             mavlink.MAV_CMD_DO_SET_MODE: self._do_set_mode,
             mavlink.MAV_CMD_DO_CHANGE_SPEED: self._do_change_speed,
+            mavlink.MAV_CMD_DO_SET_HOME: self._do_set_home,
             mavlink.MAV_CMD_SET_MESSAGE_INTERVAL: self._set_message_interval,
             mavlink.MAV_CMD_GET_MESSAGE_INTERVAL: self._get_message_interval,
             mavlink.MAV_CMD_REQUEST_MESSAGE: self._request_message,
@@ -196,7 +202,7 @@ class Vehicle(ABC):
             self._steps += 1
             self.time_s = self._steps * STEP_S
             if self.armed:
-                self.maneuver.step(self, STEP_S)
+                (self._fall or self.maneuver).step(self, STEP_S)
             if self._steps % _TICK_STEPS == 0:
                 self._tick()
             for channel in self._channels:
@@ -249,12 +255,23 @@ class Vehicle(ABC):
     @property
     def ready(self) -> bool:
         """Whether it can be armed."""
-        return self.time_s >= self.settings.ready_s
+        return self.uptime_s >= self.settings.ready_s
 
     @property
     def has_position(self) -> bool:
         """Whether it knows where it is; that comes before it is ready."""
-        return self.settings.gps and self.time_s >= 0.6 * self.settings.ready_s
+        return self.settings.gps and self.uptime_s >= 0.6 * self.settings.ready_s
+
+    @property
+    def uptime_s(self) -> float:
+        """Time since its autopilot was started."""
+        return self.time_s - self.boot_s
+
+    @property
+    def home_place(self) -> Place:
+        """Where its home is."""
+        lat_deg, lon_deg = self.frame.geodetic(self.home.north_m, self.home.east_m)
+        return Place(lat_deg, lon_deg, self.settings.home.alt_amsl_m + self.home.up_m)
 
     @property
     @abstractmethod
@@ -297,6 +314,20 @@ class Vehicle(ABC):
     @abstractmethod
     def grounded_limit_s(self) -> float:
         """Time after which it disarms itself on the ground."""
+
+    # What befalls it
+
+    def power_cycle(self) -> None:
+        """Be switched off and on, on the ground."""
+        self.disarm()
+        self.boot_s, self._had_position = self.time_s, False
+        self.home = self.craft.point
+        for channel in self._channels:
+            channel.stream_only(self.default_intervals_s, self.time_s)
+
+    def lose_motors(self) -> None:
+        """Fall, and stay armed in the mode that there is, whatever is asked for."""
+        self._fall = Fall()
 
     # What maneuvers call
 
@@ -461,6 +492,17 @@ class Vehicle(ABC):
         if message is None:
             return FAILED
         command.sender.channel.send(message)
+        return ACCEPTED
+
+    def _do_set_home(self, command: Command) -> int:
+        if command.whole(1) == 1:
+            self.home = self.craft.point
+        elif command.on_the_earth:
+            up_m = command.z - self.frame.home.alt_amsl_m
+            self.home = Point(*self.frame.horizontal(command.lat_deg, command.lon_deg), up_m)
+        else:
+            return FAILED
+        self.broadcast_home()
         return ACCEPTED
 
     def _do_change_speed(self, command: Command) -> int:

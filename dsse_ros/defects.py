@@ -1,0 +1,28 @@
+# Copyright 2026 dsse_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""Unexpected exceptions: how they are described, and which of them are new."""
+
+from __future__ import annotations
+
+import traceback
+
+
+class Defects:
+    """Unexpected exceptions in one part of a program, so that each kind is logged once."""
+
+    def __init__(self) -> None:
+        self._known: set[tuple[type, str, int | None]] = set()
+
+    def is_new(self, error: Exception) -> bool:
+        """Return whether no exception of its type has come from the same line before."""
+        frames = traceback.extract_tb(error.__traceback__)
+        file, line = (frames[-1].filename, frames[-1].lineno) if frames else ("", 0)
+        kind = (type(error), file, line)
+        new = kind not in self._known
+        self._known.add(kind)
+        return new
+
+
+def describe(error: Exception) -> str:
+    """Return type and text of an exception."""
+    return f"{type(error).__name__}: {error}" if str(error) else type(error).__name__
