@@ -9,6 +9,7 @@ plane at the origin is 196 m above the ellipsoid 50 km away.
 
 from __future__ import annotations
 
+import math
 from functools import lru_cache
 from typing import Any
 
@@ -18,6 +19,7 @@ import pymap3d
 from dsse_ros.scenario.geodesy import Origin, surface_to_geodetic, through_ecef
 from msg_adapters.frames import F, GridFrame, cell_to_map
 
+_METRES_PER_DEGREE = 111_195.0
 _NEAR_SIDE_M = -6e6
 """Seen from the origin, the far side of the Earth has the same x and y once more."""
 
@@ -93,6 +95,16 @@ def cell_to_geodetic(frame: GridFrame, col: F, row: F, z_m: float | F) -> tuple[
 def cell_fix(frame: GridFrame, col: int, row: int) -> tuple[float, float, float]:
     """Return `cell_to_geodetic` at flight altitude, remembered: drones revisit few cells."""
     return map_to_geodetic(frame, *cell_to_map(frame, col, row), frame.alt_m)
+
+
+def offset_m(start: tuple[float, float], end: tuple[float, float]) -> tuple[float, float]:
+    """Return metres to north and east between places in degrees that are near each other.
+
+    It is exact to a thousandth of the distance, enough to compare it with a tolerance.
+    """
+    north_m = (end[0] - start[0]) * _METRES_PER_DEGREE
+    east_deg = (end[1] - start[1] + 180) % 360 - 180
+    return north_m, east_deg * _METRES_PER_DEGREE * math.cos(math.radians(start[0]))
 
 
 def _number(array: Any) -> Any:

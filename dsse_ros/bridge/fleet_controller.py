@@ -10,14 +10,13 @@ from __future__ import annotations
 
 import traceback
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, Literal, TypeVar
 
 from numpy.typing import NDArray
 
-from dsse_ros.bridge.airspace import Airspace, Flyer
 from dsse_ros.bridge.clearance import Clearance
 from dsse_ros.bridge.custody import MAY_ORDER, Custody
+from dsse_ros.bridge.fleet_airspace import FleetAirspace
 from dsse_ros.bridge.flight_plan import FlightPlan, MissionPlan
 from dsse_ros.bridge.flight_record import FlightRecord, SearchId
 from dsse_ros.bridge.flight_records import FlightRecords
@@ -27,12 +26,11 @@ from dsse_ros.bridge.vehicle_custody import VehicleCustody
 from dsse_ros.bridge.vehicle_follower import VehicleFollower
 from dsse_ros.defects import Defects, describe
 from dsse_ros.flight.autopilots import AUTOPILOTS
-from dsse_ros.flight.orders import FlyMission, GoTo, Hold
+from dsse_ros.flight.orders import FlyMission, Hold
 from dsse_ros.flight.vehicle_controller import Order
 from dsse_ros.scenario.fields import FieldError
 from msg_adapters.agents import AgentsInfo
 from msg_adapters.result import Rejected, Result
-from msg_adapters.separation import Point, places_of
 
 if TYPE_CHECKING:
     from dsse_ros.flight.vehicle import Vehicle
@@ -50,26 +48,6 @@ _NOT_ENDED = ("under_way", "silent", "done", "failed")
 
 Log = Callable[[Level, str], None]
 T = TypeVar("T")
-
-
-@dataclass
-class _Fleet:
-    """Numbers of the drones whose vehicles matter to others.
-
-    Attributes:
-        flying: In the air.
-        avoided: In the air, or about to take off.
-        unknown: Of these, those whose intent is not known: somebody else has them, or their link is
-            lost.
-        holding_up: To take off, but not ready.
-        climbing: On the ground or in the climb.
-    """
-
-    flying: set[int] = field(default_factory=set)
-    avoided: list[int] = field(default_factory=list)
-    unknown: set[int] = field(default_factory=set)
-    holding_up: list[int] = field(default_factory=list)
-    climbing: list[int] = field(default_factory=list)
 
 
 class FleetController:
@@ -108,8 +86,7 @@ class FleetController:
         ]
         # The id with which each vehicle has been identified.
         self._uids: list[str | None] = [None] * len(vehicles)
-        self._airspace: Airspace | None = None
-        self._seen: _Fleet | None = None
+        self._airspace = FleetAirspace(self.names, vehicles, self.followers, whole=self._whole)
         for i in range(len(vehicles)):
             self._adopt(i)
         self.plan: FlightPlan | None = None
@@ -211,7 +188,7 @@ class FleetController:
 
     def _begin(self, info: AgentsInfo, now_s: float) -> None:
         """Make the flight plan of a mission, and have the vehicles follow it."""
-        self._missions = {}
+        self._missions = self._airspace.missions = {}
         self._begun_s = now_s if self._begun_s is None else self._begun_s
         self._idle_s, self.holding = None, False
         try:
@@ -247,6 +224,7 @@ class FleetController:
         known = {i: home for i in going if (home := homes[i]) is not None}
         if len(known) == len(going):
             self._missions = plan.missions({i: search.track(i) for i in going}, known)
+            self._airspace.missions = self._missions
         for i in going:
             task = self._missions[i].task if i in self._missions else None
             self.followers[i].follow(search.final_legs[i], task)
@@ -289,7 +267,7 @@ class FleetController:
     ) -> tuple[bool, str]:
         done: dict[str, list[str]] = {}
         refused = []
-        self._airspace = self._seen = None
+        self._airspace.look_again()
         for i, (name, follower, _) in enumerate(self._each()):
             if drone in (None, i):
                 result = act(follower.custody)
@@ -319,7 +297,7 @@ class FleetController:
 
     def turn(self, now_s: float) -> None:
         """Give the vehicles the orders that are due."""
-        self._airspace = self._seen = None
+        self._airspace.look_again()
         self.handle_news(now_s)
         if self._begun_s is not None and not self._drained:
             quiet = now_s - max(self._begun_s, self._report_s) >= QUIET_S
@@ -397,95 +375,16 @@ class FleetController:
         return Clearance(
             search_alive=alive,
             take_off=self._reason_to_wait(i, plan) if self.followers[i].is_awaited else "",
-            home=self._way_home(i, plan),
-            admit=lambda order: self._admit(i, plan, order),
-            intruder=lambda order: self._intruder(i, plan, order),
+            home=self._airspace.way_home(i, plan),
+            admit=lambda order: self._airspace.admit(i, plan, order),
+            intruder=lambda order: self._airspace.intruder(i, plan, order),
         )
-
-    def _way_home(self, i: int, plan: FlightPlan) -> GoTo | None:
-        """Return the way home that does not cross the layers of others; None if there is none."""
-        others = self._fleet.flying - {i}
-        return plan.way_home(i, self._vehicles[i].state) if others and not self._whole else None
-
-    # Where the vehicles are
-
-    @property
-    def _fleet(self) -> _Fleet:
-        """What each vehicle has to know of all others, looked at once a turn."""
-        if self._seen is None:
-            self._seen = self._look_at_fleet()
-        return self._seen
-
-    def _look_at_fleet(self) -> _Fleet:
-        fleet = _Fleet()
-        for i, (_, follower, vehicle) in enumerate(self._each()):
-            state = vehicle.state
-            led = follower.custody.airborne or follower.takes_off
-            if state.flying:
-                fleet.flying.add(i)
-            if state.flying or led:
-                fleet.avoided.append(i)
-                if not (led and state.connected):
-                    fleet.unknown.add(i)
-            if follower.holds_up:
-                fleet.holding_up.append(i)
-            # In a mission a vehicle cannot wait on its way up.
-            climbs = follower.mission_under_way and not follower.risen
-            if climbs or follower.takes_off or follower.is_awaited:
-                fleet.climbing.append(i)
-        return fleet
-
-    def _look_around(self, plan: FlightPlan) -> Airspace:
-        """Return the space that the vehicles take, gathered once a turn."""
-        if self._airspace is None:
-            drones = [i for i in self._fleet.avoided if self._vehicles[i].state.has_position]
-            states = [self._vehicles[i].state for i in drones]
-            places = places_of(plan.frames[0], [(one.lat_deg, one.lon_deg) for one in states])
-            self._airspace = Airspace(
-                {i: self._flyer(i, plan, place) for i, place in zip(drones, places, strict=True)}
-            )
-        return self._airspace
-
-    def _admit(self, i: int, plan: FlightPlan, order: Order) -> Order | str:
-        if not self._vehicles[i].state.has_position:
-            return order
-        airspace, flyer = self._look_around(plan), self._flyer(i, plan)
-        admitted = airspace.admit(i, flyer, order)
-        if not isinstance(admitted, str):
-            airspace.update(i, replace(flyer, order=admitted))
-        return admitted
-
-    def _intruder(self, i: int, plan: FlightPlan, order: Order | None) -> str:
-        unknown = self._fleet.unknown - {i}
-        if not unknown or not self._vehicles[i].state.has_position:
-            return ""
-        return self._look_around(plan).intruder(i, self._flyer(i, plan), order)
-
-    def _flyer(self, i: int, plan: FlightPlan, place: Point | None = None) -> Flyer:
-        follower, mission = self.followers[i], self._missions.get(i)
-        flies = mission is not None and (follower.mission_under_way or follower.takes_off)
-        spaces = mission.spaces if mission is not None and flies else ()
-        state = self._vehicles[i].state
-        if place is None:
-            (place,) = places_of(plan.frames[i], [(state.lat_deg, state.lon_deg)])
-        return Flyer(
-            self.names[i], state, place, follower.under_way, plan.frames[i], plan.datum_m, spaces,
-            known=i not in self._fleet.unknown,
-        )  # fmt: skip
 
     def _reason_to_wait(self, i: int, plan: FlightPlan) -> str:
         """Return why a vehicle has to wait with its take-off; empty if it need not."""
         if not self._whole and not self.search.commanded:
             return "waiting for the first commands of a planner"
-        fleet, alt_m = self._fleet, plan.frames[i].alt_m
-        for j in fleet.holding_up:
-            if j != i:
-                return f"waiting for {self.names[j]}: {self.followers[j].blocked or 'not ready'}"
-        for j in fleet.climbing if self._whole else ():
-            # Vehicles in higher layers climb first.
-            if plan.frames[j].alt_m > alt_m:
-                return f"waiting for {self.names[j]}, which takes off first"
-        return ""
+        return self._airspace.reason_to_wait(i, plan)
 
     def _keep_record(self, i: int) -> None:
         """Write the record of a vehicle for a restarted bridge."""
@@ -511,9 +410,7 @@ class FleetController:
         timeout_s = self._settings.planner_timeout
         if self._whole or timeout_s <= 0 or self.holding:
             return
-        going = [
-            one for one in self.followers if one.leg is not None and not (one.leg.over or one.lost)
-        ]
+        going = [follower for follower in self.followers if follower.follows_leg]
         if not going or not all(follower.waiting for follower in going):
             self._idle_s = None
             return

@@ -45,7 +45,7 @@ class FollowedSearch:
     Args:
         vehicles: Number of drones that the search must have.
         whole: Whether to wait for the tracks of the whole mission, once it is over.
-        refuse: Returns why another search, or the followed one if it is described anew, may not
+        refuse: Returns why another search, or the followed one if it is described again, may not
             be followed now; empty if it may.
 
     Attributes:

@@ -4,21 +4,24 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 from dsse_ros.bridge.fence import Fence, check_mission, check_place
 from dsse_ros.flight.autopilots import Autopilot
 from dsse_ros.flight.orders import FlyMission, GoTo, Search
 from dsse_ros.flight.vehicle_controller import Order
+from dsse_ros.flight.vehicle_state import VehicleState
 from dsse_ros.mission.vehicle_missions import FlightSettings
 from msg_adapters.frames import GridFrame
-from msg_adapters.geodesy import cell_to_geodetic
+from msg_adapters.geodesy import cell_to_geodetic, offset_m
 from msg_adapters.mission_items import NAV_WAYPOINT, Mission
 from msg_adapters.result import Accepted, Rejected, Result
 from msg_adapters.track_missions import Leg, acceptance_radius_m
 
 Task = tuple[Order, ...]
 """Orders, one after the other."""
+_OVER_HOME_M = 15.0
 
 
 def leg_task(
@@ -72,3 +75,21 @@ def mission_task(
         )
     hold_item = len(items) - 2 if holds_over_home else -1
     return Accepted((FlyMission(tuple(items), hold_item=hold_item),))
+
+
+def waits_over_home(order: Order | None, state: VehicleState, autopilot: Autopilot) -> bool:
+    """Return whether a vehicle has flown its mission except for the landing.
+
+    Args:
+        order: The order of its task that is due.
+        state: What it reports.
+        autopilot: Autopilot of the vehicle.
+    """
+    if not isinstance(order, FlyMission) or order.hold_item < 0 or not state.has_position:
+        return False
+    if state.mode != autopilot.mission_mode:
+        # The item stays the current one if a person ends the mission.
+        return False
+    item = order.items[order.hold_item]
+    away = offset_m((state.lat_deg, state.lon_deg), (item.lat_deg, item.lon_deg))
+    return state.item_current == order.hold_item and math.hypot(*away) <= _OVER_HOME_M

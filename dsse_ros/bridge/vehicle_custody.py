@@ -8,15 +8,16 @@ This module recognises the events of `custody`. The `FlightRecord` outlasts the 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Iterable, Mapping
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 from typing import Literal
 
 from dsse_ros.bridge.custody import AIRBORNE, Custody, Event, next_custody
 from dsse_ros.bridge.flight_record import FlightRecord, SearchId
 from dsse_ros.bridge.foreign_acts import foreign_act
+from dsse_ros.bridge.own_modes import OwnModes
 from dsse_ros.flight.autopilots import Autopilot
-from dsse_ros.flight.orders import FlyMission, Land, Return, TakeOff
+from dsse_ros.flight.orders import FlyMission
 from dsse_ros.flight.vehicle_controller import Outcome
 from dsse_ros.flight.vehicle_state import VehicleState
 from msg_adapters.result import Accepted, Rejected, Result
@@ -24,8 +25,6 @@ from msg_adapters.result import Accepted, Rejected, Result
 Arm = Literal["false", "true", "always"]
 """Which searches clear a vehicle: the first one, and a person arms it (`false`) or the bridge does
 (`true`), or each one (`always`)."""
-COMING_DOWN: Mapping[str, str] = {"return": "RTL", "land": "LAND"}
-"""Modes in which a vehicle comes down by itself, by the operator's command."""
 _ENDS_ON_THE_GROUND = (Custody.FAILSAFE, Custody.RELEASED)
 CONTINUES = ("", "offboard", "radio", "gcs")
 """Failsafes after which the bridge goes on with an autopilot that stays in its mode, or brings it
@@ -41,8 +40,6 @@ _OFF_THE_GROUND_M = 2.0
 _DISARMED_BEATS = 2
 """Heartbeats that prove that it was disarmed: one may be that of another vehicle with its id."""
 _KEPT = "kept on the ground"
-RISEN_M = 3.0
-"""Distance below its take-off altitude from which a vehicle counts as having taken off."""
 
 
 class VehicleCustody:
@@ -76,7 +73,7 @@ class VehicleCustody:
         whole: bool = False,
     ) -> None:
         self._autopilot = autopilot
-        self._at_end = at_end
+        self._modes = OwnModes(autopilot, at_end, whole=whole)
         self._arm = arm
         self.record = record
         self._changed = changed
@@ -281,7 +278,7 @@ class VehicleCustody:
     def operate(self, what: str) -> Result[str]:
         """Make it `hold`, `return` or `land`; returns what was done, or why not.
 
-        A vehicle that the bridge has launched always comes down, whoever has it.
+        A vehicle that the bridge has launched always comes down, in anybody's hands.
         """
         if self.state is Custody.CLEARED and self.seen.armed:
             self.on(Event.LIFT_OFF)
@@ -345,41 +342,25 @@ class VehicleCustody:
             self._observe_motors(state, takes_off=takes_off)
             mode = state.mode if self.airborne else ""
             # Do not record a mode that somebody else has set before it is known who has.
-            ours = not mode or (known and self._is_ours(mode, outcome))
+            ours = not mode or (known and self._modes.is_ours(state, self.record, outcome))
             if ours and mode != self.record.mode:
                 self.record = replace(self.record, mode=mode)
 
-    def _is_ours(self, mode: str, outcome: Outcome) -> bool:
-        """Return whether an order of the bridge may have caused a mode."""
-        autopilot, order = self._autopilot, outcome.order
-        if self._whole:
-            return order is not None or mode in autopilot.mission_modes
-        climbs = isinstance(order, TakeOff) and outcome.status != "done"
-        if self.record.mode == autopilot.take_off_mode:
-            climbs |= self.seen.alt_amsl_m < self.record.top_amsl_m - RISEN_M
-        if climbs and autopilot.take_off_mode and mode == autopilot.resting_mode:
-            # Before the top of the climb, only a person can have set this mode.
-            return False
-        coming_down: Collection[str] = ()
-        if isinstance(order, Return | Land):
-            coming_down = ["RTL" if isinstance(order, Return) else "LAND"]
-        elif order is None and self.state in (Custody.ENDING, Custody.RECALLED):
-            # An earlier program may have given the order.
-            coming_down = COMING_DOWN.values()
-        before = () if self.record.mode in coming_down else autopilot.take_off_modes
-        return mode in coming_down or mode in before
+    def _observe_since_record(self, state: VehicleState) -> bool:
+        """Recognise a mode that somebody else has set since an earlier program recorded one.
+
+        Returns:
+            Whether that can be decided already.
+        """
+        ours = self._modes.is_result(state, self.record, self._inherited)
+        if ours is False:
+            self._lose_to_others(state)
+        return ours is not None
 
     def _observe_without_order(self, state: VehicleState, outcome: Outcome) -> None:
         """Recognise that somebody else has a vehicle that an earlier program flew."""
-        usual = self._autopilot.take_off_modes
-        going = self.state is Custody.FOLLOWING and self._whole
-        if going and self.record.mode in self._autopilot.mission_modes:
-            # It has begun its mission, which goes on without the bridge.
-            usual = self._autopilot.mission_modes
-        elif self.state in (Custody.ENDING, Custody.RECALLED) or self._whole:
-            usual |= self._autopilot.landed_modes
         ordered = outcome.order is not None or not (self.airborne and state.connected)
-        orderly = state.mode in usual and state.failsafe in CONTINUES
+        orderly = self._modes.fits(state.mode, self.record) and state.failsafe in CONTINUES
         if ordered or orderly or not (state.armed or state.flying):
             self._foreign_since_s = None
             return
@@ -431,50 +412,6 @@ class VehicleCustody:
             # An autopilot that does not report the number reports 0.
             if state.item_total == items != self.record.items:
                 self.record = replace(self.record, items=items)
-
-    def _observe_since_record(self, state: VehicleState) -> bool:
-        """Recognise that somebody else has changed the mode since an earlier program recorded it.
-
-        Returns:
-            Whether that can be decided already.
-        """
-        autopilot, record = self._autopilot, self.record
-        if self._whole or not state.armed or record.mode in ("", state.mode):
-            return True
-        brought_about: frozenset[str] = autopilot.orderly_modes
-        going = record.mode in autopilot.take_off_modes - {autopilot.resting_mode}
-        if going and state.failsafe:
-            # After missed setpoints the vehicle may have left the guided mode for any of these.
-            brought_about |= autopilot.setpoint_loss_modes
-        elif self._inherited is Custody.FOLLOWING and not going:
-            # The vehicle was armed for its take-off, so the take-off can have changed the mode.
-            brought_about |= autopilot.take_off_modes
-        elif record.mode == autopilot.guided_mode and not self._holds:
-            brought_about = frozenset({autopilot.guided_mode})
-        # The record of the earlier program shows which order it gave.
-        if self._inherited is Custody.RECALLED:
-            ordered = {COMING_DOWN[record.end or "return"]}
-            brought_about = brought_about | ordered if going else frozenset(ordered)
-        elif self._inherited is Custody.ENDING:
-            comes_down = record.mode in COMING_DOWN.values()
-            brought_about |= {COMING_DOWN.get(self._at_end, record.mode)}
-            brought_about = frozenset() if comes_down else brought_about
-        elif self._inherited is Custody.HELD and not going:
-            brought_about = frozenset({autopilot.resting_mode})
-        if record.mode == autopilot.take_off_mode and state.mode == autopilot.resting_mode:
-            if not state.has_position:
-                return False
-            if state.alt_amsl_m < record.top_amsl_m - RISEN_M:
-                brought_about = frozenset()
-        if state.mode not in brought_about:
-            self._lose_to_others(state)
-        return True
-
-    @property
-    def _holds(self) -> bool:
-        """Whether an earlier program may have ordered it to hold."""
-        at_end = self._inherited is Custody.ENDING and self._at_end == "hold"
-        return at_end or self._inherited is Custody.HELD
 
     def rest(self) -> None:
         """Record, as the program ends, that it is ordered to hold."""

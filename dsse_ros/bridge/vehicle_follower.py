@@ -14,19 +14,21 @@ from typing import cast
 
 from dsse_ros.bridge.clearance import Clearance
 from dsse_ros.bridge.custody import MAY_ORDER, Custody, Event
-from dsse_ros.bridge.fence import Fence, check_horizontal, check_take_off
+from dsse_ros.bridge.fence import Fence
 from dsse_ros.bridge.flight_record import FlightRecord, SearchId
+from dsse_ros.bridge.given_order import GivenOrder
+from dsse_ros.bridge.leg_progress import LegProgress
+from dsse_ros.bridge.own_modes import COMING_DOWN, RISEN_M
+from dsse_ros.bridge.place_watch import Low, PlaceWatch
 from dsse_ros.bridge.settings import BridgeSettings
-from dsse_ros.bridge.tasks import Task
+from dsse_ros.bridge.take_off import lacks, reason_to_stay, unready
+from dsse_ros.bridge.tasks import Task, waits_over_home
 from dsse_ros.bridge.vehicle_custody import (
-    COMING_DOWN,
     CONTINUES,
-    RISEN_M,
     Arm,
     VehicleCustody,
 )
 from dsse_ros.flight.autopilots import AUTOPILOTS
-from dsse_ros.flight.offset import offset_m
 from dsse_ros.flight.orders import (
     FlyMission,
     GoTo,
@@ -39,22 +41,12 @@ from dsse_ros.flight.orders import (
 )
 from dsse_ros.flight.vehicle_controller import Order, Outcome
 from dsse_ros.flight.vehicle_state import VehicleState
-from msg_adapters.result import Accepted, Rejected, Result
+from msg_adapters.result import Result
 from msg_adapters.track_missions import Leg
 
-TRIES = 3
-"""How often a failing order is given."""
-RETRY_S = 5.0
 CRITICAL_S = 5.0
 """Time in which an autopilot that is critical without giving a reason may recover."""
 
-_OVER_HOME_M = 15.0
-_AWAY_S = 2.0
-"""How long a vehicle may be out of its place, or of the fence: a fault of the GPS ends sooner."""
-_AWAY_M = 5.0
-"""How far out of its place, or beyond a limit of altitude, a vehicle may be."""
-_CLIMBS_MPS = 0.3
-"""Speed above which a vehicle is certain to climb."""
 _ENDS: dict[str, Order] = {"return": Return(), "land": Land(), "hold": Hold()}
 
 
@@ -67,8 +59,7 @@ class VehicleFollower:
 
     Attributes:
         custody: Who has it.
-        leg: The current leg, None before the first step.
-        arrived: Whether it has done all of the leg.
+        progress: How far it is with the current leg.
         no_take_off: Why it must not take off from where it stands; empty if it may.
         blocked: What keeps it from doing what it should; empty if nothing does.
         ready: Whether it could take off now if the other vehicles allow it.
@@ -77,16 +68,12 @@ class VehicleFollower:
         leaves_layer: Why it would leave its layer to return by itself; empty if it would not.
     """
 
-    def __init__(
-        self,
-        settings: BridgeSettings,
-        record: FlightRecord | None = None,
-    ) -> None:
+    def __init__(self, settings: BridgeSettings, record: FlightRecord | None = None) -> None:
         self._settings = settings
         self._autopilot = AUTOPILOTS[settings.autopilot]
         self._whole = settings.mode == "mission"
         self._top_amsl_m = 0.0
-        self._highest_amsl_m = -math.inf
+        self._place_watch = PlaceWatch()
         self._fence: Fence | None = None
         self.leaves_layer = ""
         self._forget_search()
@@ -100,33 +87,18 @@ class VehicleFollower:
         )
 
     def _forget_search(self) -> None:
-        self.leg: Leg | None = None
-        self.arrived = False
+        self.progress = LegProgress()
         self.no_take_off = ""
         self.blocked = ""
         self.ready = False
         self.risen = False
         self.finished = False
-        self._task: Task = ()
-        self._task_refused = ""
-        self._stage = 0
-        self._holding = False
-        # Since when it has been out of its place, outside the fence, and too low.
-        self._away_since_s = self._outside_since_s = self._low_since_s = math.inf
-        # Whether the search was already over at the first leg; None before that.
-        self._late: bool | None = None
-        self._blocked_since_s: float | None = None
+        self._blocked_since_s = math.inf
         self._forget_order()
 
     def _forget_order(self) -> None:
-        # The last order, and what it was given for: the wanted order, and the stamp of its leg if
-        # each leg needs the order again.
-        self._given: Order | None = None
-        self._given_for: tuple[Order, int] | None = None
-        self._done = False
-        self._tries = 0
-        self._failed_s: float | None = None
-        self._critical_since_s: float | None = None
+        self._given = GivenOrder()
+        self._critical_since_s = math.inf
 
     # The search
 
@@ -158,23 +130,11 @@ class VehicleFollower:
             leg: The leg.
             task: The task, or why the vehicle may not do it; None if it is not known yet.
         """
-        before = self.leg
-        known = self.has_task or task is None
-        if before and known and (leg.stamp_ns, leg.cell) == (before.stamp_ns, before.cell):
-            # The step was reported again: only the end of the search may be new.
-            self.leg = leg
-            return
-        self.leg, self._holding, self.arrived = leg, False, False
-        self._task = task.value if isinstance(task, Accepted) else ()
-        self._task_refused = task.reason if isinstance(task, Rejected) else ""
-        looked = self.custody.record.looked_ns == leg.stamp_ns
-        self._stage = 1 if looked and len(self._task) > 1 else 0
-        if self._late is None:
-            self._late = leg.over and not self._whole
+        self.progress.follow(leg, task, self.custody.record.looked_ns)
 
     def hold(self) -> None:
         """Hold until the next leg."""
-        self._holding = True
+        self.progress.holding = True
 
     def replace_vehicle(self, record: FlightRecord) -> None:
         """Follow with another vehicle that has turned out to be connected.
@@ -183,7 +143,7 @@ class VehicleFollower:
             record: That vehicle's record.
         """
         self._forget_order()
-        self.risen = self.arrived = False
+        self.risen = self.progress.arrived = False
         self.custody.replace_vehicle(record)
 
     def drop_out(self, why: str) -> None:
@@ -194,7 +154,7 @@ class VehicleFollower:
     @property
     def refused(self) -> str:
         """Why the task, or the take-off, is refused; empty if it is not."""
-        return f"take-off: {self.no_take_off}" if self.no_take_off else self._task_refused
+        return f"take-off: {self.no_take_off}" if self.no_take_off else self.progress.refused
 
     @property
     def lost(self) -> str:
@@ -204,22 +164,23 @@ class VehicleFollower:
     @property
     def arrived_stamp_ns(self) -> int:
         """Stamp of the leg if the vehicle has done all of it; else -1."""
-        return self.leg.stamp_ns if self.leg is not None and self.arrived else -1
+        return self.progress.stamp_ns if self.progress.arrived else -1
 
     @property
     def waiting(self) -> bool:
         """Whether it has nothing to do until the next step."""
-        return self.leg is None or self.arrived or self.leg.over or bool(self.lost or self.refused)
+        return not self.follows_leg or self.progress.arrived or bool(self.refused)
 
     @property
-    def has_task(self) -> bool:
-        """Whether the task for the leg is known, even if it is refused."""
-        return bool(self._task or self._task_refused)
+    def follows_leg(self) -> bool:
+        """Whether it follows its drone in a search that goes on."""
+        leg = self.progress.leg
+        return leg is not None and not (leg.over or self.lost)
 
     @property
     def mission_under_way(self) -> bool:
         """Whether it flies its search as a mission."""
-        return self._whole and self.custody.state is Custody.FOLLOWING and not self.arrived
+        return self._whole and self.custody.state is Custody.FOLLOWING and not self.progress.arrived
 
     @property
     def holds_up(self) -> bool:
@@ -229,24 +190,24 @@ class VehicleFollower:
     @property
     def takes_off(self) -> bool:
         """Whether it was ordered to take off, and is on the ground."""
-        ordered = isinstance(self._given, TakeOff | FlyMission)
+        ordered = isinstance(self._given.order, TakeOff | FlyMission)
         return ordered and self.custody.state is Custody.CLEARED
 
     @property
     def given(self) -> Order | None:
         """The last order; None if there is none, or it is void."""
-        return self._given
+        return self._given.order
 
     @property
     def under_way(self) -> Order | None:
         """The order that it is carrying out; None if it has done it, or has none."""
-        return None if self._done else self._given
+        return self._given.under_way
 
     @property
     def is_awaited(self) -> bool:
         """Whether it should take off for the followed search."""
         custody = self.custody
-        return self.leg is not None and not custody.airborne and not custody.is_out
+        return self.progress.leg is not None and not custody.airborne and not custody.is_out
 
     # Time
 
@@ -282,63 +243,45 @@ class VehicleFollower:
         """Let time pass while it is not known which vehicle is connected."""
         self._await_take_off(state, Outcome(), now_s, trouble, Clearance())
 
-    @property
-    def _wanted_task(self) -> Order | None:
-        """The order of the task that is due; None without a task."""
-        return self._task[self._stage] if self._task else None
-
     def _look(self, outcome: Outcome, now_s: float) -> None:
         """Handle the outcome of the order."""
-        if self._given is None or outcome.order != self._given:
-            return
-        self._done = outcome.status == "done"
-        wanted = self._wanted_task
-        if self._done and wanted is not None and self._given_for == self._stamped(wanted):
-            self._advance_task()
-        if outcome.status == "failed" and self._failed_s is None:
-            self._failed_s = now_s
-            # A mission that is started again would fly the whole search again.
-            last = self._tries >= TRIES or outcome.final or isinstance(self._given, FlyMission)
-            if last and not self.lost:
-                self.drop_out(f"failed: {outcome.reason}")
-
-    def _advance_task(self) -> None:
-        """Go on to the next order of the task, or be there."""
-        if isinstance(self._wanted_task, Search) and self.leg is not None:
-            self.custody.look_done(self.leg.stamp_ns)
-        if self._stage + 1 < len(self._task):
-            self._stage += 1
-        else:
-            self.arrived = True
+        given, due = self._given, self.progress.due
+        fails = given.look(outcome, now_s)
+        if given.done and due is not None and given.wanted == self._stamped(due):
+            if isinstance(due, Search):
+                self.custody.look_done(self.progress.stamp_ns)
+            self.progress.advance()
+        if fails and not self.lost:
+            self.drop_out(f"failed: {outcome.reason}")
 
     def _set_over(self) -> None:
         """Recognise whether this vehicle has nothing left to do in the search."""
-        custody, leg = self.custody, self.leg
+        custody, progress, leg = self.custody, self.progress, self.progress.leg
         if leg is None or not leg.over:
             custody.over = False
         elif self._whole:
             record = custody.record
             landed = record.flown and record.search == custody.search and not custody.airborne
-            custody.over = self.arrived or landed
+            custody.over = progress.arrived or landed
         else:
-            nothing_left = self.arrived or not self._task or leg.crashed or bool(self._late)
+            done = progress.arrived or progress.late or leg.crashed
+            nothing_left = done or not progress.task
             custody.over = nothing_left or custody.state is not Custody.FOLLOWING
 
     def _watch(self, state: VehicleState, now_s: float, trouble: str) -> None:
         """Recognise whether the vehicle cannot follow its drone any further, or need not."""
         custody = self.custody
         self.risen |= state.has_position and state.alt_amsl_m > self._top_amsl_m - RISEN_M
-        if self.mission_under_way and self._waits_over_home(state):
-            self.arrived = custody.over = True
+        if self.mission_under_way and waits_over_home(self.progress.due, state, self._autopilot):
+            self.progress.arrived = custody.over = True
         if custody.over and custody.record.search == custody.search:
             custody.on(Event.SEARCH_OVER)
         if not (custody.airborne or custody.state is Custody.CLEARED):
             return
         if state.connected and state.flying and state.has_position:
-            self._highest_amsl_m = max(self._highest_amsl_m, state.alt_amsl_m)
             self._watch_place(state, now_s)
         elif not state.flying:
-            self._highest_amsl_m = -math.inf
+            self._place_watch = PlaceWatch()
         because = f": {trouble}" if trouble else ""
         silent = bool(state.mode) and not state.connected
         if state.problem or state.identity.twins:
@@ -353,90 +296,53 @@ class VehicleFollower:
 
     def _watch_place(self, state: VehicleState, now_s: float) -> None:
         """Recognise whether it has left its place, the fence or the air without an order."""
-        custody, fence = self.custody, self._fence
-        self._away_since_s = _since(self._away_since_s, now_s, when=self._is_away(state))
-        if now_s - self._away_since_s >= _AWAY_S:
+        custody, fence, watch = self.custody, self._fence, self._place_watch
+        progress, task = self.progress, self.progress.due
+        stays = progress.arrived and custody.state is Custody.FOLLOWING
+        if watch.has_left(task if stays and isinstance(task, GoTo) else None, state, now_s):
             # It is ordered there again.
-            self.arrived, self._given_for = False, None
+            progress.arrived, self._given.wanted = False, None
         if fence is None or not custody.airborne:
             return
-        self._low_since_s = _since(self._low_since_s, now_s, when=self._falls(state, fence))
-        if now_s - self._low_since_s >= _AWAY_S:
+        if watch.falls(state, now_s, fence, self._low_reason(state)):
             custody.fall(f"fell to {state.alt_m:.0f} m above home without an order")
-            self.arrived = False
-            return
-        outside = self._outside(state, fence)
-        self._outside_since_s = _since(self._outside_since_s, now_s, when=bool(outside))
-        if now_s - self._outside_since_s >= _AWAY_S and custody.state is Custody.FOLLOWING:
-            self.drop_out(f"outside the fence: {outside}")
+            progress.arrived = False
+        elif not self._whole:
+            # A mission goes on without the bridge, and all of it is checked before.
+            outside = watch.outside(state, now_s, fence)
+            if outside and custody.state is Custody.FOLLOWING:
+                self.drop_out(f"outside the fence: {outside}")
 
-    def _falls(self, state: VehicleState, fence: Fence) -> bool:
-        """Return whether it is too low without an order to be there."""
+    def _low_reason(self, state: VehicleState) -> Low:
+        """Return why it may be below the lowest altitude."""
         custody = self.custody
-        ordered = custody.state is Custody.RECALLED or isinstance(self._given, Return | Land)
+        ordered = custody.state is Custody.RECALLED or isinstance(self._given.order, Return | Land)
         if self._whole:
             # The last item brings it down.
             last = custody.record.items - 1 + self._autopilot.first_item
             ordered |= not custody.record.items or state.item_current >= last
         if ordered or state.mode in COMING_DOWN.values():
-            return False
-        climbing = isinstance(self._given, TakeOff) and not self._done
-        lost_height = self._highest_amsl_m - state.alt_amsl_m > _AWAY_M
-        falls = lost_height or not (climbing or self.risen or state.climb_mps > _CLIMBS_MPS)
-        return falls and state.alt_amsl_m < fence.min_amsl_m - _AWAY_M
-
-    def _is_away(self, state: VehicleState) -> bool:
-        """Return whether it is not where it has arrived."""
-        place = self._wanted_task
-        stays = self.arrived and self.custody.state is Custody.FOLLOWING
-        if not (stays and isinstance(place, GoTo)):
-            return False
-        here, there = (state.lat_deg, state.lon_deg), (place.lat_deg, place.lon_deg)
-        away_m = math.hypot(*offset_m(here, there)) - place.radius_m
-        return max(away_m, abs(state.alt_amsl_m - place.alt_amsl_m)) > _AWAY_M
-
-    def _outside(self, state: VehicleState, fence: Fence) -> str:
-        """Return why it is outside the fence; empty if it is inside."""
-        if self._whole:
-            # A mission goes on without the bridge, and all of it is checked before.
-            return ""
-        refused = check_horizontal(state.lat_deg, state.lon_deg, fence)
-        if refused:
-            return refused.reason
-        if state.alt_amsl_m > fence.max_amsl_m + _AWAY_M:
-            return f"altitude must be at most {fence.max_amsl_m:g} m, got {state.alt_amsl_m:.0f}"
-        return ""
+            return Low.ORDERED
+        climbs = isinstance(self._given.under_way, TakeOff)
+        return Low.CLIMBING if climbs else Low.RISEN if self.risen else Low.UNKNOWN
 
     def _has_failsafe(self, state: VehicleState, now_s: float) -> bool:
         """Return whether a failsafe, or a lasting critical state, ends following the drone."""
         certain = self._autopilot.acts_when_critical and state.failsafe != "critical"
-        if self._given is None and not (certain and self.custody.airborne):
+        if self._given.order is None and not (certain and self.custody.airborne):
             return False
         if state.failsafe != "critical":
-            self._critical_since_s = None
+            self._critical_since_s = math.inf
             return state.failsafe not in CONTINUES
         # A critical state without a reason may become a named failsafe.
-        if self._critical_since_s is None:
-            self._critical_since_s = now_s
+        self._critical_since_s = min(self._critical_since_s, now_s)
         return now_s - self._critical_since_s >= CRITICAL_S
 
-    def _waits_over_home(self, state: VehicleState) -> bool:
-        """Return whether it has flown its mission except for the landing."""
-        task = self._wanted_task
-        if not isinstance(task, FlyMission) or task.hold_item < 0 or not state.has_position:
-            return False
-        if state.mode != self._autopilot.mission_mode:
-            # The item stays the current one if a person ends the mission.
-            return False
-        item = task.items[task.hold_item]
-        away = offset_m((state.lat_deg, state.lon_deg), (item.lat_deg, item.lon_deg))
-        return state.item_current == task.hold_item and math.hypot(*away) <= _OVER_HOME_M
-
     def _is_finished(self, state: VehicleState) -> bool:
-        if self.leg is None:
+        if self.progress.leg is None:
             return False
         if self.custody.airborne and state.connected:
-            at_rest = self._given == _ENDS[self._settings.at_end] and self._done
+            at_rest = self._given.done and self._given.order == _ENDS[self._settings.at_end]
             return self.custody.state is Custody.ENDING and at_rest
         return self.custody.is_out
 
@@ -453,18 +359,17 @@ class VehicleFollower:
         """Recognise what keeps it from taking off; drop out if that takes too long."""
         self.ready = False
         if not self.is_awaited:
-            self.blocked, self.no_take_off, self._blocked_since_s = "", "", None
+            self.blocked, self.no_take_off, self._blocked_since_s = "", "", math.inf
             return
         because = f": {trouble}" if trouble else ""
         what, why = self._reason_not_to_fly(state, outcome, because)
         self.blocked = what + why
         if what:
-            if self._blocked_since_s is None:
-                self._blocked_since_s = now_s
+            self._blocked_since_s = min(self._blocked_since_s, now_s)
             if now_s - self._blocked_since_s > self._settings.join_timeout:
                 self.drop_out(f"{what} within {self._settings.join_timeout:g} s{why}")
             return
-        self._blocked_since_s = None
+        self._blocked_since_s = math.inf
         self.ready = self.custody.state is Custody.CLEARED
         if not self.ready:
             # Waiting for a person has no timeout.
@@ -480,51 +385,26 @@ class VehicleFollower:
         self, state: VehicleState, outcome: Outcome, because: str
     ) -> tuple[str, str]:
         """Return what keeps it from taking off, and why; empty if only a person does."""
-        if not state.mode:
-            return "no heartbeat", because
-        if not state.connected:
-            return "", ""
-        if state.problem or state.identity.twins:
-            return state.problem or state.identity.twins, ""
-        if state.identity.uid is None:
-            return "no AUTOPILOT_VERSION", because
-        because = because or (f": {state.unready}" if state.unready else "")
-        if not state.has_position:
-            return "no position", because
-        if self._whole and not self.has_task:
+        lacking = lacks(state, because)
+        if lacking[0] or not state.connected:
+            return lacking
+        because = because or unready(state)
+        if self._whole and not self.progress.has_task:
             return "no home position", because
         if self.custody.state is not Custody.CLEARED or state.armed:
             return "", ""
-        self.no_take_off = self._reason_to_stay(state)
+        assert self._fence is not None
+        self.no_take_off = reason_to_stay(
+            state, self._top_amsl_m, self._fence, self._settings.min_altitude
+        )
         if self.no_take_off:
             return "no take-off", f": {self.no_take_off}"
         # Readiness may depend on the mode, which `MakeReady` sets.
-        prepared = self._done or not isinstance(self._given, MakeReady)
+        prepared = not isinstance(self._given.under_way, MakeReady)
         if not (state.ready and prepared):
-            waits = self._given is not None and outcome.reason
+            waits = self._given.order is not None and outcome.reason
             return "not ready", f": {outcome.reason}" if waits else because
         return "", ""
-
-    def _reason_to_stay(self, state: VehicleState) -> str:
-        """Return why it must not take off from its position; empty if it may."""
-        assert self._fence is not None
-        top_m, limit_m = self._top_amsl_m, self._fence.max_amsl_m
-        checked = check_take_off(state.lat_deg, state.lon_deg, top_m, self._fence)
-        if isinstance(checked, Rejected):
-            return checked.reason
-        home_m = state.alt_amsl_m - state.alt_m
-        if top_m - home_m < self._settings.min_altitude:
-            return (
-                f"altitude must be at least {self._settings.min_altitude:g} m above home, got "
-                f"{top_m - home_m:g} m (home is {home_m:g} m above the sea: see datum_altitude)"
-            )
-        return_m = home_m + state.return_alt_m
-        if return_m > limit_m:
-            return (
-                f"the vehicle's return altitude must be at most {limit_m:g} m above the sea, got "
-                f"{return_m:g}"
-            )
-        return ""
 
     # Orders
 
@@ -532,17 +412,16 @@ class VehicleFollower:
         wanted = self._wanted(state, clearance)
         if wanted is None or not isinstance(wanted, MAY_ORDER[self.custody.state]):
             return None
-        given_for, tries = self._stamped(wanted), 1
+        given, stamped = self._given, self._stamped(wanted)
         # A vehicle that has dropped out, or was recalled, does not wait for others.
         waits = not self.lost and self.custody.state is not Custody.RECALLED
-        if given_for == self._given_for:
-            intruder = clearance.intruder(self._given) if waits and not self._done else ""
+        if stamped == given.wanted:
+            intruder = clearance.intruder(given.order) if waits and not given.done else ""
             if intruder and self._may_stop:
                 self.blocked = intruder
-                return self._give(Hold(), (Hold(), 0), 1, state)
-            if self._failed_s is None or now_s - self._failed_s < RETRY_S:
+                return self._give(Hold(), (Hold(), 0), state)
+            if not given.is_due_again(now_s):
                 return None
-            tries = self._tries + 1
         order = wanted
         if waits:
             admitted = clearance.admit(wanted)
@@ -550,25 +429,21 @@ class VehicleFollower:
                 self.blocked = admitted
                 return None
             order = admitted
-        return self._give(order, given_for, tries, state)
+        return self._give(order, stamped, state)
 
     @property
     def _may_stop(self) -> bool:
         """Whether it may be ordered to hold where it is."""
         return not self._whole and Hold in MAY_ORDER[self.custody.state]
 
-    def _give(
-        self, order: Order, given_for: tuple[Order, int], tries: int, state: VehicleState
-    ) -> Order:
-        self._given, self._given_for, self._tries = order, given_for, tries
-        self._done, self._failed_s = False, None
+    def _give(self, order: Order, stamped: tuple[Order, int], state: VehicleState) -> Order:
+        self._given.give(order, stamped)
         if isinstance(order, TakeOff | FlyMission) and order.arm and not state.armed:
             self.custody.launch()
         return order
 
     def _stamped(self, order: Order) -> tuple[Order, int]:
-        stamp_ns = self.leg.stamp_ns if self.leg and isinstance(order, Search) else 0
-        return order, stamp_ns
+        return order, self.progress.stamp_ns if isinstance(order, Search) else 0
 
     def _wanted(self, state: VehicleState, clearance: Clearance) -> Order | None:
         """Return what the vehicle should be doing, None where no order is needed."""
@@ -597,32 +472,27 @@ class VehicleFollower:
             return MakeReady(arm, modes)
         if not self._whole:
             return TakeOff(self._top_amsl_m, arm, modes)
-        mission = self._wanted_task
+        mission = self.progress.due
         if isinstance(mission, FlyMission):
             return replace(mission, arm=arm, from_modes=modes)
         return None
 
     def _wanted_in_the_air(self, state: VehicleState) -> Order | None:
-        custody = self.custody
-        if self._whole or self.leg is None or custody.record.search != custody.search:
+        custody, progress = self.custody, self.progress
+        if self._whole or progress.leg is None or custody.record.search != custody.search:
             # A mission ends by itself, and goes on without the bridge.
             return None
-        if isinstance(self._given, TakeOff) and not self._done:
+        climb = self._given.under_way
+        if isinstance(climb, TakeOff):
             # An order to fly somewhere would end the climb.
-            return self._given
-        if not state.flying or self._outside_since_s < math.inf:
+            return climb
+        if not state.flying or self._place_watch.is_outside:
             return None
-        return Hold() if self._holding else self._wanted_task or Hold()
+        return Hold() if progress.holding else progress.due or Hold()
 
     def _wanted_at_the_end(self, state: VehicleState, clearance: Clearance) -> Order | None:
         end, home = _ENDS["return" if self._whole else self._settings.at_end], clearance.home
         # An earlier program may have begun the end.
-        begun = self._given_for is not None and self._given_for[0] == end
-        begun |= state.mode in COMING_DOWN.values()
-        there = self._given_for is not None and self._given_for[0] == home and self._done
+        begun = self._given.was_given_for(end) or state.mode in COMING_DOWN.values()
+        there = home is not None and self._given.done and self._given.was_given_for(home)
         return end if home is None or end == Hold() or self.lost or begun or there else home
-
-
-def _since(since_s: float, now_s: float, *, when: bool) -> float:
-    """Return since when something is the case; infinity while it is not."""
-    return min(since_s, now_s) if when else math.inf

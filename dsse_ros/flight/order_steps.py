@@ -13,9 +13,9 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from dsse_ros.flight.commands import ARM_DISARM, OrderFailedError, TakenOverError
 from dsse_ros.flight.item_messages import mission_messages
-from dsse_ros.flight.offset import offset_m
 from dsse_ros.flight.transfer import Failed
 from dsse_ros.flight.upload import VerifiedUpload
+from msg_adapters.geodesy import offset_m
 from msg_adapters.mission_items import (
     NAV_LAND,
     NAV_LOITER_TIME,

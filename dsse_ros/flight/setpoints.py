@@ -8,14 +8,16 @@ import math
 from dataclasses import replace
 
 from dsse_ros.flight.commands import OrderFailedError, Situation, TakenOverError
-from dsse_ros.flight.offset import offset_m
 from dsse_ros.mavlink.messages import SetPositionTarget
+from msg_adapters.geodesy import offset_m
 
 _TARGET_DEG = 1e-5
 _TARGET_ALT_M = 1.0
 _TARGET_STALE_S = 5.0
 _FOREIGN_REPORTS = 2
 """Reports of another target that prove it: one may have been overtaken by a confirmation."""
+_ALIKE_REPORTS = 2
+"""Further reports of a target that prove that a vehicle stands there."""
 _MOVED_M = 15.0
 _UNREPORTED_S = 3.0
 """Time without a report of the target after which the vehicle flies to none."""
@@ -38,6 +40,8 @@ class SetpointStreamer:
         # Whether the vehicle stands by itself, and the target that it has reported there.
         self._stands = False
         self._standing: tuple[float, float, float] | None = None
+        self._reported: tuple[float, float, float] | None = None
+        self._alike_reports = 0
         self._set_s = 0.0
         self._streaming_since_s = 0.0
         self._due_s = -math.inf
@@ -70,7 +74,8 @@ class SetpointStreamer:
     def stand(self) -> None:
         """Send no more setpoints to a vehicle that stays where it is in its resting mode."""
         self.stop()
-        self._stands, self._standing, self._foreign_reports = True, None, 0
+        self._stands, self._foreign_reports, self._alike_reports = True, 0, 0
+        self._standing = self._reported = None
 
     @property
     def expects_reports(self) -> bool:
@@ -99,8 +104,14 @@ class SetpointStreamer:
         """
         state = self._situation.state
         if self._stands and state.mode == self._autopilot.resting_mode:
-            self._standing = self._standing or state.target
-            self._count_report(foreign=not _are_near(self._standing, state.target))
+            if self._standing is None:
+                # The first reports may be of the order before, or of the way to a stop.
+                alike = _are_near(self._reported, state.target)
+                self._alike_reports = self._alike_reports + 1 if alike else 0
+                self._reported = state.target
+                self._standing = state.target if self._alike_reports >= _ALIKE_REPORTS else None
+            else:
+                self._count_report(foreign=not _are_near(self._standing, state.target))
         if not self._is_reported:
             return
         if self.confirmed:

@@ -88,7 +88,7 @@ class BridgePublishers:
             now_s: Time on a steady clock.
         """
         state, outcome = vehicle.state, vehicle.outcome
-        leg, custody = follower.leg, follower.custody.state.value
+        leg, custody = follower.progress.leg, follower.custody.state.value
         progress = Progress(battery=state.battery)
         if leg is not None:
             arrived_ns = follower.arrived_stamp_ns
@@ -118,7 +118,7 @@ class BridgePublishers:
             "mode": state.mode,
             "failsafe": state.failsafe,
             "cell": "" if leg is None else f"{leg.cell[0]} {leg.cell[1]}",
-            "arrived": _text(follower.arrived),
+            "arrived": _text(follower.progress.arrived),
             "order": shown_order(outcome.order),
             "status": outcome.status,
             "reason": outcome.reason,

@@ -8,6 +8,7 @@ services and adds worlds, which `sim_node` neither loads nor unloads.
 
 from __future__ import annotations
 
+import time
 from typing import TYPE_CHECKING, Any
 
 from dsse_ros.mission.simulation_state import Request, SimulationState
@@ -15,6 +16,8 @@ from dsse_ros.mission.simulation_state import Request, SimulationState
 if TYPE_CHECKING:
     from dsse_ros.nodes.sim_node import SimNode
 
+LONGEST_S = 1.0
+"""Time after which a request for many steps makes no more of them."""
 _REQUESTS = {
     SimulationState.STOPPED: Request.STOP,
     SimulationState.PLAYING: Request.PLAY,
@@ -61,8 +64,16 @@ def serve(node: SimNode) -> bool:
         return answer(response)
 
     def step(request: Any, response: Any) -> Any:
-        number = node.mission.number
-        for _ in range(int(request.steps)):
+        number, begun_s = node.mission.number, time.monotonic()
+        for made in range(int(request.steps)):
+            if time.monotonic() - begun_s > LONGEST_S:
+                # Signals and other requests wait meanwhile.
+                return answer(
+                    response,
+                    Result.RESULT_OPERATION_FAILED,
+                    f"{made} of {request.steps} steps were made in {LONGEST_S:g} s, the longest "
+                    "time for a request: ask for the others",
+                )
             refusal = node.try_step(Request.STEP_PAUSED)
             if refusal:
                 return answer(response, Result.RESULT_OPERATION_FAILED, refusal)

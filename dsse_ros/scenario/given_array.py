@@ -7,6 +7,7 @@ from __future__ import annotations
 import csv
 import hashlib
 import os
+import stat
 from abc import abstractmethod
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -65,6 +66,9 @@ class GivenArray:
                 return made
             if isinstance(value, str | os.PathLike):
                 path = os.path.abspath(os.fspath(value))
+                if not stat.S_ISREG(os.stat(path).st_mode):
+                    # Opening a pipe or a device, which a message may name, can take forever.
+                    raise FieldError(f"{cls.NAME} must be a regular file, got {path!r}")
                 return cls._made(path, *cls.READERS[Path(path).suffix.lower()](path))
             return cls._made("", np.asarray(value))
         except OSError as error:

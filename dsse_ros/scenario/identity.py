@@ -1,6 +1,6 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""Values of a scenario as JSON, to tell searches apart: large ones by their digest."""
+"""Values of a scenario as JSON, by which searches differ: large ones by their digest."""
 
 from __future__ import annotations
 

@@ -282,7 +282,7 @@ class Interleaving:
         self.note(f"power_cycle {i}")
 
     def exchange(self) -> None:
-        """Put another airframe in the place of one."""
+        """Put another airframe in place of a vehicle."""
         before = len(self.events)
         self.power_cycle()
         if len(self.events) == before:
@@ -312,8 +312,8 @@ class Interleaving:
         i, flight, facts = self.any_vehicle()
         vehicle = flight.vehicle
         guided = self.autopilot == "ardupilot" and vehicle.mode.name == "GUIDED"
-        settled = flight.outcome.status == "done" and not vehicle.landed and facts.may_move
-        if not (guided and settled) or not isinstance(vehicle.maneuver, GoTo):
+        there = flight.outcome.status == "done" and not vehicle.landed and facts.may_move
+        if not (guided and there) or not isinstance(vehicle.maneuver, GoTo):
             return
         if self.cut_until_s[i] > self.fleet.now:
             return
@@ -536,7 +536,7 @@ class Interleaving:
         kept = "".join(re.findall(r"kept on the ground: [^;]*", text))
         for k, facts in enumerate(self.facts):
             if f"drone{k}" in ordered:
-                # A launched vehicle comes down whoever has it; otherwise that comes after what
+                # A launched vehicle comes down, in anybody's hands; otherwise that comes after what
                 # nobody has seen.
                 facts.held_since = None
                 facts.may_move = facts.may_move or not self.fleet.flights[k].vehicle.landed

@@ -23,6 +23,7 @@ from dsse_ros.bridge.flight_records import (
 )
 from dsse_ros.scenario.fields import FieldError
 
+UP = f"..{os.sep}"
 VEHICLES = [(system_id, f"udpin:127.0.0.1:{14550 + system_id}") for system_id in range(1, 6)]
 ONE, TWO, THREE = VEHICLES[:3]
 NUMBERS = st.integers(0, 2**32 - 1)
@@ -135,7 +136,7 @@ def test_a_vehicle_whose_file_makes_no_sense_stays_on_the_ground_until_a_person_
     assert records[1] == FlightRecord()
 
 
-@pytest.mark.parametrize("text", ['"../../etc/passwd"', "[]", "7", '"1-uid-../x"', "{"])
+@pytest.mark.parametrize("text", [f'"{UP}{UP}etc"', "[]", "7", f'"1-uid-{UP}x"', "{"])
 def test_a_file_that_names_no_record_names_none(tmp_path: Path, text: str) -> None:
     kept = FlightRecords(tmp_path, [ONE])
     kept.identify(0, "00aa")

@@ -244,7 +244,7 @@ def test_of_two_vehicles_with_one_system_id_none_is_armed_and_all_come_down(
 @both
 @pytest.mark.parametrize("what", ["return", "land"])
 @pytest.mark.parametrize("who", ["pilot", "failsafe", "released", "silent"])
-def test_an_operator_brings_down_what_the_bridge_has_launched_whoever_has_it(
+def test_an_operator_brings_down_what_the_bridge_has_launched_in_anybody_s_hands(
     autopilot: str, what: str, who: str
 ) -> None:
     fleet, _ = following(autopilot)

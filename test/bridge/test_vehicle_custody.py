@@ -11,10 +11,10 @@ import pytest
 
 from dsse_ros.bridge.custody import MAY_ORDER, Custody
 from dsse_ros.bridge.flight_record import FlightRecord, inherited
+from dsse_ros.bridge.own_modes import RISEN_M
 from dsse_ros.bridge.vehicle_custody import (
     CONSENT_S,
     FOREIGN_S,
-    RISEN_M,
     Arm,
     VehicleCustody,
 )
@@ -381,7 +381,7 @@ def test_who_changes_the_mission_that_it_flies_has_taken_it_over(
     assert led.state is expected
 
 
-def test_an_autopilot_that_does_not_report_the_length_of_its_mission_is_believed() -> None:
+def test_an_autopilot_that_does_not_report_the_length_of_its_mission_may_go_on() -> None:
     led = VehicleCustody(ARDUPILOT, "true", FLOWN, lambda: None, whole=True)
     led.begin(SEARCH, TOP_M, first=True)
     for item in range(1, 5):
@@ -402,7 +402,7 @@ def test_a_failsafe_whose_cause_comes_after_its_mode_is_named(later_s: float, na
     assert led.lost == ("fence failsafe" if named else "taken over: in LAND")
 
 
-def test_nobody_is_told_that_a_vehicle_flies_that_has_no_search() -> None:
+def test_a_vehicle_without_a_search_is_not_cleared_to_fly() -> None:
     for record in (HELD, replace(LANDING, lost="recalled by the operator: land")):
         led = VehicleCustody(ARDUPILOT, "true", record, lambda: None)
         led.observe(seen_in("GUIDED"), Outcome(), takes_off=False)

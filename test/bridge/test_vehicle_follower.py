@@ -16,14 +16,10 @@ from dsse_ros.bridge.clearance import Clearance
 from dsse_ros.bridge.custody import MAY_ORDER, Custody
 from dsse_ros.bridge.fence import Fence
 from dsse_ros.bridge.flight_record import FlightRecord, inherited
+from dsse_ros.bridge.given_order import RETRY_S, TRIES
 from dsse_ros.bridge.settings import BridgeSettings
 from dsse_ros.bridge.tasks import leg_task, mission_task
-from dsse_ros.bridge.vehicle_follower import (
-    CRITICAL_S,
-    RETRY_S,
-    TRIES,
-    VehicleFollower,
-)
+from dsse_ros.bridge.vehicle_follower import CRITICAL_S, VehicleFollower
 from dsse_ros.flight.autopilots import PX4
 from dsse_ros.flight.identity import Identity
 from dsse_ros.flight.orders import (
@@ -157,7 +153,7 @@ def test_a_vehicle_takes_off_first_and_its_climb_is_not_cut_short() -> None:
     assert vehicle.turn() is None
     vehicle.obey()
     assert vehicle.orders[-1] == GoTo(*place(3, 5), 120.0, 10.0)
-    assert not led.arrived and led.arrived_stamp_ns == -1
+    assert not led.progress.arrived and led.arrived_stamp_ns == -1
     vehicle.obey()
     assert led.arrived_stamp_ns == 13 and vehicle.turn() is None
 
@@ -168,10 +164,10 @@ def test_a_search_is_done_once_for_each_step_that_has_one() -> None:
         follow(vehicle.follower, stamp, 2, 2, searched=True)
         vehicle.turn()
         assert vehicle.orders[-1] == Search(*place(2, 2), 120.0, 30.0, 5.0, 10.0)
-        assert not vehicle.follower.arrived
+        assert not vehicle.follower.progress.arrived
         vehicle.obey()
         assert vehicle.orders[-1] == GoTo(*place(2, 2), 120.0, 10.0)
-        assert not vehicle.follower.arrived
+        assert not vehicle.follower.progress.arrived
         vehicle.obey()
         assert vehicle.follower.arrived_stamp_ns == stamp
     assert len(vehicle.orders) == 4
@@ -191,7 +187,7 @@ def test_every_cell_is_flown_to_in_order_and_none_is_left_before_it_is_reached(
         searched = bool(step) and not dx and not dy
         follow(led, 13 * step, col, row, searched=searched)
         wanted.append((place(col, row), searched))
-        while not led.arrived:
+        while not led.progress.arrived:
             vehicle.turn()
             vehicle.obey()
     flown = [
@@ -265,7 +261,7 @@ def test_what_it_does_waits_for_others_and_the_reason_is_shown() -> None:
     vehicle.clearance = Clearance()
     vehicle.obey()
     vehicle.obey()
-    assert vehicle.follower.arrived and not vehicle.follower.blocked
+    assert vehicle.follower.progress.arrived and not vehicle.follower.blocked
 
 
 @pytest.mark.parametrize("over", [False, True], ids=["going on", "over"])
@@ -291,7 +287,7 @@ def test_a_step_that_is_reported_again_changes_nothing_but_its_end() -> None:
     vehicle.turn()
     vehicle.obey()
     follow(led, 13, 1, 1)
-    assert led.arrived and vehicle.turn() is None
+    assert led.progress.arrived and vehicle.turn() is None
     follow(led, 13, 1, 1, over=True)
     assert vehicle.turn() == Return()
 
@@ -756,7 +752,7 @@ def test_a_vehicle_takes_off_once_for_each_clearance_whatever_happens(
         elif event == "guided":
             vehicle.state = replace(vehicle.state, mode="GUIDED")
         elif event == "restart":
-            record, leg = led.custody.record, led.leg
+            record, leg = led.custody.record, led.progress.leg
             settings = BridgeSettings(arm="false")
             led = vehicle.follower = VehicleFollower(settings, inherited(record, fresh=True))
             led.begin((7, mission), 120.0, FENCE, first=True)
@@ -813,7 +809,7 @@ def test_a_leg_with_the_same_stamp_but_another_cell_is_of_another_search() -> No
     vehicle.turn()
     vehicle.obey()
     follow(led, 0, 3, 3)
-    assert not led.arrived
+    assert not led.progress.arrived
     assert vehicle.turn() == GoTo(*place(3, 3), 120.0, 10.0)
 
 
@@ -918,7 +914,7 @@ def test_a_held_vehicle_goes_on_with_the_next_step() -> None:
     vehicle.obey()
     led.hold()
     assert vehicle.turn() == Hold()
-    assert led.waiting and led.arrived
+    assert led.waiting and led.progress.arrived
     follow(led, 26, 1, 2)
     assert isinstance(vehicle.turn(), GoTo)
 
@@ -938,7 +934,7 @@ def test_a_leg_out_of_the_fence_is_refused_and_the_vehicle_holds(
     led = vehicle.follower
     led.follow(leg, task)
     assert vehicle.turn() == Hold()
-    assert led.refused == task.reason and not led.lost and not led.arrived
+    assert led.refused == task.reason and not led.lost and not led.progress.arrived
     follow(led, 26, 5, 5)
     assert isinstance(vehicle.turn(), GoTo) and not led.refused
 
@@ -983,10 +979,10 @@ def test_a_mission_that_holds_over_home_is_landed_from_there_when_the_others_all
     vehicle = ready_for_mission(led)
     vehicle.state = replace(FLYING, mode="AUTO", item_current=mission.hold_item, lat_deg=-23.99)
     # On its way there.
-    assert vehicle.turn() is None and not led.arrived
+    assert vehicle.turn() is None and not led.progress.arrived
     vehicle.clearance = Clearance(admit=lambda order: "waiting for drone1 to be out of the way")
     vehicle.state = replace(vehicle.state, lat_deg=-23.999)
-    assert vehicle.turn() is None and led.arrived
+    assert vehicle.turn() is None and led.progress.arrived
     vehicle.clearance = Clearance()
     assert vehicle.turn() == Return()
     vehicle.obey()
@@ -1020,7 +1016,7 @@ def test_a_mission_whose_vehicle_is_down_but_armed_is_let_end_by_itself() -> Non
     assert vehicle.turn() is None and not led.finished
     vehicle.state = ON_GROUND
     vehicle.turn(status="done")
-    assert led.arrived and led.finished and len(vehicle.orders) == 1
+    assert led.progress.arrived and led.finished and len(vehicle.orders) == 1
 
 
 def test_a_mission_that_cannot_be_made_without_home_is_given_up_in_the_end() -> None:
@@ -1029,7 +1025,7 @@ def test_a_mission_that_cannot_be_made_without_home_is_given_up_in_the_end() -> 
     leg = Leg(13, (1, 9), over=True)
     led.follow(leg, None)
     vehicle.turn()
-    assert led.blocked == "no home position" and not led.has_task
+    assert led.blocked == "no home position" and not led.progress.has_task
     fly_mission(led)
     assert isinstance(vehicle.turn(status="done"), FlyMission) and not led.blocked
     other = follower(mode="mission", join_timeout=3.0)

@@ -81,7 +81,7 @@ def test_a_double_that_has_gone_is_forgotten() -> None:
 @both
 @pytest.mark.parametrize("speed", [1, 5])
 def test_a_flight_on_a_bad_link_is_one_vehicle_s(autopilot: str, speed: int) -> None:
-    flight = VirtualFlight(autopilot, loss=0.3, delay_s=0.4, seed=speed)
+    flight = VirtualFlight(autopilot, loss=0.2, delay_s=0.4, seed=speed)
     assert flight.fly(TakeOff(30.0)).status == "done"
     for north_m in (100.0, -100.0, 50.0):
         assert flight.fly(GoTo(*flight.place(north_m, 20.0), 30.0, 5.0)).status == "done"

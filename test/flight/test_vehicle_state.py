@@ -16,6 +16,7 @@ from dsse_ros.flight.autopilots import AUTOPILOTS
 from dsse_ros.flight.vehicle_state import VehicleState, observe, without_link
 from dsse_ros.mavlink.messages import (
     INCOMING,
+    AutopilotVersion,
     BatteryStatus,
     EkfStatus,
     ExtendedSysState,
@@ -250,6 +251,8 @@ def test_no_message_makes_it_raise(data: st.DataObject, autopilot: str) -> None:
             values = {name: data.draw(NUMBERS) for name in kind.fieldnames}
             if kind is EventMessage:
                 values["arguments"] = data.draw(st.binary(max_size=40))
+            if kind is AutopilotVersion:
+                values["uid2"] = data.draw(st.lists(st.integers(0, 255), min_size=18, max_size=18))
             if kind is ParamValue:
                 values["param_id"] = data.draw(st.binary(max_size=16))
             message = kind(**values)

@@ -23,13 +23,15 @@ from msg_adapters.agents import (
 from msg_adapters.frames import GridFrame
 
 KAYAK = Path(__file__).resolve().parents[2] / "config" / "kayak.yaml"
-NAMES = st.lists(st.text(min_size=1, max_size=8), min_size=1, max_size=5, unique=True).map(tuple)
+CHARACTERS = st.characters(exclude_categories=["Cs"], exclude_characters="\0")
+TEXTS = st.text(CHARACTERS, min_size=1, max_size=8)
+NAMES = st.lists(TEXTS, min_size=1, max_size=5, unique=True).map(tuple)
 NUMBERS = st.floats(-1e5, 1e5)
 INFOS = st.builds(
     AgentsInfo,
-    agents=NAMES,
+    agents=st.integers(1, 5).map(lambda n: tuple(f"drone{i}" for i in range(n))),
     actions=NAMES,
-    rules=st.text(min_size=1, max_size=8),
+    rules=TEXTS,
     seed=st.none() | st.integers(),
     frame=st.builds(
         GridFrame,
@@ -39,8 +41,8 @@ INFOS = st.builds(
         origin_lon_deg=st.floats(-180, 180),
         origin_alt_m=NUMBERS,
         alt_m=NUMBERS,
-        map_frame=st.text(min_size=1, max_size=8),
-        frame_prefix=st.text(max_size=8),
+        map_frame=TEXTS,
+        frame_prefix=TEXTS | st.just(""),
     ),
     timestep_limit=st.integers(1, 10**9),
     step_duration_s=NUMBERS,

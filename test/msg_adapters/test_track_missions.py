@@ -66,8 +66,10 @@ def test_no_waypoint_and_no_leg_lies_in_a_cell_that_the_drone_was_not_in(seed, m
             cells.append(tuple(int(c) for c in np.clip(np.add(cells[-1], (dx, dy)), 0, 19)))
     flown = {tuple(cell) for cell in cells}
     area = tuple("".join("1" if (c, r) in flown else "0" for c in range(20)) for r in range(20))
-    mission = track_mission(FRAME, cells, rng.random(len(cells)) < 0.2, merge_legs=merge_legs)
-    fence = Fence(FRAME, margin_m=0.0, min_alt_m=30.0, max_alt_m=120.0, area=area)
+    mission = track_mission(
+        FRAME, cells, rng.random(len(cells)) < 0.2, merge_legs=merge_legs, datum_amsl_m=0.0
+    )
+    fence = Fence(FRAME, margin_m=0.0, min_amsl_m=30.0, max_amsl_m=120.0, area=area)
     assert isinstance(check_mission(mission.numbered("px4"), fence, "px4"), Accepted)
     stops_at = np.array([place(item) for item in mission.items[1:-1]], float)
     for start, end in zip(stops_at, stops_at[1:], strict=False):
@@ -131,8 +133,9 @@ def test_ardupilot_numbers_home_and_px4_does_not():
 @pytest.mark.slow
 @given(CELLS, st.booleans())
 def test_every_mission_in_the_area_is_inside_its_fence(cells, merge_legs):
-    mission = track_mission(FRAME, cells, [True] * len(cells), merge_legs=merge_legs)
-    fence = Fence(FRAME, margin_m=0.0, min_alt_m=30.0, max_alt_m=120.0)
+    searched = [True] * len(cells)
+    mission = track_mission(FRAME, cells, searched, merge_legs=merge_legs, datum_amsl_m=0.0)
+    fence = Fence(FRAME, margin_m=0.0, min_amsl_m=30.0, max_amsl_m=120.0)
     for firmware in ("ardupilot", "px4"):
         items = mission.numbered(firmware)
         assert check_mission(items, fence, firmware) == Accepted(tuple(items))

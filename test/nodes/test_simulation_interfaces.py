@@ -161,6 +161,16 @@ def test_only_a_paused_simulation_is_stepped_through_the_service(
     assert sim.mission.result.step == 4 and sim.standard_state() == PAUSED
 
 
+@pytest.mark.parametrize("parameters", [{"timestep_limit": 10**9}])
+def test_a_request_for_steps_without_end_ends_and_says_how_many_were_made(sim: Simulator) -> None:
+    sim.set_standard_state(PAUSED)
+    result = sim.call("step_simulation", steps=2**63).result
+    made = sim.mission.result.step
+    assert result.result == FAILED and made > 0
+    assert result.error_message.startswith(f"{made} of {2**63} steps were made in 1 s")
+    assert sim.standard_state() == PAUSED
+
+
 @pytest.mark.parametrize("scope", [DEFAULT, ALL, TIME | STATE])
 def test_a_reset_of_all_is_like_a_new_start_of_the_node(sim: Simulator, scope: int) -> None:
     sim.step()

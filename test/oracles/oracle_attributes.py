@@ -271,7 +271,7 @@ def _state(env: Any, observations: Any, infos: Any) -> Json:
     }  # fmt: skip
     for _, probability in list(observations.values())[:1]:
         if not np.isnan(probability).any():
-            # The size and the middle rows tell maps apart.
+            # The size and the middle rows differ between maps.
             rows = np.asarray(probability, float).round(6)
             state["map"] = [len(rows), *rows[1:3].ravel().tolist()]
     if hasattr(env, "persons_set"):

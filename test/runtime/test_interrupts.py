@@ -7,6 +7,7 @@ from __future__ import annotations
 import signal
 import subprocess
 import sys
+import time
 
 import pytest
 
@@ -41,6 +42,22 @@ on_signals(stop)
 signal.raise_signal(signal.SIGINT)
 time.sleep(1)
 print("noted" if stop.wanted else "missed")
+"""
+STUCK = """
+import os
+from dsse_ros.runtime import interrupts
+
+interrupts.STUCK_S = float(os.environ["STUCK_S"])
+interrupts.leave_on_signals()
+stop = interrupts.WatchedStop(lambda: os.write(1, b"handed over\\n"))
+interrupts.on_signals(stop)
+print("stuck", flush=True)
+while not (stop.wanted and os.environ["ENDS"]):
+    pass
+stop.loop_ended.set()
+interrupts.on_signals(interrupts.signal.SIG_IGN)
+interrupts.time.sleep(2)
+print("ended", flush=True)
 """
 
 
@@ -83,3 +100,32 @@ def test_another_handler_can_take_the_signals_over() -> None:
         [sys.executable, "-c", HANDED_OVER], capture_output=True, text=True, timeout=120
     )
     assert (done.returncode, done.stdout, done.stderr) == (0, "noted\n", "")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("stuck_s", "ends", "times", "output", "code"),
+    [
+        ("0.5", "", 1, "handed over\n", 128 + signal.SIGTERM),
+        ("600", "", 2, "handed over\n", 128 + signal.SIGTERM),
+        ("0.5", "yes", 1, "ended\n", 0),
+        ("600", "yes", 1, "ended\n", 0),
+    ],
+    ids=["one that waits", "two", "a loop that ends", "a loop that ends, patiently"],
+)
+def test_a_loop_that_does_not_end_is_ended_once_it_is_handed_over(
+    monkeypatch: pytest.MonkeyPatch, stuck_s: str, ends: str, times: int, output: str, code: int
+) -> None:
+    monkeypatch.setenv("STUCK_S", stuck_s)
+    monkeypatch.setenv("ENDS", ends)
+    child = subprocess.Popen([sys.executable, "-c", STUCK], stdout=subprocess.PIPE, text=True)
+    try:
+        assert child.stdout and child.stdout.readline() == "stuck\n"
+        for _ in range(times):
+            child.send_signal(signal.SIGTERM)
+            # Two signals that come at once are one.
+            time.sleep(1.0)
+        left, _ = child.communicate(timeout=120)
+    finally:
+        child.kill()
+    assert (left, child.returncode) == (output, code)

@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import io
+import os
 import re
 import sys
 import warnings
@@ -181,6 +182,20 @@ def test_a_matrix_comes_back_from_its_path_and_digest_while_the_file_is_the_same
     path.unlink()
     with pytest.raises(FieldError, match=f"got {str(path)!r}: No such file"):
         Scenario(probability_matrix=made.reference)
+
+
+@pytest.mark.parametrize("field", ["probability_matrix", "transition_probabilities"])
+@pytest.mark.parametrize("suffix", ["npy", "npz", "csv", "tif"])
+def test_what_is_no_regular_file_is_never_opened(tmp_path: Path, field: str, suffix: str) -> None:
+    pipe = tmp_path / f"pipe.{suffix}"
+    os.mkfifo(pipe)
+    (tmp_path / f"folder.{suffix}").mkdir()
+    (tmp_path / f"device.{suffix}").symlink_to("/dev/zero")
+    for name in ("pipe", "folder", "device"):
+        path = tmp_path / f"{name}.{suffix}"
+        for given in (path, {"path": str(path), "sha256": "0" * 64}):
+            with pytest.raises(FieldError, match=rf"^{field} must be a regular file, got '{path}'"):
+                Scenario(**{field: given})
 
 
 def test_a_matrix_of_another_size_or_task_is_refused() -> None:

@@ -41,7 +41,14 @@ class Maneuver:
 
 
 class Hold(Maneuver):
-    """Stop and stay."""
+    """Stop and stay.
+
+    Args:
+        here: The place that it reports as its target; None if it reports none.
+    """
+
+    def __init__(self, here: Point | None = None) -> None:
+        self.target = here
 
     def step(self, vehicle: Vehicle, dt_s: float) -> None:
         if not vehicle.landed:

@@ -318,6 +318,8 @@ class Px4(Vehicle):
                 self.maneuver = self.landing()
             case Mode.TAKEOFF:
                 self.maneuver = self.take_off(self._height_m("MIS_TAKEOFF_ALT"))
+            case Mode.HOLD:
+                self.maneuver = Hold(self.craft.point)
             case _:
                 self.maneuver = Hold()
 

@@ -1,0 +1,75 @@
+# Copyright 2026 dsse_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""How far a vehicle is with the current leg of its drone."""
+
+from __future__ import annotations
+
+from dsse_ros.bridge.tasks import Task
+from dsse_ros.flight.vehicle_controller import Order
+from msg_adapters.result import Accepted, Rejected, Result
+from msg_adapters.track_missions import Leg
+
+
+class LegProgress:
+    """Goes through the task for a leg, one order after the other.
+
+    Attributes:
+        leg: The current leg, None before the first step.
+        task: Its task; empty if it is not known or refused.
+        refused: Why the vehicle may not do the task; empty if it may.
+        arrived: Whether the vehicle has done all of it.
+        holding: Whether the vehicle holds until the next leg.
+        late: Whether the search was already over at the first leg.
+    """
+
+    def __init__(self) -> None:
+        self.leg: Leg | None = None
+        self.task: Task = ()
+        self.refused = ""
+        self.arrived = False
+        self.holding = False
+        self.late = False
+        self._stage = 0
+
+    def follow(self, leg: Leg, task: Result[Task] | None, looked_ns: int) -> None:
+        """Replace the leg and its task.
+
+        Args:
+            leg: The leg.
+            task: The task, or why the vehicle may not do it; None if it is not known yet.
+            looked_ns: Stamp of the step for which the vehicle has searched last.
+        """
+        before = self.leg
+        known = self.has_task or task is None
+        if before and known and (leg.stamp_ns, leg.cell) == (before.stamp_ns, before.cell):
+            # The step was reported again: only the end of the search may be new.
+            self.leg = leg
+            return
+        self.leg, self.holding, self.arrived = leg, False, False
+        self.task = task.value if isinstance(task, Accepted) else ()
+        self.refused = task.reason if isinstance(task, Rejected) else ""
+        self._stage = 1 if looked_ns == leg.stamp_ns and len(self.task) > 1 else 0
+        if before is None:
+            self.late = leg.over
+
+    def advance(self) -> None:
+        """Go on to the next order of the task, or be there."""
+        if self._stage + 1 < len(self.task):
+            self._stage += 1
+        else:
+            self.arrived = True
+
+    @property
+    def due(self) -> Order | None:
+        """The order of the task that is due; None without a task."""
+        return self.task[self._stage] if self.task else None
+
+    @property
+    def has_task(self) -> bool:
+        """Whether the task for the leg is known, even if it is refused."""
+        return bool(self.task or self.refused)
+
+    @property
+    def stamp_ns(self) -> int:
+        """Stamp of the leg; 0 without a leg."""
+        return self.leg.stamp_ns if self.leg is not None else 0
