@@ -10,7 +10,6 @@ import sys
 import time
 from dataclasses import dataclass, field
 from functools import partial
-from operator import itemgetter
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
@@ -37,6 +36,7 @@ from dsse_ros.nodes.operator_services import (
     full_name,
     service_name,
 )
+from dsse_ros.runtime.arrivals import Arrivals, Clocks
 from dsse_ros.runtime.polling import polling_node, spun_by_nobody, take_all
 from dsse_ros.runtime.qos import COMPLETE, LATCHED, RELIABLE, read_settings
 from dsse_ros.runtime.run_node import AlarmNode, run_node
@@ -146,6 +146,9 @@ class DashboardNode(AlarmNode):
         self._opened = False
         self._listener = polling_node(self)
         self._shown: dict[str, Shown] = {}
+        self._arrivals = Arrivals()
+        # Namespace, topic and type by the topic's whole name.
+        self._topics: dict[str, tuple[str, str, Any]] = {}
         self._calls = ServiceCalls(self._client, self._request, self._on_answer, self._answer)
         self.create_subscription(DiagnosticArray, "/diagnostics", self._on_diagnostics, RELIABLE)
         self.alarms.make(self._look).repeat(_LOOK_S)
@@ -278,23 +281,23 @@ class DashboardNode(AlarmNode):
         )
 
     def _take(self) -> None:
-        """Pass on the new messages, in the order in which they were received."""
-        came: list[tuple[int, Received]] = []
+        """Pass on the new messages, in the order of their arrival."""
+        before, came = Clocks.read(), []
         for namespace, shown in self._shown.items():
             for topic, subscription in shown.topics.items():
                 taken = list(take_all(subscription))
-                for one in taken:
-                    read = partial(deserialize_message, one.data, subscription.msg_type)
-                    received = Received(namespace, topic, read, one.published_ns)
-                    came.append((one.received_ns, received))
+                came += taken
+                self._topics[subscription.topic_name] = namespace, topic, subscription.msg_type
                 if taken and topic in LAYERS:
                     shown.exact = len(taken[-1].data) <= _MAX_EXACT_BYTES
                 if taken and (topic in TOPICS or topic in EXACT_TOPICS):
                     shown.heard_s = time.monotonic()
                 elif taken:
                     shown.bridge_heard_s = time.monotonic()
-        for _, received in sorted(came, key=itemgetter(0)):
-            self.inbox.put(received)
+        for one in self._arrivals.order(came, before, time.time_ns()):
+            namespace, topic, kind = self._topics[one.topic]
+            read = partial(deserialize_message, one.data, kind)
+            self.inbox.put(Received(namespace, topic, read, one.published_ns))
 
     def _put(self, namespace: str, topic: str, value: Any) -> None:
         self.inbox.put(Received(namespace, topic, lambda: value))
