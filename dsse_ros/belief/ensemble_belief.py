@@ -38,6 +38,9 @@ class EnsembleForecast(ForecastBase):
         horizon: Number of steps after the present one that are available.
         planning: Whether the particles are those of planners, see `tracks_of`.
 
+    Attributes:
+        tracks: The tracks of the scenario.
+
     Raises:
         FieldError: If the ensemble would take too much memory.
     """
@@ -50,22 +53,22 @@ class EnsembleForecast(ForecastBase):
         tracks = tracks_of(self.scenario, rules, planning=planning)
         if tracks is None:
             raise ValueError(f"person_motion must be an ensemble, got {rules.person_motion!r}")
-        self._tracks = tracks
+        self.tracks = tracks
 
     @property
     def cells(self) -> NDArray[np.int16]:
         """(T, M, 2) int16, cells (x, y) of the particles by step of the sea."""
-        return self._tracks.particles
+        return self.tracks.particles
 
     @property
     def weights(self) -> NDArray[np.float64]:
         """(M,) float64, weights of the particles."""
-        return self._tracks.weights
+        return self.tracks.weights
 
     @property
     def maps(self) -> NDArray[np.float32]:
         """(T, G, G) float32, see `SeaTracks`."""
-        return self._tracks.maps
+        return self.tracks.maps
 
     @cached_property
     def positions(self) -> NDArray[np.float32]:

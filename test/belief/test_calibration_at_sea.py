@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from statistics import NormalDist
 
 import numpy as np
@@ -109,7 +110,8 @@ def test_pos_does_not_count_what_a_planner_has_chosen_by_chance() -> None:
         }
         of_persons, tracks = EnsembleForecast(scenario, SEA), tracks_of(scenario, SEA)
         assert tracks is not None
-        of_persons.cells, of_persons.weights = tracks.truth, np.diff(tracks.cumulative, prepend=0)
+        weights = np.diff(tracks.cumulative, prepend=0)
+        of_persons.tracks = replace(tracks, particles=tracks.truth, weights=weights)
         beliefs = {name: forecast.belief() for name, forecast in forecasts.items()}
         exact = of_persons.belief()
         tactic = GreedyOnBelief().start(forecasts[True], 0)
