@@ -206,8 +206,8 @@ $(VENV)/.sim $(VENV)/.view $(VENV)/.campaign $(VENV)/.test $(VENV)/.quality $(VE
 	@echo 'Installing the package'
 	$(if $(filter requirements.lock,$?),@$(PIP_INSTALL) $(LOCKED) requirements.lock)
 	@rm -rf $(VENV)/build && mkdir $(VENV)/build
-	@printf '[%s]\n%s = %s\n' build build_base "$$PWD/$(VENV)/build" egg_info egg_base "$$PWD/$(VENV)/build" > $(VENV)/build/cfg
-	@DIST_EXTRA_CONFIG="$$PWD/$(VENV)/build/cfg" $(PIP_INSTALL) --no-build-isolation \
+	@printf '[%s]\n%s = $(VENV)/build\n' build build_base egg_info egg_base > $(VENV)/build/cfg
+	@DIST_EXTRA_CONFIG=$(VENV)/build/cfg $(PIP_INSTALL) --no-build-isolation \
 		$(CONSTRAINTS) $(if $(TO_RESOLVE),'.[$(EXTRAS)]',--no-deps .)
 	@touch $@
 

@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import shlex
 import sys
@@ -27,10 +28,11 @@ def _clone() -> str:
 
     The package's name alone would install whatever somebody uploads to PyPI under it.
     """
-    try:
-        noted = metadata.distribution("dsse_ros").read_text("direct_url.json")
-        url = str(json.loads(noted or "{}")["url"])
-    except (metadata.PackageNotFoundError, KeyError, ValueError):
-        url = ""
-    folder = Path(unquote(urlsplit(url).path)) if url.startswith("file:") else None
-    return str(folder) if folder and (folder / "setup.py").is_file() else "/path/to/the/clone"
+    # A clone in which setup.py was called has metadata too, which come first there.
+    for found in metadata.distributions(name="dsse_ros"):
+        with contextlib.suppress(KeyError, ValueError):
+            url = urlsplit(str(json.loads(found.read_text("direct_url.json") or "{}")["url"]))
+            folder = Path(unquote(url.path))
+            if url.scheme == "file" and (folder / "setup.py").is_file():
+                return str(folder)
+    return "/path/to/the/clone"

@@ -248,6 +248,19 @@ def test_what_to_install_is_named_by_the_folder_it_was_installed_from() -> None:
     assert pip_install("viz") == f"{sys.executable} -m pip install '{ROOT}[viz]'"
 
 
+@pytest.mark.parametrize("metadata", ["", "direct_url.json", "{", '{"url": "https://x/y"}'])
+def test_other_metadata_of_the_package_do_not_hide_where_it_was_installed_from(
+    metadata: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    left = tmp_path / "dsse_ros.egg-info"
+    left.mkdir()
+    (left / "PKG-INFO").write_text("Metadata-Version: 2.1\nName: dsse_ros\nVersion: 0.0.1\n")
+    if metadata:
+        (left / "direct_url.json").write_text(metadata)
+    monkeypatch.syspath_prepend(str(tmp_path))
+    assert pip_install("viz") == f"{sys.executable} -m pip install '{ROOT}[viz]'"
+
+
 @pytest.mark.parametrize("program", PROGRAMS)
 def test_every_executable_begins_here(program: str) -> None:
     assert callable(getattr(start, program))
