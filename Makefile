@@ -30,7 +30,7 @@ WITHOUT_NODES := --numprocesses=logical --maxprocesses=4 --dist=worksteal
 # Nothing but what is in a file, by its hashes.
 LOCKED := --no-deps --require-hashes --requirement
 COMMA := ,
-OF_TESTS := viz,area,geotiff,gis,movie,onnx,test,sitl,routes,record,dashboard,browser,docs,viewer,campaign,drift
+OF_TESTS := viz,area,geotiff,gis,movie,onnx,test,sitl,routes,record,dashboard,browser,docs,viewer,campaign,drift,land,ray,compat
 
 # What calls the libraries that have lower bounds.
 TESTS_OF_OLDEST := $(addprefix test/scenario/test_,actions.py scenario.py) test/view/test_rendering.py \
@@ -39,6 +39,9 @@ TESTS_OF_OLDEST := $(addprefix test/scenario/test_,actions.py scenario.py) test/
 	$(addprefix test/msg_adapters/test_,geodesy.py occupancy.py poses.py) \
 	$(addprefix test/mavlink/test_,codec.py messages.py) test/flight/test_upload.py test/flight/test_item_messages.py \
 	test/mission/test_mission.py
+
+# What needs PyTorch: RLlib, TorchRL, Stable-Baselines3.
+TESTS_OF_LEARNING := test/training test/compat/test_libraries.py
 
 # Folders of tests without DDS; those marked slow are left out of them.
 TESTS_OF_CHECK := $(addprefix test/,belief bridge campaign compat compiled conformance dashboard drift flight mavlink mission \
@@ -83,7 +86,7 @@ endif
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
 .NOTPARALLEL:
-.PHONY: help sim sitl-demo campaign check test test-oldest lint coverage mutants format docs docs-check bench reproduce compare soak lock sbom audit clean
+.PHONY: help sim sitl-demo campaign check test test-oldest test-learning lint coverage mutants format docs docs-check bench reproduce compare soak lock sbom audit clean
 
 help: ## List the targets
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/\1 \2/p' $(MAKEFILE_LIST) | while read -r target text; do \
@@ -110,6 +113,13 @@ test-oldest: ## Run a part of the tests with the oldest versions that setup.py a
 .PHONY: .test-oldest
 .test-oldest: $(VENV)/.compiled-oldest
 	@ROS_PYTHON_CHECK_FIELDS=1 $(BIN)/pytest $(WITHOUT_NODES) $(TESTS_OF_OLDEST)
+
+test-learning: ## Run the tests that need PyTorch, with an environment of their own of 8 GB
+	@$(MAKE) --no-print-directory VENV=$(VENV)-learning .test-learning
+
+.PHONY: .test-learning
+.test-learning: $(VENV)/.compiled-learning
+	@$(BIN)/pytest --durations=5 $(TESTS_OF_LEARNING)
 
 lint: $(VENV)/.test ## Lint and check the types
 	@$(BIN)/ruff check
@@ -171,7 +181,7 @@ build/requirements-$(DISTRO).txt: requirements.lock requirements-$(DISTRO).lock
 	@awk '/^[^ #]/ { keep = !seen[$$0]++ } keep' $^ > $@
 
 clean: ## Remove the environment and everything built
-	rm -rf $(VENV) $(VENV)-oldest build dist docs/_build install log mutants .coverage *.egg-info .hypothesis .mypy_cache .pytest_cache .ruff_cache
+	rm -rf $(VENV) $(VENV)-oldest $(VENV)-learning build dist docs/_build install log mutants .coverage *.egg-info .hypothesis .mypy_cache .pytest_cache .ruff_cache
 	find . -name __pycache__ -prune -exec rm -rf {} +
 
 # A sourced ROS 2 comes with packages of its own, with which its own were compiled: they are not replaced.
@@ -197,11 +207,12 @@ $(VENV)/.test: $(if $(SOURCED),,requirements.lock)
 $(VENV)/.quality: EXTRAS := quality
 $(VENV)/.soak: EXTRAS := viz,area,onnx,test,record,dashboard,viewer,soak
 $(VENV)/.docs: EXTRAS := viz,area,record,docs
+$(VENV)/.learning: EXTRAS := viz,area,onnx,test,train,learning
 $(VENV)/.oldest: EXTRAS := viz,area,test
 $(VENV)/.oldest: CONSTRAINTS := --constraint $(VENV)/oldest.txt
 $(VENV)/.oldest: $(VENV)/oldest.txt
 TO_RESOLVE = $(if $(filter requirements.lock,$^),,$(filter $(BASE) $(VENV)/oldest.txt setup.py,$?))
-$(VENV)/.sim $(VENV)/.view $(VENV)/.campaign $(VENV)/.test $(VENV)/.quality $(VENV)/.docs $(VENV)/.soak $(VENV)/.oldest: \
+$(VENV)/.sim $(VENV)/.view $(VENV)/.campaign $(VENV)/.test $(VENV)/.quality $(VENV)/.docs $(VENV)/.soak $(VENV)/.learning $(VENV)/.oldest: \
 		$(BASE) setup.py pyproject.toml $(SOURCES)
 	@echo 'Installing the package'
 	$(if $(filter requirements.lock,$?),@$(PIP_INSTALL) $(LOCKED) requirements.lock)
@@ -216,7 +227,9 @@ $(VENV)/.sim $(VENV)/.view $(VENV)/.campaign $(VENV)/.test $(VENV)/.quality $(VE
 $(VENV)/.compiled: $(VENV)/.test
 $(VENV)/.compiled-oldest: $(VENV)/.oldest
 $(VENV)/.compiled-oldest: TO_COLLECT := $(TESTS_OF_OLDEST)
-$(VENV)/.compiled $(VENV)/.compiled-oldest:
+$(VENV)/.compiled-learning: $(VENV)/.learning
+$(VENV)/.compiled-learning: TO_COLLECT := $(TESTS_OF_LEARNING)
+$(VENV)/.compiled $(VENV)/.compiled-oldest $(VENV)/.compiled-learning:
 	@echo 'Compiling the search and the tests'
 	@$(BIN)/python test/search/compiled.py
 	@$(BIN)/pytest --collect-only --quiet $(TO_COLLECT) >/dev/null 2>&1 || true

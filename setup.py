@@ -82,6 +82,9 @@ setup(
         # The program `campaign`, and its engine on a cluster.
         "campaign": ["pyarrow>=15.0", "scipy>=1.11"],
         "ray": ["ray>=2.40"],
+        # Libraries that take the environments, and in `make test-learning` those on PyTorch.
+        "compat": ["pygame>=2.6", "SuperSuit>=3.9.3"],
+        "learning": ["ray[rllib]>=2.40", "SuperSuit>=3.9.3", "torchrl>=0.7"],
         "viz": ["jinja2>=3.1", "matplotlib>=3.6", "tqdm>=4.66"],
         # The program `dashboard`; `browser` drives one in its tests, and checks its pages with axe.
         "dashboard": ["jinja2>=3.1", "nicegui>=3.18", "pillow>=10.2"],

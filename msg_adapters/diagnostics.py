@@ -21,19 +21,36 @@ _LEVELS = {
 }
 
 
-def diagnostic_array(
-    stamp: Time,
-    *,
+_PREFIX = "dsse_ros: "
+"""Start of the names on /diagnostics, by which aggregators group them."""
+
+
+def status_name(node: str, drone: str = "") -> str:
+    """Return the name on /diagnostics of the status of a node, or of one of its drones.
+
+    Args:
+        node: Fully qualified name of the node.
+        drone: Name of the drone.
+    """
+    return ": ".join(filter(None, [f"{_PREFIX}{node.lstrip('/')}", drone]))
+
+
+def node_of_status(name: str) -> str:
+    """Return the fully qualified name of the node of a status; empty if it is of anything else."""
+    node = name.removeprefix(_PREFIX)
+    return "" if node == name or ": " in node else f"/{node}"
+
+
+def diagnostic_status(
     name: str,
     level: Level,
     message: str,
     values: Mapping[str, object],
     hardware_id: str = "dsse_ros",
-) -> DiagnosticArray:
-    """Return one status in an array.
+) -> DiagnosticStatus:
+    """Return a status.
 
     Args:
-        stamp: Time of the status.
         name: What the status is of.
         level: Level of the status.
         message: One line.
@@ -44,4 +61,9 @@ def diagnostic_array(
         level=_LEVELS[level], name=name, message=message, hardware_id=hardware_id
     )
     status.values = [KeyValue(key=key, value=str(value)) for key, value in values.items()]
-    return DiagnosticArray(header=header("", stamp), status=[status])
+    return status
+
+
+def diagnostic_array(stamp: Time, *statuses: DiagnosticStatus) -> DiagnosticArray:
+    """Return statuses of the same time."""
+    return DiagnosticArray(header=header("", stamp), status=list(statuses))

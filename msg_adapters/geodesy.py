@@ -63,6 +63,27 @@ def on_near_side(frame: GridFrame, lat_deg: float, lon_deg: float) -> bool:
     return bool(_surface_point(frame, lat_deg, lon_deg)[2] > _NEAR_SIDE_M)
 
 
+def map_in_earth(
+    frame: GridFrame,
+) -> tuple[tuple[float, float, float], tuple[float, float, float, float]]:
+    """Return where the map's origin is in ECEF, m, and how its axes are turned, x y z w.
+
+    The axes are those of ENU at the origin: x and y are the map's everywhere, z is the tangent
+    plane's, not the height above the sea below.
+    """
+    lat_deg, lon_deg, alt_m = frame.origin
+    x_m, y_m, z_m = pymap3d.geodetic2ecef(lat_deg, lon_deg, alt_m)
+    # About the Earth's axis to the east, then about the east from there to up.
+    half_yaw, half_roll = math.radians(lon_deg + 90.0) / 2, math.radians(90.0 - lat_deg) / 2
+    turn = (
+        math.cos(half_yaw) * math.sin(half_roll),
+        math.sin(half_yaw) * math.sin(half_roll),
+        math.sin(half_yaw) * math.cos(half_roll),
+        math.cos(half_yaw) * math.cos(half_roll),
+    )
+    return (float(x_m), float(y_m), float(z_m)), turn
+
+
 def _surface_point(frame: GridFrame, lat_deg: Any, lon_deg: Any) -> tuple[Any, Any, Any]:
     """Return east, north and up of a place at the origin's height above the ellipsoid."""
     of_numbers = isinstance(lat_deg, float) and isinstance(lon_deg, float)

@@ -22,6 +22,7 @@ from numpy.typing import ArrayLike
 from sensor_msgs.msg import NavSatFix, NavSatStatus
 
 from msg_adapters.frames import GridFrame, cell_to_map
+from msg_adapters.geodesy import map_in_earth
 
 
 def base_link(drone_name: str, frame_prefix: str = "") -> str:
@@ -187,6 +188,19 @@ def transforms(
         _turn(message.transform.rotation, yaw)
         messages.append(message)
     return messages
+
+
+def earth_transform(frame: GridFrame, stamp: Time) -> TransformStamped:
+    """Return the transform from `earth` (REP-105), which all maps share, to the map frame."""
+    message = TransformStamped()
+    message.header.stamp = stamp
+    message.header.frame_id = "earth"
+    message.child_frame_id = frame.map_frame
+    position, turn = map_in_earth(frame)
+    translation, rotation = message.transform.translation, message.transform.rotation
+    translation.x, translation.y, translation.z = position
+    rotation.x, rotation.y, rotation.z, rotation.w = turn
+    return message
 
 
 def _stamp(message: Any, frame: GridFrame, stamp: Time) -> None:

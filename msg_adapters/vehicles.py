@@ -13,7 +13,7 @@ from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PoseStamped
 from sensor_msgs.msg import NavSatFix
 
-from msg_adapters.diagnostics import Level, diagnostic_array
+from msg_adapters.diagnostics import Level, diagnostic_array, diagnostic_status
 from msg_adapters.frames import GridFrame
 from msg_adapters.geodesy import geodetic_to_map
 from msg_adapters.poses import nav_sat_fix
@@ -120,14 +120,8 @@ def vehicle_state_message(
         BATTERY: f"{progress.battery:.2f}",
         RUN_ID: progress.run_id,
     }
-    return diagnostic_array(
-        stamp,
-        name=drone_name,
-        hardware_id=hardware_id,
-        level=level,
-        message=message,
-        values={**own, **values},
-    )
+    status = diagnostic_status(drone_name, level, message, {**own, **values}, hardware_id)
+    return diagnostic_array(stamp, status)
 
 
 def progress_from_message(message: DiagnosticArray, drone_name: str) -> Result[Progress]:

@@ -108,7 +108,7 @@ def endurance(run: Run) -> Figures:
 def steps_of(array: DiagnosticArray, mission_steps: int) -> int:
     """Return the number of steps of a simulation, 0 for the diagnostics of another node."""
     for status in array.status:
-        if status.name == "sim_node":
+        if status.name == "dsse_ros: sim_node":
             values = {pair.key: pair.value for pair in status.values}
             return (int(values["mission"]) - 1) * (mission_steps + 1) + int(values["step"])
     return 0

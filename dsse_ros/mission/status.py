@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -187,6 +187,42 @@ def values(
         found["awaited_vehicles"] = names(mission, late)
     found |= {f"lost.drone{i}": reason for i, reason in sorted(lost.items())}
     return found | {f"rejected.{code}": n for code, n in sorted(rejected.items())}
+
+
+def of_drones(
+    mission: Mission, lost: Mapping[int, str], *, waits: bool
+) -> Iterator[tuple[str, Level, str, dict[str, object]]]:
+    """Return the name, the level, a line and the values of each drone for diagnostics.
+
+    Args:
+        mission: The mission.
+        lost: Reasons why vehicles have dropped out, by drone.
+        waits: Whether the step waits for commands.
+    """
+    result, live, missing = mission.result, set(mission.live), set(mission.missing)
+    fallen, action_names = {*mission.lost, *mission.fallen}, mission.env.rules.actions
+    faults = mission.env.world.faults
+    for i, name in enumerate(mission.env.possible_agents):
+        level: Level = "ok"
+        line = "in flight" if result.conditions is None else _condition(result.conditions[i])
+        if i in lost or i in fallen:
+            level, line = "error", f"lost: {lost[i]}" if i in lost else "lost"
+        elif i not in live:
+            line = "found a person" if result.found[i] else "the search is over"
+        elif waits and i in missing:
+            line = f"{line}, waiting for a command"
+        action = int(result.actions[i])
+        found: dict[str, object] = {
+            "cell": "{} {}".format(*result.cells[i].tolist()),
+            "action": action_names[action] if action >= 0 else "none",
+        }
+        if result.conditions is not None and faults is not None and faults.has_battery:
+            found["battery"] = f"{result.conditions['battery'][i]:.1f}"
+        yield name, level, line, found
+
+
+def _condition(condition: np.void) -> str:
+    return STATUSES[condition["status"]].replace("_", " ")
 
 
 def _of_incident(mission: Mission) -> dict[str, object]:

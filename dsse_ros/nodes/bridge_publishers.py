@@ -9,7 +9,7 @@ from collections import Counter
 from collections.abc import Callable, Sequence
 
 from builtin_interfaces.msg import Time
-from diagnostic_msgs.msg import DiagnosticArray
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from geometry_msgs.msg import PoseStamped
 from sensor_msgs.msg import BatteryState, NavSatFix
 
@@ -19,7 +19,7 @@ from dsse_ros.bridge.vehicle_follower import VehicleFollower
 from dsse_ros.flight.vehicle import Vehicle
 from dsse_ros.runtime.qos import LATCHED, RELIABLE, SENSOR, Endpoints
 from msg_adapters.battery import battery_state
-from msg_adapters.diagnostics import Level, diagnostic_array
+from msg_adapters.diagnostics import Level, diagnostic_array, diagnostic_status, status_name
 from msg_adapters.frames import GridFrame
 from msg_adapters.poses import base_link
 from msg_adapters.vehicles import Progress, vehicle_fix, vehicle_pose, vehicle_state_message
@@ -50,6 +50,7 @@ class BridgePublishers:
         self._diagnostics = publisher(DiagnosticArray, "/diagnostics", RELIABLE)
         # For each vehicle, the last published state, and when; and when its position was received.
         self._last: dict[int, tuple[object, float]] = {}
+        self._statuses: dict[int, DiagnosticStatus] = {}
         self._placed_s = [-math.inf] * len(names)
         self._frame_prefix = ""
 
@@ -131,22 +132,22 @@ class BridgePublishers:
         }
         values |= {f"count.{key}": n for key, n in sorted(vehicle.counts.items())}
         settings = vehicle.settings
-        self._states[i].publish(
-            vehicle_state_message(
-                self._names[i],
-                f"{settings.connection} system {settings.system_id}",
-                stamp,
-                progress,
-                level=level,
-                message=message,
-                values=values,
-            )  # fmt: skip
+        state_message = vehicle_state_message(
+            self._names[i],
+            f"{settings.connection} system {settings.system_id}",
+            stamp,
+            progress,
+            level=level,
+            message=message,
+            values=values,
         )
+        self._states[i].publish(state_message)
+        self._statuses[i] = state_message.status[0]
 
     def publish_diagnostics(
         self,
         stamp: Time,
-        name: str,
+        node: str,
         mode: str,
         vehicles: Sequence[Vehicle],
         followers: Sequence[VehicleFollower],
@@ -156,11 +157,11 @@ class BridgePublishers:
         holding: bool,
         trouble: str,
     ) -> None:
-        """Publish the health of the node of this name.
+        """Publish the health of the node, and the last state of each vehicle.
 
         Args:
             stamp: Wall time.
-            name: Name of the node.
+            node: Fully qualified name of the node.
             mode: What the node does with the steps of a search.
             vehicles: All vehicles.
             followers: Their followers.
@@ -200,9 +201,15 @@ class BridgePublishers:
         }
         values |= {what: ", ".join(drones) for what, drones in named.items()}
         values |= {f"count.{key}": n for key, n in sorted(counts.items())}
-        self._diagnostics.publish(
-            diagnostic_array(stamp, name=name, level=level, message=message, values=values)
-        )
+        own = diagnostic_status(status_name(node), level, message, values)
+        of_vehicles = [
+            DiagnosticStatus(
+                level=status.level, name=status_name(node, self._names[i]), message=status.message,
+                hardware_id=status.hardware_id, values=status.values,
+            )
+            for i, status in sorted(self._statuses.items())
+        ]  # fmt: skip
+        self._diagnostics.publish(diagnostic_array(stamp, own, *of_vehicles))
 
 
 def _summary(

@@ -40,6 +40,7 @@ from dsse_ros.runtime.arrivals import Arrivals, Clocks
 from dsse_ros.runtime.polling import polling_node, spun_by_nobody, take_all
 from dsse_ros.runtime.qos import COMPLETE, LATCHED, RELIABLE, read_settings
 from dsse_ros.runtime.run_node import AlarmNode, run_node
+from msg_adapters.diagnostics import node_of_status
 
 _NICENESS = 10
 """Niceness of the process: on a busy machine, the nodes of the missions come first."""
@@ -304,12 +305,13 @@ class DashboardNode(AlarmNode):
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
         for status in message.status:
+            node = node_of_status(status.name)
             for namespace, shown in self._shown.items():
-                if shown.node.lstrip("/") == status.name.lstrip("/"):
+                if node and shown.node == node:
                     shown.heard_s = time.monotonic()
                     self._put(namespace, "diagnostics", status)
                 planner = next((one.value for one in status.values if one.key == "planner"), "")
-                if planner and (node := f"/{status.name.lstrip('/')}") in shown.planners:
+                if planner and node in shown.planners:
                     shown.planners[node] = planner
 
     # Commands

@@ -179,7 +179,7 @@ class BridgeNode(AlarmNode):
         controller = self.controller
         self.publishers_.publish_diagnostics(
             self._wall_clock.now().to_msg(),
-            self.get_fully_qualified_name().lstrip("/"),
+            self.get_fully_qualified_name(),
             self.settings.mode,
             self.fleet,
             controller.followers,

@@ -33,7 +33,7 @@ from dsse_ros.search import HOLD, FieldError
 from dsse_ros.search.compiler import announced
 from msg_adapters.agents import AgentsInfo
 from msg_adapters.commands import joint_action_message
-from msg_adapters.diagnostics import Level, diagnostic_array
+from msg_adapters.diagnostics import Level, diagnostic_array, diagnostic_status, status_name
 from msg_adapters.observed_step import ObservedStep, StepId, StepInbox, step_id_of
 
 _RETRY_S = 1.0
@@ -235,10 +235,12 @@ class PlannerNode(AlarmNode):
         self._diagnostics.publish(
             diagnostic_array(
                 self._wall_clock.now().to_msg(),
-                name=self.get_fully_qualified_name().lstrip("/"),
-                level=level,
-                message=message,
-                values={"planner": self.settings.planner},
+                diagnostic_status(
+                    status_name(self.get_fully_qualified_name()),
+                    level,
+                    message,
+                    {"planner": self.settings.planner},
+                ),
             )
         )
 

@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 from builtin_interfaces.msg import Time
@@ -24,7 +25,7 @@ from dsse_ros.mission.step_scheduler import Timing
 from dsse_ros.runtime.qos import COMPLETE, LATCHED, RELIABLE, SENSOR, Endpoints
 from dsse_ros.search import SearchDefinition
 from msg_adapters.agents import AgentsInfo, agents_message, area_rows
-from msg_adapters.diagnostics import Level, diagnostic_array
+from msg_adapters.diagnostics import Level, diagnostic_array, diagnostic_status, status_name
 from msg_adapters.frames import GridFrame
 from msg_adapters.geodesy import cell_fix
 from msg_adapters.images import probability_image
@@ -33,6 +34,7 @@ from msg_adapters.occupancy import occupancy_grid
 from msg_adapters.particles import particles_message
 from msg_adapters.pos import pos_message
 from msg_adapters.poses import (
+    earth_transform,
     nav_sat_fix,
     odometry,
     path,
@@ -111,6 +113,7 @@ class MissionPublishers:
             self._batteries = self._per_drone(BatteryState, "battery", LATCHED)
         self._tf_type = tf_type()
         self._tf = self._tf_type and self._publisher(self._tf_type, "/tf", RELIABLE)
+        self._tf_static = self._tf_type and self._publisher(self._tf_type, "/tf_static", LATCHED)
         # The last messages of the topics that are not latched, for late joiners.
         self._of_time: dict[Publisher, Any] = {}
         self._before = self._cells = mission.result.cells
@@ -153,6 +156,12 @@ class MissionPublishers:
         """Publish that the drones have been commanded: vehicles may take off from then on."""
         if self._mission.result.step == 0 and not self._mission.missing:
             self.publish_agents(timing)
+
+    def publish_origin(self, stamp: Time) -> None:
+        """Publish where the map lies on the Earth, if tf2_msgs is installed."""
+        if self._tf_static is not None:
+            origin = earth_transform(self._frame, stamp)
+            self._tf_static.publish(self._tf_type(transforms=[origin]))
 
     def publish_clock(self, nanoseconds: int) -> None:
         """Publish the mission time, if `publish_clock` is set."""
@@ -276,10 +285,25 @@ class MissionPublishers:
         return news
 
     def publish_diagnostics(
-        self, stamp: Time, name: str, health: tuple[Level, str], values: dict[str, object]
+        self,
+        stamp: Time,
+        node: str,
+        health: tuple[Level, str],
+        values: Mapping[str, object],
+        drones: Iterable[tuple[str, Level, str, Mapping[str, object]]],
     ) -> None:
-        """Publish the health of the node of this name."""
-        level, message = health
-        self._diagnostics.publish(
-            diagnostic_array(stamp, name=name, level=level, message=message, values=values)
-        )
+        """Publish the health of the node, and that of each drone as by `status.of_drones`.
+
+        Args:
+            stamp: Wall time.
+            node: Fully qualified name of the node.
+            health: Its level and a line.
+            values: Its values.
+            drones: Name, level, line and values of each drone.
+        """
+        own = diagnostic_status(status_name(node), *health, values)
+        of_drones = [
+            diagnostic_status(status_name(node, name), level, line, found, name)
+            for name, level, line, found in drones
+        ]
+        self._diagnostics.publish(diagnostic_array(stamp, own, *of_drones))

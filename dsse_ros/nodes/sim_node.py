@@ -113,6 +113,7 @@ class SimNode(AlarmNode):
         self.alarms.make(self._publish_diagnostics).repeat(DIAGNOSTICS_PERIOD_S)
         self.add_on_set_parameters_callback(self._check_change)
         self.add_post_set_parameters_callback(self._on_changed)
+        self.publishers_.publish_origin(self.stamp())
         self._publish_start()
         if self.mission.done:
             # The snapshot was taken at the end of the mission.
@@ -415,10 +416,10 @@ class SimNode(AlarmNode):
             late=late if self.settings.wait_for_vehicles else None,
             lost=self._vehicles.lost, rejected=self._commands.rejected,
         )  # fmt: skip
-        name = self.get_fully_qualified_name().lstrip("/")
         # Monitors compare the stamp with the wall clock.
-        stamp = self._wall_clock.now().to_msg()
-        self.publishers_.publish_diagnostics(stamp, name, health, values)
+        stamp, node = self._wall_clock.now().to_msg(), self.get_fully_qualified_name()
+        drones = status.of_drones(self.mission, self._vehicles.lost, waits=self._idle)
+        self.publishers_.publish_diagnostics(stamp, node, health, values, drones)
 
     def destroy_node(self) -> None:
         """Close the log and the node."""

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from dsse_ros.mission.mission import Mission
-from dsse_ros.mission.status import reasons_without_commands
+from dsse_ros.mission.status import of_drones, reasons_without_commands
 from dsse_ros.search import parallel_env
 
 NAMES = ("cmd_action_name", "command_pose")
@@ -55,3 +55,24 @@ def test_each_drone_without_a_command_has_one_reason(
         assert (f"drone{i}/" in silent) == (not joint and not any(drone))
         assert (f"drone{i}/" in heard) == (not joint and any(drone))
     assert ("a publisher on joint_action" in why) == bool(joint)
+
+
+def test_each_drone_has_a_status_of_its_own() -> None:
+    flown = mission(3)
+    flown.lose(1)
+    states = {name: (level, line) for name, level, line, _ in of_drones(flown, {}, waits=True)}
+    assert states == {
+        "drone0": ("ok", "in flight, waiting for a command"),
+        "drone1": ("error", "lost"),
+        "drone2": ("ok", "in flight, waiting for a command"),
+    }
+    (_, *lost, values) = list(of_drones(flown, {1: "link lost"}, waits=False))[1]
+    assert lost == ["error", "lost: link lost"]
+    col, row = flown.result.cells[1].tolist()
+    assert values == {"cell": f"{col} {row}", "action": "none"}
+
+
+def test_the_status_of_a_drone_has_its_condition_and_battery() -> None:
+    flown = Mission(parallel_env(grid_size=12, num_drones=1, battery_move=1.0), 0)
+    ((_, level, line, values),) = of_drones(flown, {}, waits=False)
+    assert (level, line, values["battery"]) == ("ok", "searching", "100.0")

@@ -3,21 +3,24 @@
 """Diagnostics."""
 
 import numpy as np
+import pytest
 from diagnostic_msgs.msg import DiagnosticStatus
 
-from msg_adapters.diagnostics import diagnostic_array
+from msg_adapters.diagnostics import (
+    diagnostic_array,
+    diagnostic_status,
+    node_of_status,
+    status_name,
+)
 from msg_adapters.stamps import to_stamp
 
 
 def test_a_status_has_its_level_and_every_value_as_text_in_order():
-    message = diagnostic_array(
-        to_stamp(5 * 10**9),
-        name="sim_node: lockstep",
-        hardware_id="simulation",
-        level="warning",
-        message="waiting for drone1",
-        values={"step": np.int64(7), "missing": ["drone1"], "rejected.stale_step": 2, "p": None},
+    values = {"step": np.int64(7), "missing": ["drone1"], "rejected.stale_step": 2, "p": None}
+    made = diagnostic_status(
+        "sim_node: lockstep", "warning", "waiting for drone1", values, "simulation"
     )
+    message = diagnostic_array(to_stamp(5 * 10**9), made)
     assert message.header.stamp.sec == 5
     (status,) = message.status
     assert status.level == b"\x01" == DiagnosticStatus.WARN
@@ -29,3 +32,13 @@ def test_a_status_has_its_level_and_every_value_as_text_in_order():
         ("rejected.stale_step", "2"),
         ("p", "None"),
     ]
+
+
+@pytest.mark.parametrize("node", ["/sim_node", "/one/two/sim_node", "sim_node"])
+def test_a_status_begins_with_the_package_and_names_the_node(node: str):
+    name = status_name(node)
+    assert name == f"dsse_ros: {node.lstrip('/')}"
+    assert node_of_status(name) == f"/{node.lstrip('/')}"
+    # Of a drone, and of somebody else.
+    assert status_name(node, "drone3") == f"{name}: drone3"
+    assert [node_of_status(one) for one in (f"{name}: drone3", node, "")] == ["", "", ""]

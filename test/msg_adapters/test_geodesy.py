@@ -6,12 +6,19 @@ import dataclasses
 import math
 
 import numpy as np
+import pymap3d
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from msg_adapters.frames import GridFrame, cell_to_map
-from msg_adapters.geodesy import cell_fix, cell_to_geodetic, geodetic_to_map, map_to_geodetic
+from msg_adapters.geodesy import (
+    cell_fix,
+    cell_to_geodetic,
+    geodetic_to_map,
+    map_in_earth,
+    map_to_geodetic,
+)
 
 FRAMES = st.from_type(GridFrame)
 SANTOS = GridFrame(8, 130.0, -24.04, -46.17, 0.0, 120.0)
@@ -149,3 +156,25 @@ def test_one_cell_to_the_east_is_130_m_on_the_tangent_plane_at_the_origin(row, c
     axis_east, axis_north, _ = axes(frame)
     assert (east - west) @ axis_east == pytest.approx(130.0, abs=1e-3)
     assert (east - west) @ axis_north == pytest.approx(0.0, abs=1e-3)
+
+
+@given(
+    lat_deg=st.floats(-85, 85), lon_deg=st.floats(-180, 180), alt_m=st.floats(-100, 3000),
+    x_m=st.floats(0, 4000), y_m=st.floats(0, 4000),
+)  # fmt: skip
+def test_the_map_lies_on_the_earth_where_its_points_have_their_coordinates(
+    lat_deg, lon_deg, alt_m, x_m, y_m
+):
+    frame = GridFrame(31, 130.0, lat_deg, lon_deg, alt_m, 120.0)
+    position, turn = map_in_earth(frame)
+    # A point of the tangent plane.
+    lat, lon, alt = pymap3d.enu2geodetic(x_m, y_m, 50.0, lat_deg, lon_deg, alt_m)
+    moved = np.add(position, rotated(turn, (x_m, y_m, 50.0)))
+    np.testing.assert_allclose(moved, pymap3d.geodetic2ecef(lat, lon, alt), atol=1e-3)
+    assert np.linalg.norm(turn) == pytest.approx(1.0)
+
+
+def rotated(turn, point):
+    """Return a point turned by a quaternion x y z w."""
+    *axis, w = turn
+    return np.add(point, 2 * np.cross(axis, np.cross(axis, point) + np.multiply(w, point)))

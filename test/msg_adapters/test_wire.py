@@ -97,13 +97,8 @@ def all_messages():
         person_cells=CELLS,
         found=np.array([True, False]),
     )
-    yield diagnostics.diagnostic_array(
-        STAMP,
-        name="sim_node",
-        level="ok",
-        message="",
-        values={"step": np.int64(1)},
-    )
+    status = diagnostics.diagnostic_status("sim_node", "ok", "", {"step": np.int64(1)})
+    yield diagnostics.diagnostic_array(STAMP, status)
 
 
 @pytest.mark.parametrize("message", all_messages(), ids=lambda message: type(message).__name__)

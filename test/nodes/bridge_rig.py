@@ -98,7 +98,7 @@ def health_when(rig: Rig, message: str) -> dict[str, str]:
         def found() -> Any:
             for array in inbox:
                 for status in array.status:
-                    if status.name == "mavlink_bridge" and status.message == message:
+                    if status.name == "dsse_ros: mavlink_bridge" and status.message == message:
                         return status
             return None
 

@@ -46,6 +46,7 @@ from std_srvs.srv import SetBool, Trigger
 from dsse_ros.nodes.settings import FULL_NAMES
 from dsse_ros.runtime.discovery import variable
 from msg_adapters.commands import joint_action_message
+from msg_adapters.diagnostics import status_name
 from msg_adapters.step_report import step_report_from_message
 
 with warnings.catch_warnings():
@@ -469,7 +470,7 @@ class Sim:
         What was published before them is here then too. They are the values, with `level`,
         `message` and the message's first part as `state`.
         """
-        name = f"{self.namespace}/sim_node".lstrip("/")
+        name = status_name(f"{self.namespace}/sim_node")
         with self.rig.listening(DiagnosticArray, "/diagnostics") as inbox:
 
             def found() -> dict[str, Any] | None:

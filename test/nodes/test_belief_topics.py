@@ -68,7 +68,7 @@ def test_topics_diagnostics_record_and_environment_agree(
 
     def shown() -> str | None:
         for status in rig.first(DiagnosticArray, "/diagnostics", RELIABLE).status:
-            if status.name == f"{name}/sim_node":
+            if status.name == f"dsse_ros: {name}/sim_node":
                 return {pair.key: pair.value for pair in status.values}["pos"]
         return None
 

@@ -124,7 +124,7 @@ def test_every_topic_and_command_of_the_mission_is_in_the_bag(messages: list[Rec
     others = ["/agents", "/mission_report", "/markers", "/joint_action", "/clock", "/diagnostics"]
     others += [f"/drone{i}/path" for i in range(DRONES)]
     # The transforms are there where tf2_msgs is.
-    assert counted.keys() - {"/tf"} == {*each_step, *others}
+    assert counted.keys() - {"/tf", "/tf_static"} == {*each_step, *others}
     assert counted["/step_report"] == STEPS + 2
     # Once as the mission begins, once as the drones are commanded.
     assert counted["/agents"] == 2 and counted["/mission_report"] == 1

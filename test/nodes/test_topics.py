@@ -200,7 +200,10 @@ def test_names_follow_the_namespace_and_the_remaps(sim: Sim) -> None:
             f"{listed}",
         )
     assert "/sea/drones" not in dict(node.get_topic_names_and_types())
-    assert sim.rig.first(DiagnosticArray, "/diagnostics", RELIABLE).status[0].name == "sea/sim_node"
+    assert (
+        sim.rig.first(DiagnosticArray, "/diagnostics", RELIABLE).status[0].name
+        == "dsse_ros: sea/sim_node"
+    )
 
 
 def test_the_qos_is_that_of_the_interface_but_where_it_is_overridden(sim: Sim) -> None:

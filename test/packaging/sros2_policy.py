@@ -16,7 +16,7 @@ COMMANDS = {
         for name in ("cmd_action", "cmd_action_name", "command_pose", "command_path")
     ),
 }
-WITH_TF2_MSGS = {"/tf"}
+WITH_TF2_MSGS = {"/tf", "/tf_static"}
 WITH_SIMULATION_INTERFACES = {
     f"~/{name}"
     for name in (
