@@ -41,7 +41,7 @@ from dsse_ros.planners.registry import OPTIONS
 from dsse_ros.report.metrics import METRICS
 from dsse_ros.runtime.parameters import descriptor
 from dsse_ros.scenario.fault_fields import FAULTS, FaultFields
-from dsse_ros.scenario.fields import Spec, specs
+from dsse_ros.scenario.fields import Spec, shown_number, specs
 from dsse_ros.scenario.rules import GROUPS
 from dsse_ros.search import PROFILES, Rules, Scenario, parallel_env
 
@@ -104,7 +104,7 @@ def number(value: float) -> str:
             return f"{base}^{exponent}"
         if exponent > 3 and value == -(base**exponent):
             return f"-{base}^{exponent}"
-    return f"{value:g}"
+    return shown_number(value)
 
 
 def defaults(cls: type) -> dict[str, Any]:

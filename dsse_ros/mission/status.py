@@ -91,7 +91,8 @@ def reasons_without_commands(
         (heard if active else silent).append((active or own)[0])
     causes = []
     if silent:
-        causes.append(f"no publisher on {' or '.join([*of_all, *_first(silent)])}")
+        *first, last = [*of_all, *_first(silent)]
+        causes.append(f"no publisher on {', '.join(first)} or {last}")
     if heard:
         causes.append(
             f"a publisher on {', '.join(_first(list(dict.fromkeys(heard))))}, but no command for "

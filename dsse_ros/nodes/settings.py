@@ -154,6 +154,20 @@ class SimSettings(ArrivalSettings):
         return self.compute_pos == "always"
 
 
+_MODES = {"command_timeout": "lockstep", "odom_rate": "realtime", "real_time_factor": "realtime"}
+"""The step mode in which a setting has an effect, for those that have one in one mode only."""
+
+
+def without_effect(settings: SimSettings) -> list[str]:
+    """Return a line for each setting that was changed and has no effect in this step mode."""
+    usual, mode = SimSettings(), settings.step_mode
+    return [
+        f"{name} has no effect with step_mode {mode}, only with {where}"
+        for name, where in _MODES.items()
+        if where != mode and getattr(settings, name) != getattr(usual, name)
+    ]
+
+
 RUN_TIME_SETTINGS = frozenset(
     {
         "step_mode", "step_rate", "command_timeout", "missing_action", "auto_reset", "exit_at_end",

@@ -30,7 +30,7 @@ from dsse_ros.mission.step_scheduler import Due, StepScheduler
 from dsse_ros.nodes import deprecated, sim_services, simulation_interfaces
 from dsse_ros.nodes.publisher_counts import PublisherCounts, consequences
 from dsse_ros.nodes.publishers import MissionPublishers
-from dsse_ros.nodes.settings import SIM_PARAMETERS
+from dsse_ros.nodes.settings import SIM_PARAMETERS, without_effect
 from dsse_ros.nodes.sim_parameters import (
     OF_TIMING,
     draw_run_id,
@@ -129,6 +129,8 @@ class SimNode(AlarmNode):
         was_moving = self._scheduler.moving
         self.settings = dataclasses.replace(self.settings, **changes)
         if changes.keys() & OF_TIMING:
+            for line in without_effect(self.settings):
+                self.get_logger().warning(line)
             step_duration_s = self.mission.env.scenario.step_duration_s
             self._scheduler.set_timing(timing(self.settings, step_duration_s), time.monotonic())
             self._arm()

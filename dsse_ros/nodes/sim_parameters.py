@@ -21,6 +21,7 @@ from dsse_ros.nodes.settings import (
     SHORT_NAMES,
     SIM_PARAMETERS,
     SimSettings,
+    without_effect,
 )
 from dsse_ros.runtime.parameters import declare
 from dsse_ros.runtime.qos import Endpoints
@@ -71,6 +72,8 @@ def read_parameters(node: AlarmNode) -> tuple[SimSettings, SearchEnv, Endpoints]
         **{f"rules.{name}": value for name, value in vars(rules).items()},
     }
     declare(node, SIM_PARAMETERS, values, RUN_TIME_SETTINGS)
+    for line in without_effect(settings):
+        node.get_logger().warning(line)
     return settings, env, Endpoints(node, qos)
 
 

@@ -91,11 +91,11 @@ class Spec:
             return "one of " + ", ".join(self.choices)
         bounds = []
         if self.above > -math.inf:
-            bounds.append(f"> {self.above:g}")
+            bounds.append(f"> {shown_number(self.above)}")
         if self.low > -math.inf:
-            bounds.append(f">= {self.low:g}")
+            bounds.append(f">= {shown_number(self.low)}")
         if self.high < math.inf:
-            bounds.append(f"<= {self.high:g}")
+            bounds.append(f"<= {shown_number(self.high)}")
         return " ".join(filter(None, (noun, " and ".join(bounds), self.unit)))
 
     def check(self, name: str, value: Any) -> Any:
@@ -171,6 +171,11 @@ class Spec:
         if not (self.low <= value <= self.high and value > self.above):
             raise ValueError
         return value
+
+
+def shown_number(value: float) -> str:
+    """Return a number as people write it: `100000000` rather than `1e+08`."""
+    return str(int(value)) if abs(value) < 1e19 and value == int(value) else f"{value:g}"
 
 
 def shown(value: Any) -> str:

@@ -88,7 +88,7 @@ def test_the_sweep_width_is_that_of_the_scenario(
         ((*PS, "--errors", "1,2"), "errors must be X,DE,Y from 0 to 1e+06 m, got '1,2'"),
         ((*PS, "--errors", "1,2,3", "--search", "6"), "search must be from 1 to 5, got 6"),
         ((*PS, "--search", "1"), "search must be given with errors, got 1"),
-        ((*PS, "--sweep-width", "0"), "sweep_width must be > 0 and <= 1e+06 m, got 0.0"),
+        ((*PS, "--sweep-width", "0"), "sweep_width must be > 0 and <= 1000000 m, got 0.0"),
         (("--heading", "3"), "heading must be given with pattern, got no pattern"),
     ],
 )

@@ -18,7 +18,13 @@ from rcl_interfaces.msg import ParameterType
 from rig import LATCHED, Rig, Sim
 from rig import occupancy as cells_of
 
-from dsse_ros.nodes.settings import RUN_TIME_SETTINGS, SIM_PARAMETERS, PlannerSettings
+from dsse_ros.nodes.settings import (
+    RUN_TIME_SETTINGS,
+    SIM_PARAMETERS,
+    PlannerSettings,
+    SimSettings,
+    without_effect,
+)
 from dsse_ros.runtime.parameters import descriptor, from_ros, to_ros
 from dsse_ros.scenario.fields import FieldError, Spec, specs
 from dsse_ros.search import Scenario, profile
@@ -216,6 +222,20 @@ def test_what_cannot_change_at_run_time_is_read_only(sim: Sim, name: str, value:
     (result,) = sim.try_set(**{name: value})
     assert not result.successful and "read-only" in result.reason
     assert sim.get(name) == before
+
+
+def test_a_setting_without_effect_in_this_mode_is_named_and_no_other_is(sim: Sim) -> None:
+    assert without_effect(SimSettings(odom_rate=20.0)) == [
+        "odom_rate has no effect with step_mode lockstep, only with realtime"
+    ]
+    assert without_effect(SimSettings(odom_rate=20.0, step_mode="realtime")) == []
+    assert without_effect(SimSettings(command_timeout=2.0)) == without_effect(SimSettings()) == []
+    before = sim.process.output.count("odom_rate has no effect")
+    sim.set(odom_rate=20.0)
+    sim.rig.until(
+        lambda: sim.process.output.count("odom_rate has no effect") == before + 1, "a warning"
+    )
+    sim.set(odom_rate=10.0)
 
 
 def test_an_unknown_parameter_is_refused(sim: Sim) -> None:
