@@ -13,7 +13,8 @@ from matplotlib.ticker import PercentFormatter
 
 from dsse_ros.campaign.estimates import of_mean, of_share
 from dsse_ros.campaign.statistics import Played, restricted_s
-from dsse_ros.report.figures import OKABE_ITO, STYLES, Theme, add_legend, chart
+from dsse_ros.report.figures import OKABE_ITO, STYLES, add_legend, chart
+from dsse_ros.view.theme import Theme
 
 MAX_POINTS = 200
 """Largest number of points of a curve."""

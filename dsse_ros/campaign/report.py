@@ -25,9 +25,10 @@ from dsse_ros.campaign.statistics import (
     pos_at,
     pos_times,
 )
-from dsse_ros.report.figures import DARK, LIGHT, png, svg
+from dsse_ros.report.figures import png, svg
 from dsse_ros.report.page import Illustration, Section, SectionPage, Table
 from dsse_ros.report.texts import csv_text, distance, duration
+from dsse_ros.view.theme import DARK, LIGHT
 from dsse_ros.whole_files import write_whole
 
 

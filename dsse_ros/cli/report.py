@@ -23,6 +23,7 @@ from dsse_ros.report.replay import (
     follow_belief,
     forecast_for,
     with_coverage,
+    with_waits,
 )
 from dsse_ros.report.report import Report
 from dsse_ros.runtime.exit_codes import fail
@@ -80,7 +81,7 @@ def main(argv: list[str] | None = None) -> int:
         for i, one in enumerate(progress(missions, "POS")):
             if one.pos is None and (forecast := forecast_for(one, forecast)) is not None:
                 missions[i] = replace(one, pos=follow_belief(one, forecast)[0])
-        record = missions[at]
+        record = missions[at] = with_waits(missions[at])
         shown = pictures(record, wanted, forecast_for(record, forecast), bag)
         make_folder("out", arguments.out)
     except FieldError as error:

@@ -9,7 +9,8 @@ are shaded by cividis (Nunez, Anderton and Renslow 2018).
 from __future__ import annotations
 
 import io
-from dataclasses import dataclass
+from collections.abc import Iterable, Sequence
+from typing import Any, NamedTuple
 
 import matplotlib
 import numpy as np
@@ -21,6 +22,7 @@ from matplotlib.ticker import MaxNLocator, PercentFormatter
 
 from dsse_ros.report.metrics import Curves, Work, effort
 from dsse_ros.report.record import RecordedMission
+from dsse_ros.scenario.sea_state import sea_state
 from dsse_ros.view.map_axes import (
     MAX_LINED_CELLS,
     draw_cells,
@@ -30,7 +32,9 @@ from dsse_ros.view.map_axes import (
     places_km,
 )
 from dsse_ros.view.palette import DRONE_COLOURS, drone_colour
-from dsse_ros.view.rendering import WIDE, Layout, MissionView, Picture, new_figure
+from dsse_ros.view.rendering import PLAIN, MissionView, Picture, new_figure
+from dsse_ros.view.sea_chart import corner_rows, draw_corner, draw_shore, draw_sightings
+from dsse_ros.view.theme import Theme
 
 BLUE, ORANGE, GREEN = "#0072B2", "#E69F00", "#009E73"
 PNG_DPI = 160
@@ -50,29 +54,6 @@ _SALT = "dsse_ros"
 """Of the ids in an SVG, which are random without one."""
 
 
-@dataclass(frozen=True)
-class Theme:
-    """Colours of a page.
-
-    Attributes:
-        paper: Behind the figure.
-        ink: Text and axes.
-        faint: Grid lines.
-        accent: The main line.
-        shades: Of cividis, for the least and the most.
-    """
-
-    paper: str
-    ink: str
-    faint: str
-    accent: str
-    shades: tuple[float, float]
-
-
-LIGHT = Theme(paper="#ffffff", ink="#1b1f24", faint="#d8dde3", accent=BLUE, shades=(0.85, 0.0))
-DARK = Theme(paper="#171b21", ink="#e6e9ed", faint="#3a424d", accent="#56B4E9", shades=(0.3, 1.0))
-
-
 def png(figure: Figure, dpi: int = PNG_DPI) -> bytes:
     """Return a figure as PNG."""
     out = io.BytesIO()
@@ -88,10 +69,59 @@ def svg(figure: Figure) -> bytes:
     return out.getvalue()
 
 
-def map_figure(view: MissionView, layout: Layout = WIDE) -> Figure:
-    """Return the map of a mission, as `make sim` draws it."""
-    figure = new_figure(layout)
-    Picture(figure, layout).draw(view)
+def map_figure(view: MissionView, theme: Theme) -> Figure:
+    """Return the map of a mission, as `make sim` draws it, without its legend."""
+    figure = new_figure(PLAIN)
+    Picture(figure, PLAIN, theme).draw(view)
+    return figure
+
+
+class Symbol(NamedTuple):
+    """A symbol of maps.
+
+    Attributes:
+        handle: For a legend of matplotlib.
+        label: Its meaning.
+    """
+
+    handle: Any
+    label: str
+
+    def icon(self) -> bytes:
+        """Return the symbol as SVG."""
+        figure = Figure(figsize=(0.42, 0.3))
+        figure.patch.set_alpha(0.0)
+        figure.legend(
+            [self.handle], [""], loc="center", frameon=False, borderpad=0.0, borderaxespad=0.0,
+            handletextpad=0.0, handlelength=2.2,
+        )  # fmt: skip
+        return svg(figure)
+
+
+def symbols(views: Iterable[MissionView], theme: Theme) -> list[Symbol]:
+    """Return the symbols that the maps have, in the order of the legend."""
+    shown: set[str] = set()
+    entries: dict[str, tuple[Any, str]] = {}
+    for view in views:
+        picture = Picture(new_figure(PLAIN), PLAIN, theme)
+        picture.draw(view)
+        shown.update(picture.shown(view))
+        entries = picture.entries(view)
+    return [
+        Symbol(handle, label.replace("\n", " "))
+        for name, (handle, label) in entries.items()
+        if name in shown
+    ]
+
+
+def legend_figure(entries: Sequence[Symbol], theme: Theme) -> Figure:
+    """Return the legend of the maps."""
+    rows = -(-len(entries) // 2)
+    figure = Figure(figsize=(7.2, 0.3 * rows + 0.2), facecolor=theme.paper)
+    figure.legend(
+        [one.handle for one in entries], [one.label for one in entries], loc="center", ncols=2,
+        frameon=False, labelcolor=theme.ink, fontsize=9, handlelength=2.2,
+    )  # fmt: skip
     return figure
 
 
@@ -123,7 +153,7 @@ def progress_figure(of: Curves, cells: int, theme: Theme) -> Figure:
         cells: Cells of the search area.
         theme: Colours.
     """
-    figure, axes = chart(theme)
+    figure, axes = chart(theme, 5.4, 3.0)
     minutes = of.times_s / 60.0
     marker = "o" if len(minutes) < 2 else ""
     coverage = of.cells_searched / cells
@@ -162,7 +192,6 @@ def effort_figure(record: RecordedMission, theme: Theme) -> Figure:
         vmin=1, vmax=max(int(count.max()), 2),
         cmap=ListedColormap(colormaps["cividis"](np.linspace(*theme.shades, 256))),
     )  # fmt: skip
-    _show_part(axes, record)
     bar = figure.colorbar(image, ax=axes, label="searches of the cell", shrink=0.85, pad=0.02)
     bar.ax.yaxis.set_major_locator(MaxNLocator(integer=True))
     bar.ax.tick_params(colors=theme.ink)
@@ -186,7 +215,6 @@ def tracks_figure(record: RecordedMission, theme: Theme) -> Figure:
             x[-1:], y[-1:], "X" if record.lost[-1, i] else "^", color=colour, markersize=7,
             markeredgecolor=theme.ink, markeredgewidth=0.7, zorder=3,
         )  # fmt: skip
-    _show_part(axes, record)
     if drones <= MAX_NAMED:
         add_legend(axes, theme, 4)
     return figure
@@ -197,33 +225,45 @@ def _side_km(record: RecordedMission) -> float:
 
 
 def _map_chart(record: RecordedMission, theme: Theme) -> tuple[Figure, Axes]:
-    """Return axes with the area and the cells, east to the right and north up."""
-    figure, axes = chart(theme, 6.0, 5.2)
-    side = _side_km(record)
+    """Return axes with the sea and the cells, east to the right and north up.
+
+    They show the part of the grid with the tracks and the last known positions.
+    """
+    figure, axes = chart(theme, 5.4, 4.7)
+    side, sea = _side_km(record), sea_state(record.scenario, 0)
+    west, south, shown = (cells * record.scenario.cell_size / 1000.0 for cells in _part(record))
     axes.set_aspect("equal")
     for spine in axes.spines.values():
         spine.set_color(theme.ink)
     if record.area is not None:
-        draw_outside(axes, record.area, side, theme.faint)
+        draw_outside(axes, record.area, side, theme.land)
     if _part(record)[2] <= MAX_LINED_CELLS:
         draw_lines(axes, np.linspace(0, side, record.grid_size + 1), side, theme.faint)
+    draw_shore(axes, sea, theme)
+    draw_sightings(axes, sea, shown, theme, (west, south))
+    # Those that are off the map; wind and current change.
+    draw_corner(axes, [row for row in corner_rows(sea, 1000.0 * side) if row.kind == "lkp"], theme)
     name_axes(axes)
+    axes.set(xlim=(west, west + shown), ylim=(south, south + shown), autoscale_on=False)
     return figure, axes
 
 
-def _show_part(axes: Axes, record: RecordedMission) -> None:
-    """Show the part of the grid in which the drones were."""
-    west, south, side = (cells * record.scenario.cell_size / 1000.0 for cells in _part(record))
-    axes.set(xlim=(west, west + side), ylim=(south, south + side))
-
-
 def _part(record: RecordedMission) -> tuple[int, int, int]:
-    """Return the square that holds all tracks: its corner and side in cells, from the south-west.
+    """Return the square that holds all tracks and the last known positions on the grid.
 
     It is the whole grid if it is most of it.
+
+    Returns:
+        Its corner and side in cells, from the south-west.
     """
-    size = record.grid_size
-    low, high = record.cells.min(axis=(0, 1)), record.cells.max(axis=(0, 1))
+    size, cell_m = record.grid_size, record.scenario.cell_size
+    seen = [
+        (seen.x_m // cell_m, size - 1 - seen.y_m // cell_m)
+        for seen in sea_state(record.scenario, 0).sightings
+        if 0 <= seen.x_m < size * cell_m and 0 <= seen.y_m < size * cell_m
+    ]
+    places = np.concatenate([record.cells.reshape(-1, 2), np.array(seen, int).reshape(-1, 2)])
+    low, high = places.min(axis=0), places.max(axis=0)
     side = min(int((high - low).max()) + 1 + 2 * _MARGIN, size)
     if side > _MOST * size:
         return 0, 0, size
@@ -233,17 +273,20 @@ def _part(record: RecordedMission) -> tuple[int, int, int]:
 
 
 def work_figure(record: RecordedMission, of: Work, theme: Theme) -> Figure:
-    """Return in how many steps each drone searched, flew on and held."""
+    """Return in how many steps each drone searched, flew on, waited and held."""
     count = len(record.agents)
     shown = min(count, MAX_BARS)
     groups = np.array_split(np.arange(count), shown)
-    figure, axes = chart(theme, height=1.3 + 0.24 * shown)
+    figure, axes = chart(theme, 5.4, 1.3 + 0.24 * shown)
     left = np.zeros(shown)
     for name, steps, colour, hatch in (
         ("searching", of.searching, theme.accent, ""),
         ("moving", of.moving, ORANGE, "//"),
-        ("holding", of.holding, "#999999", ".."),
+        ("waiting", of.waiting, "#999999", ".."),
+        ("holding", of.holding, "#CC79A7", "xx"),
     ):
+        if not steps.any():
+            continue
         width = np.array([steps[group].mean() for group in groups])
         axes.barh(
             np.arange(shown), width, left=left, color=colour, hatch=hatch, label=name,
@@ -261,5 +304,6 @@ def work_figure(record: RecordedMission, of: Work, theme: Theme) -> Figure:
     axes.xaxis.set_major_locator(MaxNLocator(integer=True))
     axes.grid(axis="x", color=theme.faint, linewidth=0.6)
     axes.set_axisbelow(True)
-    add_legend(axes, theme, 3)
+    if left.any():
+        add_legend(axes, theme, 4)
     return figure

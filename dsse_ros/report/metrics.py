@@ -52,9 +52,14 @@ def path_lengths(record: RecordedMission) -> Floats:
 
 
 def effort(record: RecordedMission, num_steps: int | None = None) -> Ints:
-    """Return how often each cell was searched in the first recorded steps, (G, G) [row, col]."""
+    """Return how often each cell was searched in the first recorded steps, (G, G) [row, col].
+
+    A drone that waited has not searched, if it is known which did.
+    """
     count = np.zeros((record.grid_size, record.grid_size), np.int64)
     looked = record.looked_at
+    if record.waited is not None:
+        looked = looked[~record.waited[looked[:, 0], looked[:, 1]]]
     if num_steps is not None:
         looked = looked[looked[:, 0] < num_steps]
     np.add.at(count, (looked[:, 3], looked[:, 2]), 1)
@@ -298,7 +303,7 @@ METRICS = (
     ),
     Metric(
         "searches", "Searches", "",
-        "Number of searches; a cell counts each time it is searched.",
+        "Number of searches; a cell counts each time it is searched, also where nobody could be.",
         "",
         lambda record, of: float(of.num_searches[-1]),
     ),
@@ -360,7 +365,8 @@ class Work:
     """Work of each of the N drones.
 
     Attributes:
-        searching: (N,) steps in which it searched.
+        searching: (N,) steps in which it searched, apart from those in which it waited.
+        waiting: (N,) steps in which it searched where nobody could be; 0 if that is unknown.
         moving: (N,) steps in which it flew to another cell.
         holding: (N,) steps in which it did neither.
         cells: (N,) different cells that it looked at.
@@ -371,6 +377,7 @@ class Work:
     """
 
     searching: Ints
+    waiting: Ints
     moving: Ints
     holding: Ints
     cells: Ints
@@ -384,9 +391,11 @@ def work(record: RecordedMission) -> Work:
     """Return what each drone did."""
     moved = np.diff(record.cells, axis=0, prepend=record.cells[:1]).any(axis=2) & record.acted
     searching, moving = record.searched.sum(axis=0), moved.sum(axis=0)
+    waiting = np.zeros_like(searching) if record.waited is None else record.waited.sum(axis=0)
     lost = record.lost
     return Work(
-        searching=searching,
+        searching=searching - waiting,
+        waiting=waiting,
         moving=moving,
         holding=record.acted.sum(axis=0) - searching - moving,
         cells=np.array(

@@ -23,8 +23,8 @@ class Illustration:
         alt: Alternative text: what the figure shows.
         png: The light figure.
         svg: The light figure.
-        dark_svg: For dark pages; None for a figure that is always light.
-        narrow_png: For narrow pages; None for a figure that is the same there.
+        dark_svg: For dark pages; None for a figure that a page shows as PNG.
+        dark_png: For dark pages; None for a figure that a page shows as SVG.
     """
 
     name: str
@@ -33,27 +33,50 @@ class Illustration:
     png: bytes
     svg: bytes
     dark_svg: bytes | None = None
-    narrow_png: bytes | None = None
+    dark_png: bytes | None = None
 
     @property
     def light(self) -> str:
         """Address of the light figure: all of it."""
-        # A map is an image in the SVG too, and larger there.
+        # A map with its cells is an image in the SVG too, and larger there.
         return _address("png", self.png) if self.dark_svg is None else _address("svg+xml", self.svg)
 
     @property
     def dark(self) -> str:
-        """Address of the dark figure, "" without one."""
-        return "" if self.dark_svg is None else _address("svg+xml", self.dark_svg)
-
-    @property
-    def narrow(self) -> str:
-        """Address of the figure for narrow pages, "" without one."""
-        return "" if self.narrow_png is None else _address("png", self.narrow_png)
+        """Address of the dark figure."""
+        if self.dark_svg is not None:
+            return _address("svg+xml", self.dark_svg)
+        assert self.dark_png is not None
+        return _address("png", self.dark_png)
 
 
 def _address(kind: str, content: bytes) -> str:
     return f"data:image/{kind};base64,{base64.b64encode(content).decode()}"
+
+
+@dataclass(frozen=True)
+class LegendEntry:
+    """A symbol of the maps, and its meaning.
+
+    Attributes:
+        label: The meaning.
+        svg: The symbol for light pages.
+        dark_svg: The symbol for dark pages.
+    """
+
+    label: str
+    svg: bytes
+    dark_svg: bytes
+
+    @property
+    def light(self) -> str:
+        """Address of the light symbol."""
+        return _address("svg+xml", self.svg)
+
+    @property
+    def dark(self) -> str:
+        """Address of the dark symbol."""
+        return _address("svg+xml", self.dark_svg)
 
 
 @dataclass(frozen=True)
@@ -76,6 +99,7 @@ class Page:
         notices: What the reader must know of what is missing.
         facts: Names and values of what is read first.
         maps: At chosen steps; none where no map is known.
+        legend: The symbols of the maps.
         charts: The other figures.
         metrics: Label, value and meaning of each metric.
         drones: What each drone did.
@@ -88,6 +112,7 @@ class Page:
     notices: Sequence[str]
     facts: Sequence[tuple[str, str]]
     maps: Sequence[Illustration]
+    legend: Sequence[LegendEntry]
     charts: Sequence[Illustration]
     metrics: Sequence[tuple[str, str, str]]
     drones: Table

@@ -66,6 +66,8 @@ class RecordedMission:
         coverage_rate: (K,) float64 share of the cells to cover that are covered after each step;
             None if not recorded, or for another task.
         repeated_coverage: (K,) float64 visits of other cells, over the number of cells to cover.
+        waited: (K, N) bool, whether the drone searched where nobody could be, by the map that it
+            observed; None if not computed, see `replay.with_waits`.
         persons: (K, P, 2) int64; None if not recorded.
         person_found: (K, P) bool; None if not recorded.
         seed: Seed of the mission; None if not known.
@@ -89,6 +91,7 @@ class RecordedMission:
     pos: NDArray[np.float64] | None = None
     coverage_rate: NDArray[np.float64] | None = None
     repeated_coverage: NDArray[np.float64] | None = None
+    waited: NDArray[np.bool_] | None = None
     persons: NDArray[np.int64] | None = None
     person_found: NDArray[np.bool_] | None = None
     seed: int | None = None

@@ -18,7 +18,7 @@ from dsse_ros.report.record import SEARCH, RecordedMission
 from dsse_ros.search import HOLD, FieldError, SearchEnv
 from dsse_ros.search.coverage import poc_of
 from dsse_ros.search.world_beliefs import DRIFT_SAMPLES
-from dsse_ros.step.looks import looks_of
+from dsse_ros.step.looks import likely_cells, looks_of, waits
 from dsse_ros.view.mission_view import MissionView, ending
 
 LARGEST_BELIEF_GRID = 50
@@ -42,22 +42,47 @@ def views(record: RecordedMission, wanted: Collection[int]) -> dict[int, Mission
     """
     if record.covers:
         return _views_of_coverage(record, wanted)
-    env = SearchEnv(record.scenario, record.rules)
-    # The map depends on neither drones nor persons: any seed and any actions give the same one.
-    env.reset(seed=0)
-    hold = np.full(len(record.agents), HOLD, np.int8)
+    record = with_waits(record)
     shown: dict[int, MissionView] = {}
-    step = 0
-    for k, recorded in enumerate(record.steps.tolist()):
-        for _ in range(step, recorded):
-            before = env.probability
-            env.advance(hold)
-        if recorded > step:
+    for k, before, env in _observed(record):
+        if before is not None:
             _check(record, k, before)
-        step = recorded
         if k in wanted:
             shown[k] = _view(record, k, env.view())
     return shown
+
+
+def with_waits(record: RecordedMission) -> RecordedMission:
+    """Return the record with the drones that waited in each step; none do in a coverage task."""
+    if record.covers or record.waited is not None:
+        return record
+    waited, looked = np.zeros_like(record.searched), record.looked_at
+    for k, before, _ in _observed(record):
+        if before is not None:
+            of_step = looked[slice(*np.searchsorted(looked[:, 0], [k, k + 1]))]
+            likely = likely_cells(before)
+            waited[k] = waits(record.searched[k], of_step[:, 1], of_step[:, 2:], likely)
+    return replace(record, waited=waited)
+
+
+def _observed(
+    record: RecordedMission,
+) -> Iterator[tuple[int, NDArray[np.float32] | None, SearchEnv]]:
+    """Yield each recorded step, the map before it and the search after it, with other drones.
+
+    The start of the mission has no map before it.
+    """
+    env = SearchEnv(record.scenario, record.rules)
+    # The map depends on neither drones nor persons: any seed and any actions give the same one.
+    env.reset(seed=0)
+    hold, step = np.full(len(record.agents), HOLD, np.int8), 0
+    for k, recorded in enumerate(record.steps.tolist()):
+        before = None
+        for _ in range(step, recorded):
+            before = env.probability
+            env.advance(hold)
+        step = recorded
+        yield k, before, env
 
 
 def with_coverage(record: RecordedMission) -> RecordedMission:
@@ -119,8 +144,19 @@ def _view(record: RecordedMission, k: int, of_map: MissionView) -> MissionView:
         step=int(record.steps[k]),
         pos=None if record.pos is None else float(record.pos[k]),
         searches=effort(record, k + 1),
+        waits=_waits(record, k + 1),
         ending=_ending(record, k) if record.complete and k == len(record.steps) - 1 else "",
     )
+
+
+def _waits(record: RecordedMission, num_steps: int) -> NDArray[np.int64] | None:
+    """Return in how many of the first recorded steps a drone waited in each cell, (G, G)."""
+    if record.waited is None:
+        return None
+    count = np.zeros((record.grid_size, record.grid_size), np.int64)
+    col, row = record.cells[:num_steps][record.waited[:num_steps]].T
+    np.add.at(count, (row, col), 1)
+    return count
 
 
 def _ending(record: RecordedMission, k: int) -> str:

@@ -22,9 +22,10 @@ from dsse_ros.report.metrics import (
     num_cells,
     work,
 )
-from dsse_ros.report.page import Illustration, Page, Table
+from dsse_ros.report.page import Illustration, LegendEntry, Page, Table
 from dsse_ros.report.record import RecordedMission
-from dsse_ros.view.rendering import NARROW, MissionView
+from dsse_ros.view.rendering import MissionView
+from dsse_ros.view.theme import DARK, LIGHT, Theme
 
 OF_INCIDENT = ("poc_outside", "stranded")
 FACTS = ("pos", *OF_INCIDENT, "time_to_detection", "expected_time_at_least",
@@ -79,7 +80,9 @@ class Report:
         for name, head, rows in self._tables(of, done):
             (folder / f"{name}.csv").write_text(texts.csv_text(head, rows), encoding="utf-8")
         path = folder / "report.html"
-        html = self._page(done, maps=drawings[True], charts=drawings[False]).html()
+        html = self._page(
+            done, self._legend(pictures), maps=drawings[True], charts=drawings[False]
+        ).html()
         path.write_text(html, encoding="utf-8")
         return path
 
@@ -87,17 +90,17 @@ class Report:
         """Yield each figure, and whether it is a map."""
         record = self.record
         for k, view in self.views.items():
-            figure = figures.map_figure(view)
+            figure = figures.map_figure(view, LIGHT)
             time = texts.duration(float(record.times_s[k]))
             yield (
                 True,
                 Illustration(
                     name=f"map_step_{view.step}",
-                    caption=f"After {time} (step {view.step}).",
+                    caption=f"After {time}: {view.status}.",
                     alt=f"Map of the search after {time}. {view.headline}.",
                     png=figures.png(figure),
                     svg=figures.svg(figure),
-                    narrow_png=figures.png(figures.map_figure(view, NARROW)),
+                    dark_png=figures.png(figures.map_figure(view, DARK)),
                 ),
             )
         area, count = num_cells(record), effort(record)
@@ -105,7 +108,7 @@ class Report:
         known = "" if of.pos is None else f"POS rises to {of.pos[-1]:.1%}, "
         most = int(count.max())
         total = len(record.agents)
-        charts: tuple[tuple[str, str, str, Callable[[figures.Theme], Any]], ...] = (
+        charts: tuple[tuple[str, str, str, Callable[[Theme], Any]], ...] = (
             (
                 "progress",
                 "Probability of success (POS) and area coverage over time.",
@@ -115,15 +118,16 @@ class Report:
             ),
             (
                 "work",
-                "Work of the drones: steps in which each searched, flew on and held.",
+                "Work of the drones: steps in which each searched, flew on, waited and held.",
                 f"Bars for {total} drones: {int(done.searching.sum())} steps searching, "
-                f"{int(done.moving.sum())} moving, {int(done.holding.sum())} holding.",
+                f"{int(done.moving.sum())} moving, {int(done.waiting.sum())} waiting, "
+                f"{int(done.holding.sum())} holding.",
                 lambda theme: figures.work_figure(record, done, theme),
             ),
             (
                 "effort",
                 "Effort per cell: how often each was searched.",
-                f"Map of the search effort: {int(of.cells_searched[-1])} of {area} cells were "
+                f"Map of the search effort: {np.count_nonzero(count)} of {area} cells were "
                 f"searched, none more than {most} times.",
                 lambda theme: figures.effort_figure(record, theme),
             ),
@@ -137,13 +141,28 @@ class Report:
             ),
         )
         for name, caption, alt, draw in charts:
-            figure = draw(figures.LIGHT)
+            figure = draw(LIGHT)
             yield False, Illustration(
                 name, caption, alt, figures.png(figure), figures.svg(figure),
-                figures.svg(draw(figures.DARK)),
+                figures.svg(draw(DARK)),
             )  # fmt: skip
 
-    def _page(self, done: Work, **drawings: Sequence[Illustration]) -> Page:
+    def _legend(self, folder: Path) -> list[LegendEntry]:
+        """Return the legend of the maps, and write it beside them."""
+        if not self.views:
+            return []
+        light, dark = (figures.symbols(self.views.values(), theme) for theme in (LIGHT, DARK))
+        figure = figures.legend_figure(light, LIGHT)
+        (folder / "legend.png").write_bytes(figures.png(figure))
+        (folder / "legend.svg").write_bytes(figures.svg(figure))
+        return [
+            LegendEntry(one.label, one.icon(), other.icon())
+            for one, other in zip(light, dark, strict=True)
+        ]
+
+    def _page(
+        self, done: Work, legend: Sequence[LegendEntry], **drawings: Sequence[Illustration]
+    ) -> Page:
         record, numbers = self.record, metrics(self.record)
         scenario, rules = record.scenario, record.rules
         drones, persons = len(record.agents), scenario.person_amount
@@ -171,6 +190,7 @@ class Report:
             metrics=[(m.label, shown[m.name], m.meaning) for m in METRICS],
             drones=self._drones(done),
             missions=self._missions() if len(self.missions) > 1 else None,
+            legend=legend,
             **drawings,
         )
 
@@ -178,11 +198,13 @@ class Report:
         record = self.record
         return Table(
             "What each drone did",
-            ("Drone", "Searches", "Cells", "Moves", "Holds", "Path", "Finds", "Return", "Ended"),
+            ("Drone", "Searches", "Cells", "Moves", "Waits", "Holds", "Path", "Finds", "Return",
+             "Ended"),
             [
                 (
                     name, str(done.searching[i]), str(done.cells[i]), str(done.moving[i]),
-                    str(done.holding[i]), texts.distance(float(done.path_length_m[i])),
+                    str(done.waiting[i]), str(done.holding[i]),
+                    texts.distance(float(done.path_length_m[i])),
                     str(done.detections[i]), f"{done.returns[i]:.1f}",
                     texts.ended(record, done, i),
                 )
@@ -236,11 +258,12 @@ class Report:
         )  # fmt: skip
         yield (
             "drones",
-            ("drone", "searches", "cells_searched", "moves", "holds", "path_length_m", "finds",
-             "episode_return", "lost_at_step"),
+            ("drone", "searches", "cells_searched", "moves", "waits", "holds", "path_length_m",
+             "finds", "episode_return", "lost_at_step"),
             [
                 (
-                    name, done.searching[i], done.cells[i], done.moving[i], done.holding[i],
+                    name, done.searching[i], done.cells[i], done.moving[i], done.waiting[i],
+                    done.holding[i],
                     _number(float(done.path_length_m[i])), done.detections[i],
                     _number(float(done.returns[i])),
                     "" if done.lost_at[i] < 0 else done.lost_at[i],

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from dsse_ros.scenario.sea_state import sea_state
 from dsse_ros.search.world import HOLD, World
+from dsse_ros.step.looks import likely_cells, waits
 from dsse_ros.targets import sea_map
 from dsse_ros.view.mission_view import MissionView, ending
 
@@ -24,20 +25,25 @@ class MissionHistory:
 
     Attributes:
         searches: See `MissionView`.
+        waits: See `MissionView`.
     """
 
     def __init__(self, world: World) -> None:
         self._world = world
         self._cells = [self._now()]
         self._doing = np.full(world.num_drones, HOLD)
-        self.searches = np.zeros((world.grid_size, world.grid_size), np.int32)
+        side = world.grid_size
+        self.searches, self.waits = np.zeros((2, side, side), np.int32)
+        self._likely = np.ones((side, side), bool)
 
-    def before_step(self, actions: NDArray[np.int8]) -> None:
+    def before_step(self, actions: NDArray[np.int8], probability: NDArray[np.float32]) -> None:
         """Record the drones' actions before the step.
 
         Args:
             actions: (N,) int8, the actions of the step.
+            probability: (G, G), what the drones observe before it.
         """
+        self._likely = likely_cells(probability)
         world = self._world
         limit = world.rules.last_acting_step(world.scenario.timestep_limit)
         self._doing[:] = np.where(world.drones["alive"][0], actions, HOLD)
@@ -50,14 +56,20 @@ class MissionHistory:
         if world.faults is not None:
             self._doing = np.where(self._doing == HOLD, HOLD, world.faults.applied[0])
         self._cells.append(self._now())
+        searching = self._doing == world.rules.action_set.search
         if world.coverage is not None:
-            visited = (self._cells[-1] != self._cells[-2]).any(axis=1)
-            visited |= self._doing == world.rules.action_set.search
-            looked = self._cells[-1][visited]
+            drones = np.flatnonzero(searching | (self._cells[-1] != self._cells[-2]).any(axis=1))
+            looked, self._likely[:] = self._cells[-1][drones], True
         else:
-            _, _, looked = world.looks.at(self._doing, self._cells[-1])
-        looked = looked[((looked >= 0) & (looked < world.grid_size)).all(axis=1)]
-        np.add.at(self.searches, (looked[:, 1], looked[:, 0]), 1)
+            drones, _, looked = world.looks.at(self._doing, self._cells[-1])
+        on_grid = ((looked >= 0) & (looked < world.grid_size)).all(axis=1)
+        drones, looked = drones[on_grid], looked[on_grid]
+        waiting = waits(searching, drones, looked, self._likely)
+        for count, cells in (
+            (self.searches, looked[~waiting[drones]]),
+            (self.waits, self._cells[-1][waiting]),
+        ):
+            np.add.at(count, (cells[:, 1], cells[:, 0]), 1)
 
     @property
     def tracks(self) -> NDArray[np.int64]:
@@ -102,6 +114,7 @@ def view_of(
         belief=pos is not None,
         area=s.area_mask,
         searches=past.searches.copy(),
+        waits=past.waits.copy(),
         circle=circle,
         origin=(s.origin_lat, s.origin_lon, s.origin_alt),
         step_s=s.step_duration_s,

@@ -363,7 +363,7 @@ class SearchEnv(Rebound, AgentSpaces, ParallelEnv[str, AgentObservation, int]):
         elif self._history is None:
             self._history = MissionHistory(self.world)
         if self._history is not None:
-            self._history.before_step(self._actions[0])
+            self._history.before_step(self._actions[0], self.probability)
         (self._beliefs or self.world).step(self._actions)
         self._note_belief()
         if self._history is not None:

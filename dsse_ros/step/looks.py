@@ -102,6 +102,35 @@ class Looks(NamedTuple):
 _NO = range(0)
 
 
+NEGLIGIBLE = 1e-6
+"""Share of the probability of the most probable cell up to which nobody is expected in a cell."""
+
+
+def likely_cells(probability: NDArray[np.floating[Any]]) -> NDArray[np.bool_]:
+    """Return the cells (G, G) in which somebody may be, by a map (G, G)."""
+    return np.asarray(probability > NEGLIGIBLE * probability.max())
+
+
+def waits(
+    searching: NDArray[np.bool_],
+    drones: NDArray[np.int64],
+    cells: NDArray[np.int64],
+    likely: NDArray[np.bool_],
+) -> NDArray[np.bool_]:
+    """Return which drones wait: they search where nobody can be.
+
+    A drone that has nothing to do where it is has no other action than to search.
+
+    Args:
+        searching: (N,), which drones search.
+        drones: (Q,), the drone of each look at a cell of the grid.
+        cells: (Q, 2), the cells (col, row).
+        likely: (G, G) [row, col], see `likely_cells`.
+    """
+    useful = np.bincount(drones[likely[cells[:, 1], cells[:, 0]]], minlength=len(searching))
+    return np.asarray(searching & (useful == 0))
+
+
 def looks_of(scenario: ResolvedScenario, rules: Rules) -> Looks:
     """Return the looks of a scenario's drones.
 

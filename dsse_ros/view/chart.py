@@ -1,6 +1,6 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""Chart elements around the map: degrees and minutes along the edges, scale bar, north arrow."""
+"""What makes a map a chart: degrees and minutes along its edges, scale and north."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dsse_ros.scenario.geodesy import Origin, surface_to_geodetic
+from dsse_ros.view.theme import Theme
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -18,27 +19,21 @@ if TYPE_CHECKING:
 Marks = tuple[list[float], list[str]]
 
 _SAMPLES = 65
+_SCALE_LAYER = 1.8
+"""Above cells and searches, below tracks and drones."""
 _MINUTES = (0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1, 2, 5, 10, 15, 30, 60, 120, 300)
 """Possible intervals between two marks of an edge."""
 
 
-def draw_chart(
-    axes: Axes, side_km: float, origin: Origin | None, scale: tuple[float, float]
-) -> None:
-    """Draw the chart elements around a map.
+def draw_degrees(axes: Axes, side_km: float, origin: Origin, theme: Theme) -> None:
+    """Name longitude and latitude along the northern and eastern edges of a whole map.
 
     Args:
         axes: Axes of the map, in km from its south-west corner.
         side_km: Side of the map.
         origin: See `MissionView.origin`.
-        scale: Left and bottom of scale and north, in sides of the map.
+        theme: Colours.
     """
-    if origin is not None:
-        _draw_degrees(axes, side_km, origin)
-    _draw_scale(axes, side_km, scale)
-
-
-def _draw_degrees(axes: Axes, side_km: float, origin: Origin) -> None:
     top, right = axes.secondary_xaxis("top"), axes.secondary_yaxis("right")
     lon, lat = edge_marks(1e3 * side_km, origin)
     top.set_xticks([side_km * at for at in lon[0]], lon[1])
@@ -46,7 +41,9 @@ def _draw_degrees(axes: Axes, side_km: float, origin: Origin) -> None:
         [side_km * at for at in lat[0]], lat[1], rotation=90, rotation_mode="default", va="center"
     )
     for edge in (top, right):
-        edge.tick_params(labelsize=8, length=3, pad=2, colors="0.3")
+        edge.tick_params(labelsize=8, length=3, pad=2, colors=theme.soft)
+        for spine in edge.spines.values():
+            spine.set_color(theme.ink)
 
 
 def edge_marks(
@@ -110,22 +107,41 @@ def round_length(most: float) -> float:
     return max(factor * power for factor in (1, 2, 5) if factor * power <= most * (1 + 1e-9))
 
 
-def _draw_scale(axes: Axes, side_km: float, place: tuple[float, float]) -> None:
-    """Draw north and the scale, in the map's units so that it is right at any size."""
+def draw_scale(axes: Axes, corner_km: tuple[float, float], side_km: float, theme: Theme) -> None:
+    """Draw the scale and north in the south of a map, in its units, so that any size is right.
+
+    Args:
+        axes: Axes of the map.
+        corner_km: The south-western corner of the place for it, which is half of the side wide.
+        side_km: Side of the part of the map that is shown.
+        theme: Colours.
+    """
+    from matplotlib.patheffects import withStroke
+
     length = round_length(0.3 * side_km)
-    left, bottom = (side_km * share for share in place)
-    style: dict[str, Any] = {"color": "black", "clip_on": False}
-    tick = 0.012 * side_km
-    axes.plot(
-        [left, left, left + length, left + length],
-        [bottom + tick, bottom, bottom, bottom + tick],
-        linewidth=1.5, solid_joinstyle="miter", **style,
-    )  # fmt: skip
+    left, bottom, tick = (
+        corner_km[0] + 0.03 * side_km,
+        corner_km[1] + 0.03 * side_km,
+        0.012 * side_km,
+    )
+    north = left + length + 0.07 * side_km
+    style: dict[str, Any] = {"color": theme.ink, "zorder": _SCALE_LAYER, "clip_on": True}
+    halo = [withStroke(linewidth=3.5, foreground=theme.paper)]
+    for x, y in (
+        ([left, left, left + length, left + length], [tick, 0.0, 0.0, tick]),
+        ([north, north], [0.0, 0.075 * side_km]),
+        (
+            [north - 0.7 * tick, north, north + 0.7 * tick],
+            [0.075 * side_km - 1.6 * tick, 0.075 * side_km, 0.075 * side_km - 1.6 * tick],
+        ),
+    ):
+        axes.plot(
+            x, [bottom + each for each in y], linewidth=1.6, solid_joinstyle="miter",
+            path_effects=halo, **style,
+        )  # fmt: skip
     text = f"{length:g} km" if length >= 1 else f"{1e3 * length:g} m"
-    axes.text(left + length / 2, bottom + 2 * tick, text, ha="center", va="bottom", fontsize=9)
-    north = left + 0.41 * side_km
-    axes.annotate(
-        "N", xy=(north, bottom + 0.1 * side_km), xytext=(north, bottom), ha="center", va="bottom",
-        fontsize=10, fontweight="bold", annotation_clip=False, clip_on=False,
-        arrowprops={"arrowstyle": "-|>", "color": "black", "shrinkA": 0, "shrinkB": 0},
-    )  # fmt: skip
+    for middle, shown in ((left + length / 2, text), (north + 0.03 * side_km, "N")):
+        axes.text(
+            middle, bottom + tick, shown, ha="center", va="bottom", fontsize=9, fontweight="bold",
+            path_effects=halo, **style,
+        )  # fmt: skip

@@ -6,37 +6,57 @@ from __future__ import annotations
 
 from typing import Any
 
+from dsse_ros.view.theme import Theme
+
 PERSON = "#F0E442"
 """Colour of a person at sea."""
 FOUND = "limegreen"
 """Colour of the ring around a person found."""
-LAND = "#d8cba8"
-"""Colour of the cells outside the area."""
-EDGE = "#6b5f3f"
-"""Colour of the edge of the area."""
-SHORE: dict[str, Any] = {"facecolor": LAND + "a0", "edgecolor": EDGE, "linewidth": 1.2}
-CIRCLE: dict[str, Any] = {"color": "0.15", "linewidth": 1.0, "linestyle": (0, (4, 3))}
-DATUM: dict[str, Any] = {"color": "black", "markeredgewidth": 1.8}
-LKP_COLOUR = "#a0007a"
-"""Colour of last known positions: the magenta of charts."""
-LKP: dict[str, Any] = {
-    "marker": "o", "markersize": 9, "markerfacecolor": "white", "markeredgecolor": LKP_COLOUR,
-    "markeredgewidth": 1.6, "linestyle": "none", "zorder": 4.5,
-}  # fmt: skip
-"""With the dot, the fix of a chart."""
-LKP_DOT: dict[str, Any] = {
-    "marker": ".", "markersize": 5, "color": LKP_COLOUR, "linestyle": "none", "zorder": 4.5,
-}  # fmt: skip
-LKP_CIRCLE: dict[str, Any] = {"color": LKP_COLOUR, "linewidth": 1.2, "zorder": 1.5}
 STAR: dict[str, Any] = {"markeredgecolor": "black"}
+WAIT = ((-0.28, -0.5), (-0.28, 0.5), (0.28, 0.5), (0.28, -0.5))
+"""Ends of the two strokes of the symbol for waiting, as of a pause, in cells from the centre."""
+
+
+def shore_style(theme: Theme) -> dict[str, Any]:
+    """Return the style of land, through which cells can be seen."""
+    return {"facecolor": theme.land + "a0", "edgecolor": theme.edge, "linewidth": 1.2}
+
+
+def circle_style(theme: Theme) -> dict[str, Any]:
+    """Return the style of the circle of possible positions."""
+    return {"color": theme.ink, "linewidth": 1.0, "linestyle": (0, (4, 3))}
+
+
+def datum_style(theme: Theme) -> dict[str, Any]:
+    """Return the style of the datum."""
+    return {"color": theme.ink, "markeredgewidth": 1.8}
+
+
+def lkp_styles(theme: Theme) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Return the styles of the ring and the dot of a last known position: the fix of a chart."""
+    ring = {
+        "marker": "o", "markersize": 9, "markerfacecolor": theme.paper,
+        "markeredgecolor": theme.lkp, "markeredgewidth": 1.6, "linestyle": "none", "zorder": 4.5,
+    }  # fmt: skip
+    dot = {"marker": ".", "markersize": 5, "color": theme.lkp, "linestyle": "none", "zorder": 4.5}
+    return ring, dot
+
+
+def wait_marker() -> Any:
+    """Return the symbol for waiting as a marker."""
+    from matplotlib.path import Path
+
+    (west, low), (_, high), (east, _), _ = WAIT
+    return Path([(west, low), (west, high), (east, low), (east, high)], [1, 2, 1, 2])
 
 
 def legend_entries(
-    *, numbered: bool, shaded: bool, every: int, step_s: float | None
+    theme: Theme, *, numbered: bool, shaded: bool, every: int, step_s: float | None
 ) -> dict[str, tuple[Any, str]]:
     """Return the symbols and their meanings by name, in the order of the legend.
 
     Args:
+        theme: Its colours.
         numbered: Whether drones have numbers.
         shaded: Whether shades show the searches.
         every: Steps between two dots of a track.
@@ -45,42 +65,54 @@ def legend_entries(
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
 
-    def symbol(marker: str, size: float, **style: Any) -> Line2D:
+    def symbol(marker: Any, size: float, **style: Any) -> Line2D:
         return Line2D([], [], linestyle="none", **{"marker": marker, "markersize": size, **style})
 
     def line(**style: Any) -> Line2D:
-        return Line2D([], [], **{"color": "0.35", "linewidth": 1.8, **style})
+        return Line2D([], [], **{"color": theme.soft, "linewidth": 1.8, **style})
 
     minutes = "" if step_s is None else f" ({every * step_s / 60:.2g} min)"
     steps = "step" if every == 1 else f"{every} steps"
-    dots = {"marker": "o", "markersize": 4, "markeredgecolor": "0.35", "markerfacecolor": "white"}
-    drone = {"color": "0.35", "markeredgecolor": "white"}
-    ring = {"markerfacecolor": "none"}
+    outlined: dict[str, Any] = {"markeredgecolor": theme.soft, "markerfacecolor": theme.paper}
+    drone: dict[str, Any] = {"color": theme.soft, "markeredgecolor": theme.paper}
+    ring: dict[str, Any] = {"markerfacecolor": "none"}
     found = (
         symbol("*", 9, **STAR | {"markerfacecolor": "white"}),
         symbol("o", 15, markeredgecolor="black", markeredgewidth=3.4, **ring),
         symbol("o", 15, markeredgecolor=FOUND, markeredgewidth=1.7, **ring),
     )
+    strokes: dict[str, Any] = {"facecolor": theme.paper, "edgecolor": theme.soft, "linewidth": 0.7}
     return {
         "drone": (symbol("o", 10, **drone), "drone with its number" if numbered else "drone"),
         "lost": (symbol("X", 10, **drone), "drone that is lost"),
-        "start": (symbol("s", 5, color="white", markeredgecolor="0.35"), "start of a drone"),
+        "start": (symbol("s", 5, **outlined), "start of a drone"),
         "flown": (line(linewidth=2.2), "flown by its vehicle"),
-        "track": (line(**dots), f"track, darker is newer;\ndot every {steps}{minutes}"),
-        "searched": (
-            Patch(facecolor="0.7", label="")
-            if shaded
-            else Patch(facecolor="white", edgecolor="0.35", linewidth=0.7, hatch="///"),
-            "searched, darker is\nmore often" if shaded else "searched: a stroke\nfor each time",
+        "track": (
+            line(marker="o", markersize=4, **outlined),
+            f"track, stronger is newer;\ndot every {steps}{minutes}",
         ),
-        "datum": (symbol("+", 10, **DATUM), "datum: where drift alone\nputs the person"),
-        "circle": (line(**CIRCLE), "circle of the map"),
+        "searched": (
+            Patch(facecolor=theme.soft, alpha=0.5) if shaded else Patch(hatch="///", **strokes),
+            "searched, more ink is\nmore often" if shaded else "searched: a stroke\nfor each time",
+        ),
+        "waited": (
+            symbol(wait_marker(), 8, markeredgecolor=theme.ink, markeredgewidth=1.6),
+            "a drone waited here",
+        ),
+        "datum": (
+            symbol("+", 10, **datum_style(theme)),
+            "datum: where drift alone\nputs the person",
+        ),
+        "circle": (
+            line(**circle_style(theme)),
+            "edge of what is possible:\nno probability outside",
+        ),
         "lkp": (
-            (Line2D([], [], **LKP), Line2D([], [], **LKP_DOT)),
+            tuple(Line2D([], [], **style) for style in lkp_styles(theme)),
             "last known position (LKP)\nwith its 99 % circle",
         ),
         "person": (symbol("*", 13, **STAR | {"markerfacecolor": PERSON}), "person at sea"),
         "found": (found, "person found"),
-        "outside": (Patch(facecolor=LAND, edgecolor=EDGE), "not to be searched"),
-        "land": (Patch(**SHORE), "land"),
+        "outside": (Patch(facecolor=theme.land, edgecolor=theme.edge), "not to be searched"),
+        "land": (Patch(**shore_style(theme)), "land"),
     }

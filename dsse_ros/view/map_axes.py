@@ -50,3 +50,23 @@ def name_axes(axes: Axes, **style: Any) -> None:
     """Label the axes."""
     axes.set_xlabel("east (km)", **style)
     axes.set_ylabel("north (km)", **style)
+
+
+def fan_out(places: NDArray[np.float64], apart: float, side: float) -> NDArray[np.float64]:
+    """Return places (N, 2) with those that are the same on a circle around it, in their order.
+
+    Args:
+        places: The places on a map, whose corner is at 0, 0.
+        apart: Distance between neighbours on such a circle.
+        side: Side of the map, which nothing leaves.
+    """
+    fanned = places.copy()
+    _, group, sizes = np.unique(places, axis=0, return_inverse=True, return_counts=True)
+    for number in np.flatnonzero(sizes > 1).tolist():
+        members = np.flatnonzero(group.ravel() == number)
+        angle = np.pi / 2 - 2 * np.pi * np.arange(len(members)) / len(members)
+        radius = min(apart / (2 * np.sin(np.pi / len(members))), side / 4)
+        room = min(radius + apart / 2, side / 2)
+        middle = np.clip(places[members[0]], room, side - room)
+        fanned[members] = middle + radius * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    return fanned

@@ -36,6 +36,8 @@ class MissionView:
         belief: Whether the probability is a belief, updated with the searches.
         area: (G, G) bool [row, col], the searched cells; None for all.
         searches: (G, G) int [row, col], number of searches of each cell; None if unknown.
+        waits: (G, G) int [row, col], number of steps in which a drone waited in each cell: it
+            searched where nobody could be. None if unknown.
         circle: (col, row, radius) of the circle of the map in cells, None for none.
         origin: WGS84 latitude and longitude in degrees of the grid's south-west corner and its
             height in metres; None if the place is unknown.
@@ -61,6 +63,7 @@ class MissionView:
     belief: bool = False
     area: NDArray[np.bool_] | None = None
     searches: NDArray[np.integer[Any]] | None = None
+    waits: NDArray[np.integer[Any]] | None = None
     circle: tuple[float, float, float] | None = None
     origin: tuple[float, float, float] | None = None
     step_s: float | None = None

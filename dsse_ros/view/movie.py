@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterable, Iterator
+from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -15,11 +16,12 @@ from numpy.typing import NDArray
 from dsse_ros.extras import pip_install
 from dsse_ros.progress import progress
 from dsse_ros.scenario.fields import FieldError
-from dsse_ros.view.legend import FOUND, LAND, PERSON
+from dsse_ros.view.legend import FOUND, PERSON
 from dsse_ros.view.mission_view import MissionView
 from dsse_ros.view.palette import DRONE_COLOURS
 from dsse_ros.view.picture import sea_colours
 from dsse_ros.view.rendering import FigureRenderer
+from dsse_ros.view.theme import LIGHT
 
 if TYPE_CHECKING:
     from PIL.Image import Image
@@ -59,6 +61,9 @@ def save_movie(
 ) -> None:
     """Write a mission as a movie that shows the end for two more seconds.
 
+    A GIF, which runs in a loop, begins with the end: where it does not run, as in a preview or in
+    print, its first frame is all that there is to see.
+
     Args:
         views: One for each frame.
         path: The file, .gif or .mp4.
@@ -70,7 +75,7 @@ def save_movie(
         OSError: If the file cannot be written.
     """
     check_movie(path)
-    frames = _frames(progress(views, "movie", total=total), round(_LAST_S * fps))
+    frames = map(FigureRenderer().rgb_array, progress(views, "movie", total=total))
     try:
         first = next(frames)
     except StopIteration:
@@ -79,31 +84,21 @@ def save_movie(
     write(first, frames, path, fps)
 
 
-def _frames(views: Iterable[MissionView], last: int) -> Iterator[NDArray[np.uint8]]:
-    """Yield the image of each view, then repeat the last one `last` times."""
-    renderer, frame = FigureRenderer(), None
-    for view in views:
-        frame = renderer.rgb_array(view)
-        yield frame
-    if frame is not None:
-        for _ in range(last):
-            yield frame
-
-
 def _write_gif(
     first: NDArray[np.uint8], rest: Iterator[NDArray[np.uint8]], path: Any, fps: int
 ) -> None:
     from PIL import Image
 
     palette = _palette()
-
-    def reduced(frame: NDArray[np.uint8]) -> Image.Image:
-        return Image.fromarray(frame).quantize(palette=palette, dither=Image.Dither.NONE)
-
+    *images, last = (
+        Image.fromarray(frame).quantize(palette=palette, dither=Image.Dither.NONE)
+        for frame in chain([first], rest)
+    )
+    frame_ms = round(1000 / fps)
     # Consecutive equal frames are written once, with their total duration.
-    reduced(first).save(
-        path, format="GIF", save_all=True, append_images=map(reduced, rest), loop=0,
-        duration=round(1000 / fps), optimize=False,
+    last.save(
+        path, format="GIF", save_all=True, append_images=images, loop=0,
+        duration=[frame_ms + round(1000 * _LAST_S), *[frame_ms] * len(images)], optimize=False,
     )  # fmt: skip
 
 
@@ -114,7 +109,7 @@ def _palette() -> Image:
 
     white = np.ones(3)
     sea = [np.array(colour[:3]) for colour in sea_colours()(np.linspace(0, 1, 56))]
-    marks = [np.array(to_rgb(colour)) for colour in (*DRONE_COLOURS, PERSON, FOUND, LAND)]
+    marks = [np.array(to_rgb(colour)) for colour in (*DRONE_COLOURS, PERSON, FOUND, LIGHT.land)]
     shades = [
         white + share * (mark - white) for mark in marks for share in np.linspace(0.15, 1, 14)
     ]
@@ -139,8 +134,9 @@ def _write_mp4(
     )  # fmt: skip
     writer.send(None)
     try:
-        writer.send(np.ascontiguousarray(first))
-        for frame in rest:
-            writer.send(np.ascontiguousarray(frame))
+        for frame in chain([first], rest):
+            writer.send(last := np.ascontiguousarray(frame))
+        for _ in range(round(_LAST_S * fps)):
+            writer.send(last)
     finally:
         writer.close()

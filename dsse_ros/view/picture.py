@@ -16,13 +16,22 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dsse_ros.view.chart import draw_chart, round_length
-from dsse_ros.view.legend import CIRCLE, DATUM, EDGE, FOUND, LAND, PERSON, STAR, legend_entries
+from dsse_ros.view.chart import draw_degrees, draw_scale, round_length
+from dsse_ros.view.legend import (
+    FOUND,
+    PERSON,
+    STAR,
+    circle_style,
+    datum_style,
+    legend_entries,
+    wait_marker,
+)
 from dsse_ros.view.map_axes import (
     MAX_LINED_CELLS,
     draw_cells,
     draw_lines,
     draw_outside,
+    fan_out,
     name_axes,
     places_km,
 )
@@ -35,6 +44,7 @@ from dsse_ros.view.sea_chart import (
     draw_sightings,
     label_sides,
 )
+from dsse_ros.view.theme import LIGHT, Theme
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist
@@ -47,45 +57,38 @@ Rect = tuple[float, float, float, float]
 
 @dataclass(frozen=True)
 class Layout:
-    """Where a picture has its parts, as shares of the figure or of the panel.
+    """Where a picture has its parts, as shares of the figure.
 
     Attributes:
         size_in: Width and height of the figure in inches.
         map: Left, bottom, width and height of the map.
-        panel: Those of the colours and the legend.
-        top: Top of the title.
-        status: Top of the status.
-        bar: The bar of colours in the panel.
-        legend: Left and top of the legend in the panel.
-        columns: Columns of the legend.
-        scale: Left and bottom of scale and north, in sides of the map from its south-west corner.
-        wraps: Whether long titles take several lines.
+        bar: Those of the bar of colours.
+        label: Left and middle of the label of the bar.
+        panel: Those of the legend; None for a map without title, status and legend.
     """
 
     size_in: tuple[float, float]
     map: Rect
-    panel: Rect
-    top: float
-    status: float
     bar: Rect
-    legend: tuple[float, float]
-    columns: int
-    scale: tuple[float, float]
-    wraps: bool
+    label: tuple[float, float]
+    panel: Rect | None = None
+
+    @property
+    def map_pt(self) -> float:
+        """Side of the map in points."""
+        return 72.0 * self.size_in[0] * self.map[2]
 
 
 WIDE = Layout(
-    size_in=(8.0, 6.0), map=(0.08, 0.11, 0.5625, 0.75), panel=(0.715, 0.11, 0.275, 0.75),
-    top=0.975, status=0.94, bar=(0.0, 0.88, 0.92, 0.035), legend=(-0.04, 0.79), columns=1,
-    scale=(1.17, 0.0), wraps=False,
+    size_in=(8.0, 6.0), map=(0.08, 0.11, 0.5625, 0.75), bar=(0.715, 0.77, 0.253, 0.026),
+    label=(0.715, 0.83), panel=(0.704, 0.11, 0.29, 0.59),
 )  # fmt: skip
-"""The legend beside the map."""
-NARROW = Layout(
-    size_in=(4.6, 7.8), map=(0.13, 0.4, 0.76, 0.4482), panel=(0.04, 0.0, 0.93, 0.34),
-    top=0.985, status=0.955, bar=(0.02, 0.79, 0.45, 0.05), legend=(-0.02, 0.66), columns=2,
-    scale=(0.55, -0.33), wraps=True,
+"""The whole picture: the legend beside the map."""
+PLAIN = Layout(
+    size_in=(4.8, 5.2), map=(0.12, 0.1, 0.81, 0.7477), bar=(0.12, 0.952, 0.3, 0.022),
+    label=(0.46, 0.963),
 )  # fmt: skip
-"""The legend below the map, for phones."""
+"""The map and its colours."""
 MAX_NUMBERED_DRONES = 24
 MAX_STROKES = 4
 """Number of searches of a cell that the picture can show as strokes."""
@@ -95,32 +98,33 @@ _AGES = 8
 """Shades of a track."""
 _SMALLEST_CELL_PT = 5.0
 """Smallest side of a cell with strokes; smaller cells are shaded."""
-_MAP_PT = 324.0
-"""Side of the map in points."""
+_MAX_WAIT_PT = 9.0
+"""Largest symbol for waiting."""
+_TITLE_TOP, _STATUS_TOP = 0.975, 0.94
 
 
-def sea_colours() -> LinearSegmentedColormap:
-    """Return the colours of probabilities, without the dark blues, which are for the tracks."""
-    from matplotlib import colormaps
+def sea_colours(theme: Theme = LIGHT) -> LinearSegmentedColormap:
+    """Return the colours of probabilities."""
     from matplotlib.colors import LinearSegmentedColormap
 
-    return LinearSegmentedColormap.from_list("sea", colormaps["Blues"](np.linspace(0, 0.75, 9)))
+    return LinearSegmentedColormap.from_list("sea", theme.sea)
 
 
 class Picture:
     """The mission on a matplotlib figure: east to the right, north up, in km.
 
-    Tracks run in parallel, get darker towards the present, and have dots at regular intervals of
+    Tracks run in parallel, get stronger towards the present, and have dots at regular intervals of
     steps. Each stroke through a cell is one search of it. Elements that do not change from view to
     view are kept.
 
     Args:
         figure: The figure to draw on.
         layout: Where it has its parts.
+        theme: Its colours.
     """
 
-    def __init__(self, figure: Figure, layout: Layout = WIDE) -> None:
-        self._figure, self._layout = figure, layout
+    def __init__(self, figure: Figure, layout: Layout = WIDE, theme: Theme = LIGHT) -> None:
+        self._figure, self._layout, self._theme = figure, layout, theme
         self._scene: tuple[Any, ...] = ()
         self._listed: tuple[Any, ...] = ()
 
@@ -130,7 +134,7 @@ class Picture:
         over = [*self._axes.collections, *self._axes.images, *self._axes.texts, *self._axes.lines]
         over = [artist for artist in over if artist.get_clip_on()]
         over.sort(key=lambda artist: artist.get_zorder())
-        return [*over, *self._axes.spines.values(), *self._percents, self._title, self._status]
+        return [*over, *self._axes.spines.values(), *self._percents, *self._words]
 
     def draw(self, view: MissionView) -> bool:
         """Draw the present mission; return whether other artists than `moving` have changed."""
@@ -138,7 +142,7 @@ class Picture:
             len(view.probability), view.cell_size_m, len(view.tracks), view.belief, view.origin,
             view.timestep_limit, None if view.area is None else view.area.tobytes(),
             corner_rows(view.sea, len(view.probability) * view.cell_size_m), view.sea.sightings,
-            [ring.tobytes() for ring in view.sea.shore],
+            [ring.tobytes() for ring in view.sea.shore], view.tracks[:, 0].tobytes(),
         )  # fmt: skip
         if scene != self._scene:
             self._scene, self._listed = scene, ()
@@ -146,122 +150,66 @@ class Picture:
         self._update(view)
         return self._list(view)
 
+    # The scene
+
     def _build(self, view: MissionView) -> None:
-        from matplotlib.collections import LineCollection
-        from matplotlib.colors import PowerNorm, to_rgb
-
-        grid, count = len(view.probability), len(view.tracks)
+        grid, layout, theme = len(view.probability), self._layout, self._theme
         self._grid, self._km = grid, view.cell_size_m / 1000.0
-        self._side = side = grid * self._km
-        self._shaded = _MAP_PT / grid < _SMALLEST_CELL_PT
+        self._side = grid * self._km
+        self._shaded = layout.map_pt / grid < _SMALLEST_CELL_PT
         self._figure.clear()
-        layout = self._layout
-        self._axes = axes = self._figure.add_axes(layout.map)
-        self._panel = panel = self._figure.add_axes(layout.panel)
-        panel.set_axis_off()
-        words: dict[str, Any] = {"va": "top", "wrap": layout.wraps}
-        self._title = self._figure.text(
-            0.02, layout.top, "", fontsize=11, fontweight="bold", **words
-        )
-        self._status = self._figure.text(0.02, layout.status, "", fontsize=10, **words)
-        for text in (self._title, self._status):
-            text.set_parse_math(False)
+        self._figure.set_facecolor(theme.paper)
+        self._axes = self._figure.add_axes(layout.map, facecolor=theme.paper)
+        self._words = []
+        if layout.panel is not None:
+            self._panel = self._figure.add_axes(layout.panel)
+            self._panel.set_axis_off()
+            for top, style in ((_TITLE_TOP, {"fontsize": 11, "fontweight": "bold"}),
+                               (_STATUS_TOP, {"fontsize": 10})):  # fmt: skip
+                text = self._figure.text(0.02, top, "", color=theme.ink, va="top", **style)
+                text.set_parse_math(False)
+                self._words.append(text)
+        self._add_sea(view)
+        self._add_searches()
+        self._add_tracks(len(view.tracks), view.timestep_limit)
+        self._add_drones(len(view.tracks))
+        self._add_persons()
+        self._finish_axes(view)
 
+    def _add_sea(self, view: MissionView) -> None:
+        """Add the cells, and what the sea consists of."""
+        from matplotlib.colors import PowerNorm
+
+        axes, side, theme = self._axes, self._side, self._theme
         # A square root makes small probabilities visible.
-        blues = sea_colours()
-        norm = PowerNorm(0.5, 0, 1)
-        self._sea = draw_cells(axes, view.probability, side, cmap=blues, norm=norm, zorder=0)
-        self._add_scale_of_colours(blues, view)
-        if grid <= MAX_LINED_CELLS:
-            draw_lines(axes, np.arange(1, grid) * self._km, side, "0.88")
+        colours, roots = sea_colours(theme), (PowerNorm(0.5, 0, 1) for _ in range(2))
+        self._sea = draw_cells(
+            axes, view.probability, side, cmap=colours, norm=next(roots), zorder=0
+        )
+        self._add_scale_of_colours(colours, next(roots), view)
+        if self._grid <= MAX_LINED_CELLS:
+            draw_lines(axes, np.arange(1, self._grid) * self._km, side, theme.faint)
         if view.area is not None:
             self._add_area(view.area)
-        draw_shore(axes, view.sea)
-        draw_sightings(axes, view.sea, side)
-        draw_corner(axes, corner_rows(view.sea, 1000.0 * side))
+        draw_shore(axes, view.sea, theme)
+        draw_sightings(axes, view.sea, side, theme)
+        draw_corner(axes, corner_rows(view.sea, 1000.0 * side), theme)
 
-        def lines(**style: Any) -> Any:
-            return axes.add_collection(LineCollection([], **style), autolim=False)
-
-        self._strokes = lines(colors="0.35", linewidths=0.7, zorder=1)
-        self._shade = draw_cells(axes, np.zeros((1, 1, 4)), side, zorder=1)
-        self._shade.set_visible(False)
-
-        colours = np.array([to_rgb(drone_colour(i)) for i in range(count)]).reshape(count, 3)
-        age = np.linspace(0.35, 1.0, _AGES)[:, np.newaxis, np.newaxis]
-        # Order by age first, so that new parts of any track lie above the old parts of all tracks.
-        shades = (1.0 - age * (1.0 - colours)).reshape(-1, 3)
-        width = 1.8 if count <= _LANES else 1.3
-        joined = {"capstyle": "round", "joinstyle": "round"}
-        self._casing = lines(colors="white", linewidths=width + 1.2, zorder=2, **joined)
-        self._lines = lines(colors=shades, linewidths=width, zorder=2.1, **joined)
-        # Vehicle tracks may overlap: upper lines are thinner, so that lower ones stay visible.
-        widths = np.linspace(6.0, 1.5, count) if count > 1 else 2.5
-        self._flown = lines(colors=colours, linewidths=widths, zorder=2.5, **joined)
-        lanes = min(count, _LANES)
-        apart = max(min(0.2, 0.8 / lanes) * self._km, 0.0035 * side)
-        self._lane = (np.arange(count) % _LANES - (lanes - 1) / 2) * apart
-        self._every = max(1, round(round_length(max(view.timestep_limit / 8, 1))))
-        self._colours = colours
-
-        def points(zorder: float, size: float, marker: str) -> Any:
-            return axes.scatter([], [], s=size**2, marker=marker, linewidths=0.9, zorder=zorder)
-
-        self._numbered = count <= MAX_NUMBERED_DRONES
-        head = 10.0 if self._numbered else 6.0
-        self._times = points(3, 3.6, "o")
-        self._starts = points(3.5, 5.0, "s")
-        self._heads, self._lost = points(6, head, "o"), points(6, head + 1, "X")
-        for heads in (self._heads, self._lost):
-            heads.set_edgecolor("white")
-        light = colours @ (0.2126, 0.7152, 0.0722) > 0.55
-        self._numbers = [
-            axes.text(
-                0,
-                0,
-                str(i),
-                color="black" if light[i] else "white",
-                fontsize=6.5,
-                fontweight="bold",
-                ha="center",
-                va="center_baseline",
-                zorder=6.5,
-                clip_on=True,
-            )  # fmt: skip
-            for i in range(count if self._numbered else 0)
-        ]
-
-        def marks(marker: str, size: float, **style: Any) -> Line2D:
-            (line,) = axes.plot([], [], marker, markersize=size, linestyle="none", **style)
-            return line
-
-        (self._circle,) = axes.plot([], [], **CIRCLE)
-        self._datum = marks("+", 11, zorder=4, **DATUM)
-        self._persons = marks("*", 14, markerfacecolor=PERSON, zorder=5, **STAR)
-        self._found = marks("*", 12, markerfacecolor="white", zorder=5, **STAR)
-        ring = {"markerfacecolor": "none", "zorder": 5}
-        self._rings = [
-            marks("o", 20, markeredgecolor=colour, markeredgewidth=width, **ring)
-            for colour, width in (("black", 4.0), (FOUND, 2.0))
-        ]
-        axes.set_xlim(0, side)
-        axes.set_ylim(0, side)
-        name_axes(axes, fontsize=9)
-        axes.tick_params(labelsize=9)
-        draw_chart(axes, side, view.origin, layout.scale)
-
-    def _add_scale_of_colours(self, colours: Any, view: MissionView) -> None:
+    def _add_scale_of_colours(self, colours: Any, norm: Any, view: MissionView) -> None:
+        """Add the bar of colours, along which the probability is linear."""
         # Updating a matplotlib colour bar takes longer than drawing everything else.
-        left, bottom, width, height = self._layout.bar
-        bar = self._panel.inset_axes(self._layout.bar)
-        bar.imshow(np.linspace(0, 1, 64)[np.newaxis], cmap=colours, aspect="auto")
-        bar.set_xticks([-0.5, 31.5, 63.5], ["", "", ""])
+        theme, (left, bottom, width, _) = self._theme, self._layout.bar
+        bar = self._figure.add_axes(self._layout.bar)
+        bar.imshow(np.linspace(0, 1, 256)[np.newaxis], cmap=colours, norm=norm, aspect="auto")
+        bar.set_xticks([-0.5, 127.5, 255.5], ["", "", ""])
         bar.set_yticks([])
-        bar.tick_params(length=3)
-        # Labels at the left end, the middle (the colours use roots) and the right end.
+        bar.tick_params(length=3, color=theme.ink)
+        for spine in bar.spines.values():
+            spine.set_color(theme.ink)
+        words: dict[str, Any] = {"fontsize": 9, "color": theme.ink}
         self._percents = [
-            self._panel.text(
-                left + share * width, bottom - 0.4 * height, "", fontsize=9, ha="center", va="top"
+            self._figure.text(
+                left + share * width, bottom - 0.014, "", ha="center", va="top", **words
             )
             for share in (0.0, 0.5, 1.0)
         ]
@@ -272,19 +220,14 @@ class Picture:
             if view.belief
             else "by drift alone, before any search"
         )
-        self._panel.text(
-            left,
-            bottom + 1.4 * height,
-            f"probability per cell (%),\n{learned}",
-            fontsize=9,
-            va="bottom",
-        )
+        text = f"probability per cell (%),\n{learned}"
+        self._figure.text(*self._layout.label, text, va="center", **words)
 
     def _add_area(self, area: NDArray[np.bool_]) -> None:
-        """Draw the cells outside the area, and the edge of the area."""
+        """Add the cells outside the area, and the edge of the area."""
         from matplotlib.collections import LineCollection
 
-        draw_outside(self._axes, area, self._side, LAND, zorder=0.7)
+        draw_outside(self._axes, area, self._side, self._theme.land, zorder=0.7)
         upright, level = np.argwhere(np.diff(area, axis=1)), np.argwhere(np.diff(area, axis=0))
         # Corners (col, row) of the cells, rows from the north.
         ends = [
@@ -293,20 +236,115 @@ class Picture:
         ]
         edges = np.concatenate([np.stack(pair, axis=1) for pair in ends]).astype(float)
         edges[..., 1] = self._grid - edges[..., 1]
+        colour = self._theme.edge
         self._axes.add_collection(
-            LineCollection(list(edges * self._km), colors=EDGE, linewidths=1.0, zorder=0.8),
+            LineCollection(list(edges * self._km), colors=colour, linewidths=1.0, zorder=0.8),
             autolim=False,
         )
+
+    def _add_lines(self, **style: Any) -> Any:
+        from matplotlib.collections import LineCollection
+
+        return self._axes.add_collection(LineCollection([], **style), autolim=False)
+
+    def _add_points(self, zorder: float, size: float, marker: Any, width: float = 0.9) -> Any:
+        return self._axes.scatter([], [], s=size**2, marker=marker, linewidths=width, zorder=zorder)
+
+    def _add_searches(self) -> None:
+        """Add the strokes or shades of searches, and the symbols of waiting drones."""
+        self._strokes = self._add_lines(colors=self._theme.soft, linewidths=0.7, zorder=1)
+        self._shade = draw_cells(self._axes, np.zeros((1, 1, 4)), self._side, zorder=1)
+        self._shade.set_visible(False)
+        size = min(0.7 * self._layout.map_pt / self._grid, _MAX_WAIT_PT)
+        self._waits = self._add_points(3.7, max(size, 4.0), wait_marker(), width=1.6)
+
+    def _add_tracks(self, count: int, timestep_limit: int) -> None:
+        from matplotlib.colors import to_rgb
+
+        paper = np.array(to_rgb(self._theme.paper))
+        colours = np.array([to_rgb(drone_colour(i)) for i in range(count)]).reshape(count, 3)
+        age = np.linspace(0.35, 1.0, _AGES)[:, np.newaxis, np.newaxis]
+        # Order by age first, so that new parts of any track lie above the old parts of all tracks.
+        shades = (paper - age * (paper - colours)).reshape(-1, 3)
+        width = 1.8 if count <= _LANES else 1.3
+        joined = {"capstyle": "round", "joinstyle": "round"}
+        self._casing = self._add_lines(
+            colors=self._theme.paper, linewidths=width + 1.2, zorder=2, **joined
+        )
+        self._lines = self._add_lines(colors=shades, linewidths=width, zorder=2.1, **joined)
+        # Vehicle tracks may overlap: upper lines are thinner, so that lower ones stay visible.
+        widths = np.linspace(6.0, 1.5, count) if count > 1 else 2.5
+        self._flown = self._add_lines(colors=colours, linewidths=widths, zorder=2.5, **joined)
+        lanes = min(count, _LANES)
+        apart = max(min(0.2, 0.8 / lanes) * self._km, 0.0035 * self._side)
+        self._lane = (np.arange(count) % _LANES - (lanes - 1) / 2) * apart
+        self._every = max(1, round(round_length(max(timestep_limit / 8, 1))))
+        self._colours = colours
+        self._times = self._add_points(3, 3.6, "o")
+        self._starts = self._add_points(3.5, 5.0, "s")
+
+    def _add_drones(self, count: int) -> None:
+        self._numbered = count <= MAX_NUMBERED_DRONES
+        head = 10.0 if self._numbered else 6.0
+        self._apart = (head + 1.5) / self._layout.map_pt * self._side
+        self._heads, self._lost = (
+            self._add_points(6, head, "o"), self._add_points(6, head + 1, "X")
+        )  # fmt: skip
+        for heads in (self._heads, self._lost):
+            heads.set_edgecolor(self._theme.paper)
+        light = self._colours @ (0.2126, 0.7152, 0.0722) > 0.55
+        self._numbers = [
+            self._axes.text(
+                0, 0, str(i), color="black" if light[i] else "white", fontsize=6.5,
+                fontweight="bold", ha="center", va="center_baseline", zorder=6.5, clip_on=True,
+            )
+            for i in range(count if self._numbered else 0)
+        ]  # fmt: skip
+
+    def _add_persons(self) -> None:
+        """Add the persons, and where they may be."""
+
+        def marks(marker: str, size: float, **style: Any) -> Line2D:
+            (line,) = self._axes.plot([], [], marker, markersize=size, linestyle="none", **style)
+            return line
+
+        (self._circle,) = self._axes.plot([], [], **circle_style(self._theme))
+        self._datum = marks("+", 11, zorder=4, **datum_style(self._theme))
+        self._persons = marks("*", 14, markerfacecolor=PERSON, zorder=5, **STAR)
+        self._found = marks("*", 12, markerfacecolor="white", zorder=5, **STAR)
+        ring = {"markerfacecolor": "none", "zorder": 5}
+        self._rings = [
+            marks("o", 20, markeredgecolor=colour, markeredgewidth=width, **ring)
+            for colour, width in (("black", 4.0), (FOUND, 2.0))
+        ]
+
+    def _finish_axes(self, view: MissionView) -> None:
+        axes, side, theme = self._axes, self._side, self._theme
+        axes.set_xlim(0, side)
+        axes.set_ylim(0, side)
+        name_axes(axes, fontsize=9, color=theme.ink)
+        axes.tick_params(labelsize=9, colors=theme.ink)
+        for spine in axes.spines.values():
+            spine.set_color(theme.ink)
+        if view.origin is not None:
+            draw_degrees(axes, side, view.origin, theme)
+        # Drones that start in the south-western corner would hide it.
+        starts = self._place(view.tracks[:, 0]) / side
+        west = not ((starts[:, 0] < 0.47) & (starts[:, 1] < 0.16)).any()
+        draw_scale(axes, (0.0 if west else 0.54 * side, 0.0), side, theme)
+
+    # A view
 
     def _update(self, view: MissionView) -> None:
         top = 100.0 * float(view.probability.max())
         self._sea.set_data(100.0 * view.probability)
         self._sea.set_clim(0, top or 1.0)
-        for text, share in zip(self._percents, (0, 0.25, 1), strict=True):
+        for text, share in zip(self._percents, (0, 0.5, 1), strict=True):
             percent = share * top
             text.set_text(f"{percent:.0f}" if percent >= 99.5 else f"{percent:.2g}")
         self._draw_searches(view)
         self._draw_tracks(view)
+        self._draw_drones(view)
         place = self._place
         if view.circle is not None:
             col, row, radius = view.circle
@@ -319,14 +357,22 @@ class Picture:
         self._persons.set_data(*place(view.persons[~view.found]).T)
         for marks in (self._found, *self._rings):
             marks.set_data(*place(view.persons[view.found]).T)
-        self._title.set_text(view.title)
-        self._status.set_text(view.status)
+        for text, words in zip(self._words, (view.title, view.status), strict=False):
+            text.set_text(words)
 
     def _draw_searches(self, view: MissionView) -> None:
+        if view.waits is not None:
+            row, col = np.nonzero(view.waits)
+            self._put(
+                self._waits, self._place(np.stack([col, row], axis=1)), "none", self._theme.ink
+            )
         if view.searches is None:
             return
         if self._shaded:
+            from matplotlib.colors import to_rgb
+
             shade = np.zeros((*view.searches.shape, 4), np.float32)
+            shade[..., :3] = to_rgb(self._theme.ink)
             shade[..., 3] = 0.14 * np.minimum(view.searches, MAX_STROKES)
             self._shade.set_data(shade)
             self._shade.set_visible(True)
@@ -361,9 +407,12 @@ class Picture:
             planned.set_visible(not view.flown)
         times = lanes[:, self._every : last : self._every]
         colours = np.repeat(self._colours, times.shape[1], axis=0)
-        self._put(self._times, times.reshape(-1, 2), "white", edges=colours)
-        self._put(self._starts, places[:, 0], "white", edges=self._colours)
-        now = places[:, last]
+        self._put(self._times, times.reshape(-1, 2), self._theme.paper, colours)
+        starts = fan_out(places[:, 0], self._apart, self._side)
+        self._put(self._starts, starts, self._theme.paper, self._colours)
+
+    def _draw_drones(self, view: MissionView) -> None:
+        now = fan_out(self._place(view.tracks[:, -1]), self._apart, self._side)
         self._put(self._heads, now[view.alive], self._colours[view.alive])
         self._put(self._lost, now[~view.alive], self._colours[~view.alive])
         for text, (x, y) in zip(self._numbers, now.tolist(), strict=False):
@@ -378,13 +427,37 @@ class Picture:
 
     def _list(self, view: MissionView) -> bool:
         """Write the legend if it has changed; return whether it has."""
-        shown = {
+        shown = self.shown(view)
+        listed = tuple(shown)
+        if listed == self._listed:
+            return False
+        self._listed = listed
+        if self._layout.panel is not None:
+            entries = self.entries(view)
+            self._panel.legend(
+                [entries[name][0] for name in shown], [entries[name][1] for name in shown],
+                loc="upper left", fontsize=9, frameon=False, borderaxespad=0.0, labelspacing=0.75,
+                handlelength=2.2, labelcolor=self._theme.ink,
+            )  # fmt: skip
+        return True
+
+    def entries(self, view: MissionView) -> dict[str, tuple[Any, str]]:
+        """Return the symbols that the picture can have, with their meanings."""
+        return legend_entries(
+            self._theme, numbered=self._numbered, shaded=self._shaded, every=self._every,
+            step_s=view.step_s,
+        )  # fmt: skip
+
+    def shown(self, view: MissionView) -> list[str]:
+        """Return the names of the entries of the legend that a picture of the view has."""
+        there = {
             "drone": bool(view.alive.any()),
             "lost": not view.alive.all(),
             "start": True,
             "flown": bool(view.flown),
             "track": view.tracks.shape[1] > 1 and not view.flown,
             "searched": view.searches is not None and bool(view.searches.any()),
+            "waited": view.waits is not None and bool(view.waits.any()),
             "datum": view.datum is not None,
             "circle": self._shows_circle(view),
             "lkp": any(label_sides(view.sea, 1000.0 * self._side)),
@@ -393,20 +466,7 @@ class Picture:
             "outside": view.area is not None,
             "land": bool(view.sea.shore),
         }
-        listed = tuple(shown.values())
-        if listed == self._listed:
-            return False
-        self._listed = listed
-        entries = legend_entries(
-            numbered=self._numbered, shaded=self._shaded, every=self._every, step_s=view.step_s
-        )
-        chosen = [entry for name, entry in entries.items() if shown[name]]
-        self._panel.legend(
-            [handle for handle, _ in chosen], [label for _, label in chosen], loc="upper left",
-            bbox_to_anchor=self._layout.legend, fontsize=9, frameon=False, borderaxespad=0.0,
-            labelspacing=0.75, handlelength=2.2, ncols=self._layout.columns, columnspacing=0.6,
-        )  # fmt: skip
-        return True
+        return [name for name, present in there.items() if present]
 
     def _shows_circle(self, view: MissionView) -> bool:
         """Return whether a part of the circle is on the map."""

@@ -16,13 +16,13 @@ from numpy.typing import NDArray
 
 from dsse_ros.extras import pip_install
 from dsse_ros.view.mission_view import MissionView, to_ansi
-from dsse_ros.view.picture import NARROW, WIDE, Layout, Picture
+from dsse_ros.view.picture import PLAIN, WIDE, Layout, Picture
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 __all__ = [
-    "NARROW", "WIDE", "FigureRenderer", "Layout", "MissionView", "Picture", "Viewer", "new_figure",
+    "PLAIN", "WIDE", "FigureRenderer", "Layout", "MissionView", "Picture", "Viewer", "new_figure",
     "save_picture", "to_ansi",
 ]  # fmt: skip
 

@@ -10,22 +10,22 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from dsse_ros.scenario.sea_state import SeaState
-from dsse_ros.view.legend import LKP, LKP_CIRCLE, LKP_COLOUR, LKP_DOT, SHORE
+from dsse_ros.view.legend import lkp_styles, shore_style
+from dsse_ros.view.theme import Theme
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-_COLOURS = {"wind": "#5b2a86", "current": "#00606b", "lkp": LKP_COLOUR}
 _HALF_ARROW = 0.025
 """Half of an arrow, as a share of the map."""
 
 
-def draw_shore(axes: Axes, sea: SeaState) -> None:
+def draw_shore(axes: Axes, sea: SeaState, theme: Theme) -> None:
     """Draw the land, through which the cells can be seen, on axes in km."""
     from matplotlib.collections import PolyCollection
 
     rings = [ring / 1000.0 for ring in sea.shore]
-    axes.add_collection(PolyCollection(rings, **SHORE, zorder=0.6), autolim=False)
+    axes.add_collection(PolyCollection(rings, **shore_style(theme), zorder=0.6), autolim=False)
 
 
 class CornerRow(NamedTuple):
@@ -44,25 +44,29 @@ class CornerRow(NamedTuple):
     label: str
 
 
-def label_sides(sea: SeaState, side_m: float) -> list[tuple[int, int] | None]:
+def label_sides(
+    sea: SeaState, side_m: float, corner_m: tuple[float, float] = (0.0, 0.0)
+) -> list[tuple[int, int] | None]:
     """Return on which side of each sighting its label stands, so that the map does not cut it.
 
     Args:
         sea: The sea.
         side_m: Side of the map.
+        corner_m: Its south-west corner.
 
     Returns:
         1 or -1 for east or west, and for north or south; None for a sighting off the map.
     """
+    shares = [
+        ((seen.x_m - corner_m[0]) / side_m, (seen.y_m - corner_m[1]) / side_m)
+        for seen in sea.sightings
+    ]
     return [
-        (
-            -1 if seen.x_m > 0.7 * side_m else 1,
-            # The labels of two sightings close together do not meet.
-            1 if 0.07 * side_m > seen.y_m or (number % 2 and seen.y_m < 0.93 * side_m) else -1,
-        )
-        if 0 <= seen.x_m <= side_m and 0 <= seen.y_m <= side_m
+        # The labels of two sightings close together do not meet.
+        (-1 if x > 0.7 else 1, 1 if y < 0.07 or (number % 2 and y < 0.93) else -1)
+        if 0 <= x <= 1 and 0 <= y <= 1
         else None
-        for number, seen in enumerate(sea.sightings)
+        for number, (x, y) in enumerate(shares)
     ]
 
 
@@ -82,30 +86,46 @@ def corner_rows(sea: SeaState, side_m: float) -> list[CornerRow]:
     return rows
 
 
-def draw_sightings(axes: Axes, sea: SeaState, side_km: float) -> None:
-    """Draw last known positions as fixes of a chart, with the circles of their uncertainty."""
+def draw_sightings(
+    axes: Axes, sea: SeaState, side_km: float, theme: Theme,
+    corner_km: tuple[float, float] = (0.0, 0.0),
+) -> None:  # fmt: skip
+    """Draw last known positions as fixes of a chart, with the circles of their uncertainty.
+
+    Args:
+        axes: Axes of the map.
+        sea: The sea.
+        side_km: Side of the part of the map that is shown.
+        theme: Colours.
+        corner_km: The south-west corner of that part.
+    """
     around = np.linspace(0, math.tau, 91)
-    for seen, side in zip(sea.sightings, label_sides(sea, 1000.0 * side_km), strict=True):
+    corner_m = (1000.0 * corner_km[0], 1000.0 * corner_km[1])
+    sides = label_sides(sea, 1000.0 * side_km, corner_m)
+    for seen, side in zip(sea.sightings, sides, strict=True):
         x, y, radius = seen.x_m / 1000, seen.y_m / 1000, seen.radius_m / 1000
         if radius:
-            axes.plot(x + radius * np.cos(around), y + radius * np.sin(around), **LKP_CIRCLE)
+            axes.plot(
+                x + radius * np.cos(around), y + radius * np.sin(around), color=theme.lkp,
+                linewidth=1.2, zorder=1.5,
+            )  # fmt: skip
         if side is None:
             continue
-        for style in (LKP, LKP_DOT):
+        for style in lkp_styles(theme):
             axes.plot([x], [y], **style)
         axes.annotate(
             seen.label, (x, y), xytext=(9 * side[0], 9 * side[1]), textcoords="offset points",
             ha="left" if side[0] > 0 else "right", va="center",
-            fontsize=8.5, fontweight="bold", color=LKP_COLOUR, zorder=5.4, annotation_clip=True,
+            fontsize=8.5, fontweight="bold", color=theme.lkp, zorder=5.4, annotation_clip=True,
             clip_on=True,
-            bbox={"facecolor": "white", "edgecolor": "none", "alpha": 0.75, "pad": 1.0},
+            bbox={"facecolor": theme.paper, "edgecolor": "none", "alpha": 0.75, "pad": 1.0},
         )  # fmt: skip
 
 
-def draw_corner(axes: Axes, rows: list[CornerRow]) -> None:
+def draw_corner(axes: Axes, rows: list[CornerRow], theme: Theme) -> None:
     """Draw arrows and labels in the north-west corner of the map."""
     for number, (kind, east, north, label) in enumerate(rows):
-        colour = _COLOURS[kind]
+        colour = {"wind": theme.wind, "current": theme.current, "lkp": theme.lkp}[kind]
         x, y = 0.05, 0.95 - 0.065 * number
         along = _HALF_ARROW / math.hypot(east, north)
         axes.annotate(
@@ -118,5 +138,5 @@ def draw_corner(axes: Axes, rows: list[CornerRow]) -> None:
         axes.text(
             x + 0.05, y, label, transform=axes.transAxes, va="center", fontsize=8.5, zorder=5.5,
             color=colour, clip_on=True,
-            bbox={"facecolor": "white", "edgecolor": "none", "alpha": 0.75, "pad": 1.5},
+            bbox={"facecolor": theme.paper, "edgecolor": "none", "alpha": 0.75, "pad": 1.5},
         )  # fmt: skip

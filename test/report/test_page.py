@@ -96,7 +96,8 @@ def test_the_page_is_one_file_that_asks_for_nothing_else(report: Path) -> None:
 def test_the_page_can_be_read_without_seeing_it(report: Path) -> None:
     page = Elements((report / "report.html").read_text())
     assert page.of("html") == [{"lang": "en"}]
-    images = page.of("img")
+    # The label beside a symbol of the legend says what it is.
+    images = [image for image in page.of("img") if image["alt"]]
     assert len(images) == 6
     assert all(len(image["alt"]) > 30 for image in images)
     assert len(page.of("figcaption")) == len(images)
@@ -151,19 +152,38 @@ def test_the_line_on_top_says_who_found_whom_when_and_how_likely_that_was(
     assert texts.verdict(one, pos) == line
 
 
-def test_a_narrow_page_has_each_map_with_its_key_below(report: Path) -> None:
+def test_all_maps_share_one_legend(report: Path) -> None:
     page = Elements((report / "report.html").read_text())
-    narrow = [one for one in page.of("source") if "max-width" in one["media"]]
-    assert len(narrow) == 2
-    for one in narrow:
-        content = base64.b64decode(one["srcset"].partition(",")[2])
-        with Image.open(io.BytesIO(content)) as image:
-            assert image.height > 1.5 * image.width
+    (legend,) = [one for one in page.of("ul") if one["class"] == "legend"]
+    assert legend["aria-label"] == "Legend of the maps"
+    symbols = [image for image in page.of("img") if not image["alt"]]
+    assert len(symbols) == len(page.of("li")) > 4
+    for meaning in ("drone with its number", "start of a drone", "person at sea"):
+        assert page.text.count(meaning) == 1
+
+
+def test_each_figure_is_light_on_light_pages_and_dark_on_dark_ones(report: Path) -> None:
+    page = Elements((report / "report.html").read_text())
+    dark = [one["srcset"] for one in page.of("source")]
+    light = [image["src"] for image in page.of("img")]
+    assert {one["media"] for one in page.of("source")} == {"(prefers-color-scheme: dark)"}
+    assert len(dark) == len(light)
+    for kind, papers in (("png", ((255, 255, 255), (23, 27, 33))), ("svg", ("#ffffff", "#171b21"))):
+        for addresses, paper in zip((light, dark), papers, strict=True):
+            shown = [base64.b64decode(one.partition(",")[2]) for one in addresses
+                     if one.startswith(f"data:image/{kind}")]  # fmt: skip
+            assert len(shown) > 1
+            for content in shown:
+                if kind == "png":
+                    with Image.open(io.BytesIO(content)) as image:
+                        assert image.convert("RGB").getpixel((2, 2)) == paper
+                elif len(content) > 10_000:
+                    assert f"fill: {paper}" in content.decode()
 
 
 def test_figures_are_files_too(report: Path) -> None:
     html = (report / "report.html").read_text()
-    names = ["effort", "map_step_0", "map_step_2", "progress", "tracks", "work"]
+    names = ["effort", "legend", "map_step_0", "map_step_2", "progress", "tracks", "work"]
     assert sorted(path.name for path in (report / "figures").iterdir()) == sorted(
         f"{name}.{kind}" for name in names for kind in ("png", "svg")
     )
@@ -172,7 +192,7 @@ def test_figures_are_files_too(report: Path) -> None:
         assert png.startswith(b"\x89PNG")
         assert ElementTree.fromstring(svg).tag == "{http://www.w3.org/2000/svg}svg"
         shown = png if name.startswith("map") else svg
-        assert base64.b64encode(shown).decode() in html
+        assert (base64.b64encode(shown).decode() in html) == (name != "legend")
 
 
 @pytest.mark.slow
@@ -181,7 +201,7 @@ def test_the_same_input_gives_the_same_bytes(report: Path, log: Path, tmp_path: 
     arguments = [str(log), "--scenario", scenario, "--out", str(tmp_path), "--steps", "0", "2"]
     assert main(arguments) == 0
     names = [path.relative_to(report) for path in sorted(report.rglob("*.*"))]
-    assert len(names) == 18
+    assert len(names) == 20
     for name in names:
         assert (report / name).read_bytes() == (tmp_path / name).read_bytes(), name
 

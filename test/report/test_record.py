@@ -65,6 +65,7 @@ def test_belief_pos_and_maps_come_out_again(rules: str, tmp_path: Path) -> None:
         assert shown.step == last and shown.tracks.shape == (3, last + 1, 2)
     assert shown.searches is not None and shown.searches.any()
     assert np.array_equal(shown.searches, env.view().searches)
+    assert np.array_equal(shown.waits, env.view().waits)
 
 
 def test_what_drones_did_is_read_of_where_they_were_whatever_they_observed(tmp_path: Path) -> None:

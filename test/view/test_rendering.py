@@ -14,13 +14,18 @@ from typing import Any
 
 import numpy as np
 import pytest
-from matplotlib import colormaps, image, pyplot
+from hypothesis import given
+from hypothesis import strategies as st
+from matplotlib import image, pyplot
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from numpy.typing import NDArray
 from play import put_person, started, step
 
 from dsse_ros.search import SearchEnv, parallel_env
-from dsse_ros.view import chart, legend, mission_view, rendering
+from dsse_ros.view import chart, mission_view, rendering
+from dsse_ros.view.map_axes import fan_out
 from dsse_ros.view.palette import DRONE_COLOURS
+from dsse_ros.view.theme import DARK, LIGHT, Theme
 
 AT_SEA, FOUND = (240, 228, 66), (50, 205, 50)
 FAR: dict[str, Any] = {"vector": (0.0, 0.0), "grid_size": 8}
@@ -118,7 +123,7 @@ def test_the_pictures_show_what_is_not_searched() -> None:
     env.render_mode = "rgb_array"
     image = env.render()
     assert isinstance(image, np.ndarray)
-    land = rgb(legend.LAND)
+    land = rgb(LIGHT.land)
     share = (image == land).all(axis=2).sum() / image[..., 0].size
     assert share > 0.05
     plain = started(render_mode="rgb_array", person_initial_position=(4, 7)).render()
@@ -229,8 +234,7 @@ def test_the_image_shows_a_person_found_otherwise_than_one_still_at_sea() -> Non
 @pytest.mark.slow
 def test_the_image_follows_the_map() -> None:
     def blue(env: SearchEnv) -> NDArray[np.float64]:
-        dark = tuple(round(255 * part) for part in colormaps["Blues"](0.75)[:3])
-        return pixels(picture_of(env), dark).mean(axis=0)
+        return pixels(picture_of(env), rgb(LIGHT.sea[-1])).mean(axis=0)
 
     fields: dict[str, Any] = {"drones_positions": [(0, 0)], "grid_size": 8}
     west = started(person_initial_position=(1, 6), render_mode="rgb_array", **fields)
@@ -286,6 +290,8 @@ def test_a_view_counts_the_searches_of_each_cell() -> None:
         render_mode="ansi",
         timestep_limit=4,
         collision=0.0,
+        sigma=3,
+        circle=False,
         **FAR,
     )
     put_person(env, (7, 7))
@@ -296,10 +302,48 @@ def test_a_view_counts_the_searches_of_each_cell() -> None:
     while env.agents:
         step(env, *[4] * len(env.agents))
     searches = env.view().searches
-    assert searches is not None and searches.sum() == 5
-    assert [searches[1, 1], searches[4, 4], searches[4, 5], searches[1, 2]] == [2, 1, 1, 1]
+    assert searches is not None and searches.sum() == 4
+    assert [searches[1, 1], searches[4, 4], searches[4, 5], searches[1, 2]] == [1, 1, 1, 1]
+    # At first all the probability is in one cell.
+    waits = env.view().waits
+    assert waits is not None and waits.sum() == waits[1, 1] == 1
     env.reset()
     assert env.view().searches is not None and not env.view().searches.any()
+
+
+@pytest.mark.parametrize("sensor", ["own_cell", "flown_over"])
+def test_a_drone_that_searches_where_nobody_can_be_waits(sensor: str) -> None:
+    env = started(
+        drones_positions=[(0, 0), (4, 4)], render_mode="ansi", collision=0.0, sensor=sensor,
+        probability_of_detection=0.5, person_initial_position=(4, 4), **FAR,
+    )  # fmt: skip
+    put_person(env, (7, 7))
+    before = env.probability
+    assert before[0, 0] == 0 and before[4, 4] > 0
+    step(env, 4, 4)
+    step(env, 4, 4)
+    view = env.view()
+    assert view.searches is not None and view.waits is not None
+    assert np.argwhere(view.waits).tolist() == [[0, 0]] and view.waits[0, 0] == 2
+    assert np.argwhere(view.searches).tolist() == [[4, 4]] and view.searches[4, 4] == 2
+    # Flying over such a cell is not waiting.
+    step(env, 1, 4)
+    assert env.view().waits is not None and env.view().waits.sum() == 2
+
+
+@pytest.mark.slow
+def test_the_image_shows_where_a_drone_waited_otherwise_than_where_one_searched() -> None:
+    env = started(drones_positions=[(0, 0)], render_mode="ansi", **FAR)
+    view, zero = env.view(), np.zeros((8, 8), int)
+    once = zero.copy()
+    once[5, 5] = 1
+    images = [
+        rendering.FigureRenderer().rgb_array(replace(view, searches=searches, waits=waits))
+        for searches, waits in ((zero, zero), (once, zero), (zero, once))
+    ]
+    plain, searched, waited = (one[:, : one.shape[1] * 16 // 25].astype(int) for one in images)
+    for one, other in itertools.combinations((plain, searched, waited), 2):
+        assert (one != other).any(axis=2).sum() > 20
 
 
 @pytest.mark.slow
@@ -322,7 +366,7 @@ def test_tracks_through_the_same_cells_do_not_hide_each_other() -> None:
     step(env, 1, 4)
     for actions in ((1, 2), (1, 1), (1, 1), (3, 1), (3, 1), (3, 4), (3, 4)):
         step(env, *actions)
-    picture = picture_of(env)
+    picture = rendering.FigureRenderer().rgb_array(replace(env.view(), waits=None))
     first, second = (pixels(picture, drone_colour(number)) for number in (0, 1))
     assert len(first) > 100 and len(second) > 100
 
@@ -368,6 +412,73 @@ def test_marks_of_degrees_are_where_they_say() -> None:
 @pytest.mark.parametrize(("most", "length"), [(0.78, 0.5), (1.0, 1.0), (2.2, 2.0), (99.0, 50.0)])
 def test_scales_have_round_lengths(most: float, length: float) -> None:
     assert chart.round_length(most) == pytest.approx(length)
+
+
+def drawn(view: mission_view.MissionView, theme: Theme = LIGHT) -> tuple[Any, Any]:
+    """Return the figure of a view without its legend, and the axes of the map."""
+    figure = rendering.new_figure(rendering.PLAIN)
+    rendering.Picture(figure, rendering.PLAIN, theme).draw(view)
+    return figure, figure.axes[0]
+
+
+def test_probability_is_linear_along_the_bar_of_colours_and_has_the_colours_of_the_map() -> None:
+    env = started(sigma=2, circle=False, **FAR)
+    step(env, 1)
+    figure, axes = drawn(env.view())
+    (sea, *_), (bar,) = axes.images, figure.axes[1].images
+    top = sea.get_array().max()
+    values = bar.get_array()[0]
+    np.testing.assert_allclose(np.diff(values), 1 / 255)
+    np.testing.assert_allclose(
+        sea.cmap(sea.norm(top * values)), bar.cmap(bar.norm(values)), atol=0.02
+    )
+    labels = [text.get_text() for text in figure.texts[:3]]
+    assert labels == [f"{share * top:.2g}" for share in (0, 0.5, 1)]
+
+
+@pytest.mark.parametrize("start", [(0, 0), (0, 7), (7, 7), (3, 4)])
+def test_scale_and_north_are_on_the_map_and_not_where_drones_start(start: tuple[int, int]) -> None:
+    env = started(drones_positions=[start], **FAR)
+    figure, axes = drawn(env.view())
+    figure.draw_without_rendering()
+    box = axes.get_window_extent()
+    texts = {text.get_text(): text.get_window_extent() for text in axes.texts}
+    at = axes.transData.transform([(0.13 * (start[0] + 0.5), 0.13 * (7.5 - start[1]))])[0]
+    for name in ("N", "200 m"):
+        assert box.contains(texts[name].x0, texts[name].y0)
+        assert box.contains(texts[name].x1, texts[name].y1)
+        assert not texts[name].padded(10).contains(*at)
+
+
+@pytest.mark.slow
+def test_a_dark_picture_is_dark_and_shows_the_same() -> None:
+    env = started(drones_positions=[(0, 0), (1, 6)], render_mode="ansi", **FAR)
+    images = []
+    for theme in (LIGHT, DARK):
+        figure, _ = drawn(env.view(), theme)
+        canvas = FigureCanvasAgg(figure)
+        canvas.draw()
+        images.append(np.asarray(canvas.buffer_rgba())[..., :3])
+    light, dark = images
+    assert light.mean() > 180 and dark.mean() < 70
+    for number in (0, 1):
+        places = [np.argwhere((np.abs(one.astype(int) - drone_colour(number)) < 10).all(axis=2))
+                  for one in images]  # fmt: skip
+        assert np.abs(places[0].mean(axis=0) - places[1].mean(axis=0)).max() < 2
+
+
+PLACES = st.lists(st.tuples(st.integers(0, 3), st.integers(0, 3)), min_size=1, max_size=12)
+
+
+@given(PLACES)
+def test_drones_at_one_place_are_fanned_out_and_others_stay(cells: list[tuple[int, int]]) -> None:
+    places = np.array(cells, float) + 0.5
+    fanned = fan_out(places, 0.1, 4.0)
+    for i, j in itertools.combinations(range(len(cells)), 2):
+        assert np.hypot(*(fanned[i] - fanned[j])) > 0.099
+    alone = [i for i, cell in enumerate(cells) if cells.count(cell) == 1]
+    assert (fanned[alone] == places[alone]).all()
+    assert (np.abs(fanned - places) < 0.5).all() and (fanned > 0).all() and (fanned < 4).all()
 
 
 def test_hundreds_of_drones_fit_into_a_picture() -> None:
@@ -453,8 +564,9 @@ def test_a_window_shows_the_present_and_draws_texts_only_when_they_change() -> N
         expected = rendering.FigureRenderer().rgb_array(env.view())
         np.testing.assert_array_equal(np.asarray(canvas.buffer_rgba())[..., :3], expected)
         step(env, 1 if shown < 5 else 3, 4)
-    # The first picture, that with a track and a search, and the one above.
-    assert len(drawn) == 3
+    # The first picture, that with a track and a drone that waits, that with a search, and the one
+    # above.
+    assert len(drawn) == 4
     window.close()
 
 
