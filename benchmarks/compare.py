@@ -311,8 +311,11 @@ def save_plot(curves: dict[str, dict[str, NDArray[np.float64]]], path: Path) -> 
 
 
 def curve(missions: Missions, limit: int) -> NDArray[np.float64]:
-    """Return the share of the missions that have found by each step, (L + 1,)."""
-    at = np.bincount(missions.steps[missions.found], minlength=limit + 1)
+    """Return the share of the missions that have found by each step, (L + 1,).
+
+    Finds after the limit, which the rules of `v1` allow, count at the limit.
+    """
+    at = np.bincount(np.minimum(missions.steps[missions.found], limit), minlength=limit + 1)
     return np.cumsum(at) / len(missions.found)
 
 

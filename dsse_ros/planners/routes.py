@@ -178,6 +178,8 @@ class RouteFollower:
         left: NDArray[np.float32],
     ) -> None:
         """Skip the cells of routes that need no visit, or to which no moves lead."""
+        if not self._covers and all(able.two_way for able in self._swarm.of_kinds):
+            return
         for track, able, cell in zip(tracks, actions, present, strict=True):
             if self._covers:
                 track.skip_covered(left)

@@ -188,6 +188,11 @@ class ActionSet:
         return cells if self.area is None else [(x, y) for x, y in cells if self.area[y, x]]
 
     @property
+    def reaches_all(self) -> bool:
+        """Whether moves lead from each cell of the grid to each other one."""
+        return self._paths is None
+
+    @property
     def two_way(self) -> bool:
         """Whether a drone can fly back each way that it came."""
         return self._paths is None or self._paths.two_way
@@ -258,6 +263,8 @@ def connected_components(
     """
     components: list[tuple[list[int], NDArray[np.bool_] | None]] = []
     left = list(range(len(cells)))
+    if all(able.reaches_all for able in actions):
+        return [(left, None)]
     while left:
         first, *others = left
         component = actions[first].reachable(cells[first])

@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Iterable
+from collections.abc import Collection, Hashable, Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -71,6 +71,8 @@ class Swarm:
         """Return the number of an agent's kind, an index of `of_kinds`."""
         return self.kinds[number_of(agent)] if len(self.of_kinds) > 1 else 0
 
-    def actions_of(self, agents: Iterable[Hashable]) -> list[ActionSet]:
+    def actions_of(self, agents: Collection[Hashable]) -> list[ActionSet]:
         """Return the actions that each of these agents can do."""
+        if len(self.of_kinds) == 1:
+            return [*self.of_kinds] * len(agents)
         return [self.of_kinds[self.kind_of(agent)] for agent in agents]

@@ -31,6 +31,9 @@ Observations = dict[str, Any]
 RESET_MASK = "reset_mask"
 """Option of a reset, as in Gymnasium: the worlds to reset."""
 
+FEW_ACTIONS = 4096
+"""Up to so many, NumPy's reductions take longer than a look at each byte."""
+
 MAX_REACH = 10_000
 """Cells on each side of the centre of the largest window."""
 
@@ -141,6 +144,9 @@ class VectorEnv:
         observe: str = "map",
     ) -> None:
         of_belief = OBSERVED.check("observe", observe) == "belief"
+        lazy, copy = (
+            Spec("bool", "").check(name, value) for name, value in (("lazy", lazy), ("copy", copy))
+        )
         if of_belief and lazy:
             raise FieldError("lazy must be false with observe belief, got true")
         self.num_envs = Spec("int", "", low=1).check("num_envs", num_envs)
@@ -156,6 +162,7 @@ class VectorEnv:
         self.lazy = lazy
         self._lazy = LazyMaps(self.world) if lazy else None
         self._was_reset = False
+        self._known_actions = bytes([*range(len(rules.actions)), HOLD & 0xFF])
         self._shape = shape = (self.num_envs, self.world.num_drones)
         self._maps, *self._report = (
             Recycler(made, dtype, overwrite=not copy)
@@ -265,7 +272,7 @@ class VectorEnv:
             FieldError: If they are not integers of this shape, or the rules do not allow one.
         """
         actions, count = check_integers("actions", actions, self._shape), len(self.rules.actions)
-        if actions.min() < HOLD or actions.max() >= count:
+        if not self._are_known(actions):
             unknown = (actions < HOLD) | (actions >= count)
             acting = self.world.drones["alive"] & ~self.world.worlds["done"][:, None]
             if not self.rules.noop_actions and (wrong := unknown & acting).any():
@@ -275,6 +282,12 @@ class VectorEnv:
                 )
             actions = np.where(unknown, HOLD, actions)
         return actions.astype(np.int8, copy=False)
+
+    def _are_known(self, actions: NDArray[Any]) -> bool:
+        """Return whether all numbers are of actions, or `HOLD`."""
+        if actions.dtype == np.int8 and actions.size <= FEW_ACTIONS:
+            return not actions.tobytes().translate(None, self._known_actions)
+        return bool(actions.min() >= HOLD and actions.max() < len(self.rules.actions))
 
     def out_of_time(self, infos: Mapping[str, NDArray[Any]]) -> NDArray[np.bool_]:
         """Return which worlds (B,) ended at the time limit, from the infos of a step."""

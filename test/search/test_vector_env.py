@@ -301,6 +301,8 @@ def test_bad_numbers_of_worlds_threads_and_fields_are_named() -> None:
     for name, fields in (
         ("num_envs", {"num_envs": 0}),
         ("threads", {"num_envs": 1, "threads": 0}),
+        ("lazy", {"num_envs": 1, "lazy": "no"}),
+        ("copy", {"num_envs": 1, "copy": 0}),
         ("sigmaa", {"num_envs": 1, "sigmaa": 1}),
         ("grid_size", {"num_envs": 1, "grid_size": 0}),
     ):
