@@ -118,7 +118,7 @@ def mission_nodes(
         **given,
     }
     of_planner = {**clock, "planner": "planner", "seed": "seed"}
-    ends = {"on_exit": on_exit} if on_exit else {}
+    ends: dict[str, Any] = {"on_exit": on_exit} if on_exit else {}
     nodes = [
         node(context, "sim_node", [defaults], of_simulation, fixed, **ends),
         node(context, "planner_node", [defaults], of_planner, **ends),
@@ -182,7 +182,7 @@ def node(
         sigterm_timeout="20",
         **{
             "package": "dsse_ros",
-            # The mission continues if a node that only watches ends: RViz is closed, the disk is full.
+            # The mission continues without a node that only watches: RViz closed, the disk full.
             "on_exit": _note_failure if executable in _WATCHERS else _end,
             **options,
         },
