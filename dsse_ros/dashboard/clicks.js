@@ -16,7 +16,7 @@ export default {
   methods: {
     // Called by the server with its time. A click states what this clock shows: however long it is
     // on its way, the server knows its age. A time that was long on its way makes clicks older.
-    tellTime(now) {
+    sendTime(now) {
       const since = performance.now();
       this.clock = () => now + (performance.now() - since) / 1000;
     },

@@ -29,9 +29,9 @@ class CommandButton(ui.button):
 class Clicks(Element, component="clicks.js"):
     """Sends the clicks on commands with their times; see clicks.js."""
 
-    def tell_time(self, now_s: float) -> None:
-        """Tell the browser the time, on the steady clock of this process."""
-        self.run_method("tellTime", now_s)
+    def send_time(self, now_s: float) -> None:
+        """Send the browser the time, on the steady clock of this process."""
+        self.run_method("sendTime", now_s)
 
     def button(self, text: str, icon: str, on_click: Callable[[float], None]) -> ui.button:
         """Return a button whose callback gets the time of the click, see `clicked_at`."""

@@ -37,20 +37,20 @@ class Command(NamedTuple):
     seed: int | None = None
 
 
-def clicked_at(told: Any, now_s: float) -> float:
+def clicked_at(stated: Any, now_s: float) -> float:
     """Return when a click happened, from the time that the browser states.
 
     Args:
-        told: The page's clock at the click, on the steady clock of this process; a browser that
-            has not been told the time yet states None.
+        stated: The page's clock at the click, on the steady clock of this process; a browser that
+            does not have the time yet states None.
         now_s: The time.
 
     Returns:
         The time of the click, never later than `now_s`; minus infinity if it is unknown.
     """
-    if isinstance(told, bool) or not isinstance(told, int | float) or not math.isfinite(told):
+    if isinstance(stated, bool) or not isinstance(stated, int | float) or not math.isfinite(stated):
         return -math.inf
-    return min(float(told), now_s)
+    return min(float(stated), now_s)
 
 
 class Caller(Protocol):

@@ -323,7 +323,7 @@ class MissionPage:
                 self._update_time()
         if now_s - self._slow_s >= _SLOW_S:
             self._slow_s = now_s
-            self._clicks.tell_time(now_s)
+            self._clicks.send_time(now_s)
             self._update_slowly()
 
     def _update_time(self) -> None:

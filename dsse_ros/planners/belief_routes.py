@@ -76,7 +76,7 @@ class RoutesOnBelief:
             routes = self._plan(belief, present, steps, self._swarm.actions_of(agents))
             self._follower = RouteFollower(
                 lambda cells, probability, actions: routes,
-                # Whoever flies the tactic keeps slower drones apart.
+                # The one who flies the tactic keeps slower drones apart.
                 replace(self._swarm, has_slower=False),
                 seed=self._seed + belief.step,
             )

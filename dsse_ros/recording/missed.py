@@ -17,7 +17,7 @@ class Missed:
     """Counts the messages of topics with one publisher that were not received.
 
     These are the ones before its first message, and gaps after it. With several publishers, the
-    numbers do not tell.
+    numbers do not show it.
     """
 
     def __init__(self) -> None:

@@ -142,11 +142,11 @@ def test_whatever_happens_each_click_has_one_outcome_and_none_is_sent_when_it_is
     assert service.pending == []
 
 
-@pytest.mark.parametrize("told", [None, "5", True, math.nan, math.inf, [5.0], {}])
-def test_a_click_of_unknown_time_is_as_old_as_can_be(told: Any) -> None:
-    assert clicked_at(told, 10.0) == -math.inf
+@pytest.mark.parametrize("stated", [None, "5", True, math.nan, math.inf, [5.0], {}])
+def test_a_click_of_unknown_time_is_as_old_as_can_be(stated: Any) -> None:
+    assert clicked_at(stated, 10.0) == -math.inf
 
 
 @given(st.floats(0.0, 1e9), st.floats(0.0, 1e9))
-def test_a_click_is_never_of_the_future(told: float, now_s: float) -> None:
-    assert clicked_at(told, now_s) == min(told, now_s)
+def test_a_click_is_never_of_the_future(stated: float, now_s: float) -> None:
+    assert clicked_at(stated, now_s) == min(stated, now_s)

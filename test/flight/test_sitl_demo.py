@@ -35,14 +35,14 @@ def test_three_vehicles_find_the_person_over_every_cell_and_come_home(tmp_path: 
     [
         ("speedup", "nan"),
         ("autopilot", "foo"),
-        ("drones", "0"),
+        ("num_drones", "0"),
     ],
 )
 def test_what_is_not_allowed_ends_it_with_one_line_and_code_2(
     tmp_path: Path, option: str, value: str
 ) -> None:
     done = subprocess.run(
-        [sys.executable, str(DEMO), "--out", str(tmp_path), f"--{option}", value],
+        [sys.executable, str(DEMO), "--out", str(tmp_path), f"--{option.replace('_', '-')}", value],
         capture_output=True, text=True, timeout=300,
     )  # fmt: skip
     assert (done.returncode, done.stdout) == (2, "")

@@ -16,7 +16,6 @@ from tree import by_name, files, text
 # Private words, and what is written in their place. Of an identifier each part is a word.
 WORDS = {
     # search, planners
-    "legends?": "names of the actions, ActionSet",
     r"wish(?:e[sd])?": "requested cells",
     r"settl(?:e[sd]?|ing)": "resolve conflicts, update, decide, wait until quiet",
     "adrift": "num_missing",
@@ -69,12 +68,6 @@ ALLOWED = (
     ("", r"math\.floor|np\.floor", "rounds down"),
     ("", r"\.tell", "is the position in a file"),
     ("", r"(?:mavlink|pymavlink)[ .']*dialects?", "is MAVLink's: a set of messages"),
-    ("benchmarks/plot.py", "legend", "belongs to the picture"),
-    ("dsse_ros/campaign/figures.py", "legend", "belongs to the picture"),
-    ("dsse_ros/report/figures.py", "legend", "belongs to the picture"),
-    ("dsse_ros/view/", "legend", "belongs to the picture"),
-    ("docs/architecture.md", r"legend\.py", "belongs to the picture"),
-    ("test/view/test_rendering.py", "legend", "belongs to the picture"),
     ("test/packaging/test_docs.py", "anchors", "are HTML's"),
     ("docs/conf.py", "myst_heading_anchors", "is the name of an option"),
     ("dsse_ros/flight/", r"settl\w+", "is what a transfer does until its line is quiet"),

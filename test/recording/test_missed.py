@@ -37,7 +37,7 @@ def test_what_was_not_received_is_counted_publisher_after_publisher(
     assert not found or missed.line.endswith(f"or lost: /drone<i>/pose {found}")
 
 
-def test_topics_whose_numbers_do_not_tell_are_left_out() -> None:
+def test_topics_whose_numbers_show_nothing_are_left_out() -> None:
     missed = Missed()
     missed.note("/clock", 0, 5)
     missed.note("/tf", 9, 5)
