@@ -144,7 +144,8 @@ def test_log_diagnostics_and_report_state_what_strands_and_what_is_outside(
     numbers = metrics(record)
     assert numbers["stranded"] == laid.stranded
     assert numbers["poc_outside"] == 1.0 - laid.inside
-    page = Report(record, {}, [record], "mission.csv")._page(work(record), maps=(), charts=())
+    report = Report(record, {}, [record], "mission.csv")
+    page = report._page(work(record), (), maps=(), charts=())
     facts = dict(page.facts)
     assert facts["Stranded"] == f"{laid.stranded:.1%}"
     assert facts["POC outside"] == f"{1.0 - laid.inside:.1%}"

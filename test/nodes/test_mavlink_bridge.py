@@ -425,7 +425,10 @@ def test_vehicles_for_another_number_of_drones_stay_where_they_are(rig: Rig) -> 
         ({"mode": "auto"}, "mode must be one of guided, mission, got 'auto'"),
         ({"connections": ["udp:here"]}, "connections must be udpin:HOST:PORT, "),
         ({"connections": ["/dev/ttyS99,RKINT"]}, "connections must have a rate of "),
-        ({"connections": ["tcp::5760"] * 2}, "connections must differ, got 'tcp:127.0.0.1:5760' for 2"),
+        (
+            {"connections": ["tcp::5760"] * 2},
+            "connections must differ, got 'tcp:127.0.0.1:5760' for 2",
+        ),
         ({"num_vehicles": 2, "system_ids": [1]}, "system_ids must be one for each of 2 vehicles"),
         ({"num_vehicles": 2, "system_ids": [1, 300]}, "system_ids must be a list of integers"),
         ({"num_vehicles": 2, "system_ids": [7, 7]}, "system_ids must differ, got 7 for 2 vehicles"),

@@ -107,7 +107,7 @@ def test_no_file_has_a_private_word() -> None:
     "line",
     [
         "self._wishes = []",
-        "class Legend:",
+        "class Crowd:",
         "def settle_flags(w):",
         "The vehicle is told to land.",
         "SET_POINT_RATE = 5.0",

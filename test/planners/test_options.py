@@ -130,8 +130,8 @@ def test_a_text_is_read_as_a_scenario_file_reads_it(text: str, value: Any) -> No
     [
         (["finalists=0"], "finalists must be an integer >= 1 and <= 1000, got 0"),
         (["width=0"], "width must be an integer >= 1 and <= 100000, got 0"),
-        (["samples=0"], "samples must be an integer >= 1 and <= 1e+06, got 0"),
-        (["samples=1e3"], "samples must be an integer >= 1 and <= 1e+06, got 1000.0"),
+        (["samples=0"], "samples must be an integer >= 1 and <= 1000000, got 0"),
+        (["samples=1e3"], "samples must be an integer >= 1 and <= 1000000, got 1000.0"),
         (["horizon=-2"], "horizon must be an integer >= 1 and <= 1000, got -2"),
         (["learn_drift=maybe"], "learn_drift must be true or false, got 'maybe'"),
         (["learn_drift=yes"], "learn_drift must be true or false, got 'yes'"),
