@@ -12,10 +12,9 @@ import argparse
 import dataclasses
 import json
 import os
-import re
 import sys
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor, as_completed
 from dataclasses import dataclass
 from math import cos, radians, sin
@@ -26,9 +25,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks import incidents, plot
+from benchmarks import incidents, planner_tables, plot
 from benchmarks.bench import RESULTS, machine, own_versions
-from benchmarks.pages import with_table
 from benchmarks.reference_values import GREEDY, PPO, REINFORCE, SWEEP, Source
 from dsse_ros.campaign.estimates import clusters, of_mean, of_share
 from dsse_ros.planners import load_planner
@@ -38,11 +36,12 @@ from dsse_ros.scenario.scenario import scenario_and_rules
 from dsse_ros.search import FieldError, Rules, Scenario
 
 ROOT = Path(__file__).resolve().parents[1]
-PLANNERS_PAGE = ROOT / "docs" / "planners.md"
-PAGES = (PLANNERS_PAGE, ROOT / "docs" / "drift.md")
+RESULTS_PAGE = ROOT / "docs" / "results.md"
+PAGES = (RESULTS_PAGE, ROOT / "docs" / "planners.md", ROOT / "docs" / "drift.md")
+CSV = ROOT / "docs" / "planner_results.csv"
 SEED = 20_000_000
 """Seed of the first mission; planners are tuned on other seeds."""
-BASELINE = "greedy"
+BASELINE = planner_tables.BASELINE
 PLANNERS = (
     "random", "sweep", "creeping_line", "expanding_square", "spiral", "sector", "greedy",
     "optimal_effort", "route", "belief_greedy", "belief", "forward_backward",
@@ -233,70 +232,21 @@ def figures(missions: Missions, beside: Missions) -> dict[str, Any]:
     }
 
 
-def _ranged(value: float, interval: Sequence[float], form: str) -> str:
-    """Return a value with the greater half of its interval."""
-    reach = max(interval[1] - value, value - interval[0])
-    return f"{value:{form}} ± {reach:.2f}"
-
-
-def case_table(case: Case, results: dict[str, Any]) -> str:
-    """Return the figures of a case as a Markdown table."""
-    lines = [
-        "| Planner | Found, % | Mean steps | Median | Steps more than greedy |",
-        "| --- | --- | --- | --- | --- |",
-    ]
-    for source in case.published:
-        median = "" if source.median_steps is None else f"{source.median_steps:g}"
-        lines.append(
-            f"| published: {source.name} | {100 * source.found:.2f} | {source.steps:.2f} "
-            f"| {median} | |"
-        )
-    for name, row in results.items():
-        found = _ranged(100 * row["found"], [100 * x for x in row["found_interval"]], ".2f")
-        steps = _ranged(row["steps"], row["steps_interval"], ".2f")
-        more = (
-            ""
-            if name == BASELINE
-            else _ranged(row["difference"], row["difference_interval"], "+.2f")
-        )
-        lines.append(f"| `{name}` | {found} | {steps} | {row['median_steps']:g} | {more} |")
-    return "\n".join(lines) + "\n"
-
-
-def _found_and_steps(row: dict[str, Any]) -> str:
-    steps = _ranged(row["steps"], row["steps_interval"], ".2f")
-    return f"{100 * row['found']:.1f} %, {steps}"
-
-
-def disturbance_table(results: dict[str, dict[str, Any]], titles: Mapping[str, str]) -> str:
-    """Return found and mean steps of each planner under each disturbance as a Markdown table."""
-    names = list(results["none"])
-    lines = ["| What is wrong | " + " | ".join(f"`{name}`" for name in names) + " |"]
-    lines.append("| --- |" + " --- |" * len(names))
-    for key, row in results.items():
-        cells = [_found_and_steps(row[name]) for name in names]
-        lines.append(f"| {titles[key]} | " + " | ".join(cells) + " |")
-    return "\n".join(lines) + "\n"
-
-
 def tables(results: dict[str, Any]) -> dict[str, str]:
-    """Return the Markdown tables by name."""
-    written = {key: case_table(CASES[key], rows) for key, rows in results["cases"].items()}
+    """Return the tables of the pages by name."""
     titles = {key: disturbance.title for key, disturbance in DISTURBANCES.items()}
-    for key, rows in results["disturbed"].items():
-        written[f"{key}_disturbed"] = disturbance_table(rows, titles)
-    of_faults = {key: title for key, (title, _) in FAULTS.items()}
-    written["faults"] = disturbance_table(results["faults"], of_faults)
-    return written | incidents.tables(results)
+    titles |= {key: title for key, (title, _) in FAULTS.items()}
+    published = {key: case.published for key, case in CASES.items()}
+    return planner_tables.tables(results, published, titles)
 
 
-def with_tables(text: str, results: dict[str, Any]) -> str:
-    """Return a page with the tables, each between two comments, and the number of missions."""
-    for name, table in tables(results).items():
-        text = with_table(text, f"compare: {name}", table)
-    return re.sub(
-        r"(<!-- missions -->).*?(<!-- end -->)", rf"\g<1>{results['missions']}\g<2>", text
-    )
+def write_pages(results: dict[str, Any]) -> None:
+    """Write the tables into the pages, and the CSV beside them."""
+    for page in PAGES:
+        text = page.read_text(encoding="utf-8")
+        written = planner_tables.with_tables(text, tables(results), results["missions"])
+        page.write_text(written, encoding="utf-8")
+    CSV.write_text(planner_tables.as_csv(results), encoding="utf-8")
 
 
 def save_plot(curves: dict[str, dict[str, NDArray[np.float64]]], path: Path) -> None:
@@ -460,9 +410,7 @@ def main(argv: list[str] | None = None) -> int:
     for name, table in tables(results).items():
         print(f"\n{name}\n\n{table}")
     if arguments.out == RESULTS:
-        for page in PAGES:
-            text = with_tables(page.read_text(encoding="utf-8"), results)
-            page.write_text(text, encoding="utf-8")
+        write_pages(results)
     print(f"{path} and {path.with_suffix('.png')} in {results['seconds']} s")
     return 0
 

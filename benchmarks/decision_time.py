@@ -21,7 +21,7 @@ from unittest import mock
 import numpy as np
 
 from benchmarks.bench import RESULTS, machine, own_versions, rounded
-from benchmarks.compare import CASES, PLANNERS_PAGE
+from benchmarks.compare import CASES, RESULTS_PAGE
 from benchmarks.intervals import quantile
 from benchmarks.pages import with_table
 from dsse_ros.belief.beliefs import forecast_for
@@ -128,9 +128,9 @@ def main(arguments: list[str] | None = None) -> int:
     path.write_text(json.dumps(result, indent=1) + "\n", encoding="utf-8")
     print(f"{table(rows)}\n\n{path}")
     if given.out == RESULTS:
-        page = PLANNERS_PAGE.read_text(encoding="utf-8")
+        page = RESULTS_PAGE.read_text(encoding="utf-8")
         page = with_table(page, "decision time", table(rows))
-        PLANNERS_PAGE.write_text(page, encoding="utf-8")
+        RESULTS_PAGE.write_text(page, encoding="utf-8")
     return 0
 
 

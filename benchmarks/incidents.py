@@ -12,7 +12,7 @@ The intervals are for the mean of other incidents of this kind, not only of thes
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass, field
 from math import ceil, cos, radians, sin
@@ -251,41 +251,4 @@ def run(planners: Sequence[str], workers: int, count: int = COUNT) -> dict[str, 
     return {
         "incidents": {name: figures(whole[name], whole[BASELINE]) for name in planners},
         "wrong_drift": {name: figures(whole[name], whole["none"]) for name in ERRORS},
-    }
-
-
-def table(rows: Mapping[str, dict[str, Any]], head: str, baseline: str, beside: str) -> str:
-    """Return figures as a Markdown table.
-
-    Args:
-        rows: Figures by title.
-        head: Head of the titles.
-        baseline: Title of the row to compare with.
-        beside: What that row is, for the head of the difference.
-    """
-
-    def percent(row: dict[str, Any], name: str, column: int, form: str) -> str:
-        value, (low, high) = row[name][column], row[f"{name}_interval"][column]
-        return f"{100 * value:{form}} ± {100 * max(high - value, value - low):.1f}"
-
-    heads = [f"{what}, {minutes} min" for minutes in MINUTES for what in ("POS", "Found")]
-    heads += [f"Found more than {other}" for other in ("POS", beside)]
-    lines = [f"| {head} | {' | '.join(heads)} |", "| --- |" + " --- |" * len(heads)]
-    for title, row in rows.items():
-        cells = []
-        for column in range(len(MINUTES)):
-            cells += [f"{100 * row['pos'][column]:.1f}", percent(row, "found", column, ".1f")]
-        cells.append(percent(row, "found_over_pos", -1, "+.1f"))
-        cells.append("" if title == baseline else percent(row, "difference", -1, "+.1f"))
-        lines.append(f"| {title} | {' | '.join(cells)} |")
-    return "\n".join(lines) + "\n"
-
-
-def tables(results: Mapping[str, Any]) -> dict[str, str]:
-    """Return the tables of `run` by name."""
-    by_planner = {f"`{name}`": row for name, row in results["incidents"].items()}
-    by_error = {ERRORS[name]: row for name, row in results["wrong_drift"].items()}
-    return {
-        "incidents": table(by_planner, "Planner", f"`{BASELINE}`", f"`{BASELINE}`"),
-        "wrong_drift": table(by_error, "What is wrong", ERRORS["none"], "with the right drift"),
     }

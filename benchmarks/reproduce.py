@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 
 from benchmarks import mpso, search_problems
 from benchmarks.bench import RESULTS, machine, own_versions, rounded
-from benchmarks.compare import PLANNERS_PAGE
+from benchmarks.compare import RESULTS_PAGE
 from benchmarks.greedy_batch import TIES, GreedyBatch
 from benchmarks.intervals import contains, of_mean, of_share
 from benchmarks.pages import with_table
@@ -280,9 +280,9 @@ def main(arguments: list[str] | None = None) -> int:
     kept = {**rounded(result), "problems": problems}
     path.write_text(json.dumps(kept, indent=1) + "\n", encoding="utf-8")
     if given.out == RESULTS:
-        page = PLANNERS_PAGE.read_text(encoding="utf-8")
+        page = RESULTS_PAGE.read_text(encoding="utf-8")
         page = with_table(page, "problems", search_problems.table(problems))
-        PLANNERS_PAGE.write_text(page, encoding="utf-8")
+        RESULTS_PAGE.write_text(page, encoding="utf-8")
     print(f"\n{seconds} s; written to {path}")
     return 0 if result["reproduced"] else 1
 

@@ -36,7 +36,7 @@ from dsse_ros.nodes.settings import (
     SimSettings,
     ViewerSettings,
 )
-from dsse_ros.planners.options import Options, PatternOptions
+from dsse_ros.planners.options import PatternOptions
 from dsse_ros.planners.registry import OPTIONS
 from dsse_ros.report.metrics import METRICS
 from dsse_ros.runtime.parameters import descriptor
@@ -166,19 +166,18 @@ def faults_table() -> str:
 
 
 def planner_options_table() -> str:
-    """Return the table of the planners' options, those with the same options in one group."""
-    groups: dict[type[Options], list[str]] = {}
-    for name, options in OPTIONS.items():
-        if options is not PatternOptions and specs(options):
-            groups.setdefault(options, []).append(name)
-    rows = []
-    for options, names in groups.items():
+    """Return the table of the planners' options, a row for those that are the same."""
+    planners: dict[tuple[str, ...], list[str]] = {}
+    for planner, options in OPTIONS.items():
+        if options is PatternOptions:
+            continue
         values = defaults(options)
-        for number, (name, spec) in enumerate(specs(options).items()):
-            planners = ", ".join(f"`{planner}`" for planner in names) if number == 0 else ""
-            of_spec = [shown(values[name]), allowed(spec) or spec.allowed()]
-            rows.append([planners, f"`{name}`", spec.unit, *of_spec, spec.doc])
-    return table(["Planner", "Option", "Unit", "Default", "Allowed", "Meaning"], rows)
+        for name, spec in specs(options).items():
+            limits = allowed(spec) or spec.allowed()
+            row = (f"`{name}`", spec.unit, shown(values[name]), limits, spec.doc)
+            planners.setdefault(row, []).append(f"`{planner}`")
+    rows = [[row[0], ", ".join(names), *row[1:]] for row, names in planners.items()]
+    return table(["Option", "Planners", "Unit", "Default", "Allowed", "Meaning"], rows)
 
 
 def rules_table() -> str:

@@ -11,11 +11,20 @@ import pytest
 
 from benchmarks.compare import (
     CASES,
+    CSV,
     DISTURBANCES,
     PAGES,
     RESULTS,
     figures,
     merged,
+    tables,
+)
+from benchmarks.planner_tables import (
+    NO_DIFFERENCE,
+    NO_STATEMENT,
+    as_csv,
+    difference,
+    share,
     with_tables,
 )
 from dsse_ros.planners.batch import Missions
@@ -72,6 +81,33 @@ def test_the_rows_of_a_planner_are_replaced_and_those_of_the_others_are_kept() -
 
 def test_the_pages_show_the_kept_results() -> None:
     results = json.loads((RESULTS / "compare.json").read_text(encoding="utf-8"))
+    written = tables(results)
     for page in PAGES:
         text = page.read_text(encoding="utf-8")
-        assert with_tables(text, results) == text
+        assert with_tables(text, written, results["missions"]) == text
+    pages = "".join(page.read_text(encoding="utf-8") for page in PAGES)
+    assert [name for name in written if f"<!-- compare: {name} -->" not in pages] == []
+    assert CSV.read_text(encoding="utf-8") == as_csv(results)
+
+
+@pytest.mark.parametrize("name", ["v2", "v1", "santos_4", "shore", "incidents"])
+def test_a_short_table_is_short(name: str) -> None:
+    written = tables(json.loads((RESULTS / "compare.json").read_text(encoding="utf-8")))
+    head, _, *rows = written[name].splitlines()
+    assert head.count("|") == 5
+    assert len(rows) == 6
+
+
+def test_a_table_states_only_what_its_intervals_support() -> None:
+    assert difference(-0.3, (-0.7, 0.1), 1) == NO_DIFFERENCE
+    assert difference(-0.3, (-0.4, -0.1), 1) == "-0.3 ± 0.2"
+    assert share({"found": 1.0, "found_interval": (0.83, 1.0)}) == NO_STATEMENT
+    assert share({"found": 0.5, "found_interval": (0.48, 0.52)}) == "50.0"
+    assert share({"found": 0.9998, "found_interval": (0.999, 1.0)}) == "> 99.9"
+
+
+def test_the_pos_of_every_planner_agrees_with_the_share_found_at_sea() -> None:
+    rows = json.loads((RESULTS / "compare.json").read_text(encoding="utf-8"))["incidents"]
+    for row in rows.values():
+        low, high = row["found_over_pos_interval"][-1]
+        assert low <= 0.0 <= high

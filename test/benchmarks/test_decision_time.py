@@ -9,7 +9,7 @@ import json
 import pytest
 
 from benchmarks.bench import RESULTS
-from benchmarks.compare import PLANNERS_PAGE
+from benchmarks.compare import RESULTS_PAGE
 from benchmarks.decision_time import mean_steps, table
 from benchmarks.pages import with_table
 from dsse_ros.planners.belief import BeamOnBelief
@@ -38,5 +38,5 @@ def test_the_table_replaces_the_one_between_its_comments() -> None:
 
 def test_the_page_has_the_last_results() -> None:
     rows = json.loads((RESULTS / "decision_time.json").read_text(encoding="utf-8"))["rows"]
-    page = PLANNERS_PAGE.read_text(encoding="utf-8")
+    page = RESULTS_PAGE.read_text(encoding="utf-8")
     assert table(rows) in with_table(page, "decision time", table(rows)) == page

@@ -14,7 +14,7 @@ from chains import chain_of_walk, matrix_of
 from numpy.typing import NDArray
 
 from benchmarks.bench import RESULTS
-from benchmarks.compare import PLANNERS_PAGE
+from benchmarks.compare import RESULTS_PAGE
 from benchmarks.pages import with_table
 from benchmarks.search_problems import (
     WORLDS,
@@ -132,5 +132,5 @@ def test_a_drone_of_phung_and_ha_is_in_no_cell_twice() -> None:
 
 def test_the_page_has_the_last_results() -> None:
     rows = json.loads((RESULTS / "reproduce.json").read_text(encoding="utf-8"))["problems"]
-    page = PLANNERS_PAGE.read_text(encoding="utf-8")
+    page = RESULTS_PAGE.read_text(encoding="utf-8")
     assert table(rows) in with_table(page, "problems", table(rows)) == page
