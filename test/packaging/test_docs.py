@@ -45,11 +45,12 @@ from msg_adapters.step_report import step_report_dtype
 ROOT = Path(__file__).resolve().parents[2]
 README, CONTRIBUTING = ROOT / "README.md", ROOT / "CONTRIBUTING.md"
 DOCS = ROOT / "docs"
-DASHBOARD, FLIGHT, PARAMETERS, RECORDING, ROS, RULES, TOPICS, VIEWERS = (
+DASHBOARD, FLIGHT, OPERATE, PARAMETERS, RECORDING, ROS, RULES, TOPICS, VIEWERS = (
     DOCS / f"{name}.md"
     for name in (
         "dashboard",
         "flight",
+        "operate",
         "parameters",
         "recording",
         "ros",
@@ -265,7 +266,7 @@ def test_the_services_are_those_of_the_table(interface: dict[str, Any]) -> None:
     for node in ("planner_node", "dashboard"):
         assert not interface[node]["services"].items() - of_all
     of_bridge = interface["mavlink_bridge"]["services"].items() - of_all
-    rows = table(FLIGHT, "Operator services", "Service").items()
+    rows = table(OPERATE, "Operator services", "Service").items()
     operators = {(name, row["Type"].strip("`")) for name, row in rows}
     # Those for one vehicle do the same.
     operators |= {(name.replace("~", "drone<i>"), kind) for name, kind in operators}
