@@ -122,8 +122,8 @@ def tables(
     """  # fmt: skip
     written = {}
     for key, rows in results["cases"].items():
-        written[f"{key}, all"] = case_table(rows, published[key])
         if key in SHOWN:
+            written[f"{key}, all"] = case_table(rows, published[key])
             sources = [one for one in published[key] if one.name in {*SHOWN[key]} - {*rows}]
             written[key] = case_table(_chosen(rows, SHOWN[key]), sources)
     for key, by_condition in results["disturbed"].items():

@@ -16,7 +16,6 @@ import math
 import re
 import textwrap
 from collections.abc import Collection
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -181,46 +180,50 @@ def planner_options_table() -> str:
 
 
 def rules_table() -> str:
-    """Return a table of the rules' fields for each group of them, by profile."""
+    """Return a table of the rules' fields for each group of them."""
     texts = []
     for name, group in GROUPS.items():
         rows = [
-            [
-                f"`{field}`", type_of(spec), spec.unit,
-                *(shown(getattr(rules, field)) for rules in PROFILES.values()), spec.doc,
-            ]
+            [f"`{field}`", type_of(spec), spec.unit, by_profile(field), spec.doc]
             for field, spec in specs(group).items()
-        ]  # fmt: skip
-        head = ["Field", "Type", "Unit", *PROFILES, "Meaning"]
+        ]
+        head = ["Field", "Type", "Unit", "Default", "Meaning"]
         texts.append(f"\n**{name}.** {group.__doc__}\n\n{table(head, rows)}")
     return "".join(texts) + "\n"
 
 
-def card(profile: str) -> str:
-    """Return the card of a profile: how to make its environment, spaces, agents, limits."""
+def by_profile(field: str) -> str:
+    """Return the value of a rule in most profiles, and the others with their profiles."""
+    profiles: dict[str, list[str]] = {}
+    for profile, rules in PROFILES.items():
+        profiles.setdefault(shown(getattr(rules, field)), []).append(profile)
+    usual = max(profiles, key=lambda value: len(profiles[value]))
+    others = [f"{', '.join(of)}: {value}" for value, of in profiles.items() if value != usual]
+    return "; ".join([usual, *others])
+
+
+def card(profile: str) -> dict[str, str]:
+    """Return the card of a profile: its spaces, actions, grid and limit."""
     env = parallel_env(rules=profile)
-    agent = env.possible_agents[0]
-    fields, limit = specs(Scenario), env.scenario.timestep_limit
+    agent, limit = env.possible_agents[0], env.scenario.timestep_limit
     _, infos = env.reset(seed=0)
-    actions = ", ".join(f"{number} `{name}`" for number, name in enumerate(env.rules.actions))
-    rows = [
-        ["Import", "`from dsse_ros.search import parallel_env`"],
-        ["Make", f'`parallel_env(rules="{profile}")`'],
-        ["Agents", f"`{agent}`, ...: {env.max_num_agents} by default; `num_drones` "
-         f"{allowed(fields['num_drones'])}"],
-        ["Action space", f"`{env.action_space(agent)}`"],
-        ["Action values", actions],
-        ["Observation space", f"`{env.observation_space(agent)}`"],
-        ["Grid", f"{env.scenario.grid_size} x {env.scenario.grid_size} cells by default; "
-         f"`grid_size` {allowed(fields['grid_size'])}"],
-        ["Keys of `infos`", ", ".join(f"`{key}`" for key in infos[agent])],
-        ["State space", f"`{env.state_space}`"],
-        ["Limit", f"{limit} steps by default; `timestep_limit` "
-         f"{allowed(fields['timestep_limit'])}; a failed episode has "
-         f"{limit + 1 + env.rules.time_out_grace}"],
-        ["Rendering", ", ".join(f"`{mode}`" for mode in env.metadata["render_modes"])],
-    ]  # fmt: skip
-    return table(["Profile", f"`{profile}`"], rows)
+    return {
+        "Actions, in order": ", ".join(f"`{name}`" for name in env.rules.actions),
+        "Action space": f"`{env.action_space(agent)}`",
+        "Observation space": f"`{env.observation_space(agent)}`",
+        "State space": f"`{env.state_space}`",
+        "Keys of `infos`": ", ".join(f"`{key}`" for key in infos[agent]),
+        "Grid": f"{env.scenario.grid_size} x {env.scenario.grid_size}",
+        "Steps": f"{limit}",
+        "Steps of a failed episode": f"{limit + 1 + env.rules.time_out_grace}",
+    }
+
+
+def cards_table() -> str:
+    """Return the cards of all profiles, a column for each."""
+    cards = [card(profile) for profile in PROFILES]
+    rows = [[name, *(of[name] for of in cards)] for name in cards[0]]
+    return table(["", *(f"`{profile}`" for profile in PROFILES)], rows)
 
 
 def metrics_table() -> str:
@@ -313,7 +316,7 @@ TABLES = {
     "faults": faults_table,
     "rules": rules_table,
     "planner_options": planner_options_table,
-    **{f"card_{profile}": partial(card, profile) for profile in PROFILES},
+    "cards": cards_table,
 }
 PAGES = tuple(
     f"docs/{name}.md"
