@@ -57,12 +57,15 @@ TYPES = {
 
 
 Rows = list[list[str]]
+_MOST_CHOICES = 15
+"""Number of choices that a table lists."""
 
 
 def table(head: list[str], rows: Rows) -> str:
-    """Return a Markdown table."""
+    """Return a Markdown table, without columns that are empty."""
     lines = [head, ["---"] * len(head), *rows]
-    return "\n".join("| " + " | ".join(cells) + " |" for cells in lines) + "\n"
+    kept = [i for i in range(len(head)) if any(row[i] for row in rows)]
+    return "".join("| " + " | ".join(cells[i] for i in kept) + " |\n" for cells in lines)
 
 
 def type_of(spec: Spec) -> str:
@@ -85,8 +88,12 @@ def shown(value: Any) -> str:
 
 def allowed(spec: Spec) -> str:
     """Return the allowed values."""
+    if len(spec.choices or ()) > _MOST_CHOICES:
+        return f"{len(spec.choices)} names, which the error for another name lists"
     if spec.choices:
         return ", ".join(f"`{choice}`" for choice in spec.choices)
+    if math.isfinite(spec.low) and math.isfinite(spec.high):
+        return f"{number(spec.low)} to {number(spec.high)}"
     bounds = [
         f"{sign} {number(bound)}"
         for sign, bound in ((">", spec.above), ("≥", spec.low), ("≤", spec.high))
@@ -265,12 +272,19 @@ def states_table() -> str:
 
 
 def events_table() -> str:
-    """Return the state after each event, by the state before; nothing where it stays."""
-    rows = [
-        [event.value, *(after[event].value if event in after else "" for after in NEXT.values())]
-        for event in Event
-    ]
-    return table(["When", *(state.value for state in Custody)], rows)
+    """Return the state after each event, by the states before."""
+    rows = []
+    for event in Event:
+        before: dict[str, list[str]] = {}
+        for state, after in NEXT.items():
+            if event in after:
+                before.setdefault(after[event].value, []).append(state.value)
+        changes = [
+            f"{'every state' if len(states) == len(NEXT) else ', '.join(states)} → **{after}**"
+            for after, states in before.items()
+        ]
+        rows.append([event.value, "; ".join(changes)])
+    return table(["When", "State before → after"], rows)
 
 
 def requests_table() -> str:
