@@ -402,6 +402,8 @@ class VehicleCustody:
         act = foreign_act(self.record, before, state)
         if act:
             self._take_over(act, state)
+            # What that person has set is no act against a later order of an operator.
+            self.record = replace(self.record, home=state.home, items=0)
             return
         risen = state.alt_m > _OFF_THE_GROUND_M
         if risen and self.record.home is None and state.home is not None:

@@ -169,6 +169,52 @@ def reposition(flight: VirtualFlight, north_m: float, up_m: float) -> object:
     )  # fmt: skip
 
 
+def act_on(fleet: VirtualFleet, act: str) -> None:
+    """Do to a vehicle in the air what a person at a ground station may do."""
+    flight, vehicle = fleet.flights[0], fleet.flights[0].vehicle
+    if act == "home":
+        numbers = (1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+        flight.send_from_station(CommandLong(1, 1, mavlink.MAV_CMD_DO_SET_HOME, 0, *numbers))
+    elif act == "shorter mission":
+        del vehicle.mission.items[-2:]
+    elif act == "item":
+        flight.send_from_station(mavlink.MAVLink_mission_set_current_message(1, 1, 1))
+    else:
+        flight.send_from_station(reposition(flight, 60.0, 40.0))
+
+
+@pytest.mark.slow
+@both
+@pytest.mark.parametrize(
+    ("act", "mode"),
+    [
+        ("home", "guided"), ("home", "mission"), ("shorter mission", "mission"),
+        ("item", "mission"), ("fly here", "guided"),
+    ],
+)  # fmt: skip
+@pytest.mark.parametrize("operation", ["land", "return"])
+def test_whatever_somebody_has_done_to_it_an_operator_brings_a_vehicle_down(
+    autopilot: str, act: str, mode: str, operation: str
+) -> None:
+    fleet = VirtualFleet(1, autopilot, mode=mode, merge_legs=False)
+    search = fleet.simulate(7, [(0, 3)])
+    if mode == "mission":
+        for _ in range(8):
+            search.advance([1])
+        fleet.finish(search)
+    vehicle = fleet.flights[0].vehicle
+    fleet.until(lambda: vehicle.craft.up_m > 37.0)
+    fleet.until(lambda: mode == "guided" or vehicle.mission.current >= 3)
+    fleet.wait(3.0)
+    act_on(fleet, act)
+    fleet.until(lambda: fleet.custody() == "taken over", 10.0)
+    fleet.wait(5.0)
+    fleet.controller.operate(None, operation)
+    fleet.wait(5.0)
+    assert fleet.custody() == "recalled"
+    fleet.until(fleet.down, 400.0)
+
+
 @both
 @pytest.mark.parametrize("held", [False, True])
 def test_fly_to_here_is_a_take_over_in_held_too(autopilot: str, held: bool) -> None:
