@@ -239,5 +239,5 @@ $(VENV)/.compiled $(VENV)/.compiled-oldest $(VENV)/.compiled-learning:
 $(VENV)/oldest.txt: $(BASE) setup.py
 	@rm -rf $(VENV)/build && mkdir $(VENV)/build
 	@$(BIN)/python setup.py -q egg_info --egg-base $(VENV)/build
-	@sed -n 's/^\([A-Za-z].*\)>=\([^,]*\).*/\1==\2/p' $(VENV)/build/*/requires.txt > $@
+	@sed -n 's/\[.*\]//; s/^\([A-Za-z].*\)>=\([^,]*\).*/\1==\2/p' $(VENV)/build/*/requires.txt > $@
 	@echo 'pyparsing<3.3' >> $@
