@@ -193,6 +193,9 @@ class SetpointStreamer:
         if self.confirmed:
             self._tries = 0
             return
+        if self._foreign_reports and situation.now - situation.state.target_s < _TARGET_STALE_S:
+            # The next report decides whether somebody else has sent it elsewhere.
+            return
         if self._tries >= settings.command_tries:
             fence = ": its own geofence is enabled" if situation.state.fenced else ""
             raise OrderFailedError(
