@@ -262,7 +262,7 @@ class ControllerMachine(RuleBasedStateMachine):
             self.place = order
             order = GoTo(*self.flight.place(*order[:2]), order[2], ACCEPTANCE_M)
         if isinstance(order, TakeOff):
-            order = TakeOff(order.alt_m, arm=self.arm)
+            order = TakeOff(order.alt_amsl_m, arm=self.arm)
         self.orders += 1
         self.was_done = False
         sent = len(self.flight.sent)
@@ -296,8 +296,8 @@ class ControllerMachine(RuleBasedStateMachine):
     ) -> bool:
         """Return whether an order is complete for this state of the vehicle."""
         match order:
-            case TakeOff(alt_m=alt_m):
-                return not landed and up_m > alt_m - NEAR_M
+            case TakeOff(alt_amsl_m=alt_amsl_m):
+                return not landed and up_m > alt_amsl_m - NEAR_M
             case GoTo() if self.place is not None:
                 north, east, up = self.place
                 return math.dist((north, east, up), (north_m, east_m, up_m)) < NEAR_M

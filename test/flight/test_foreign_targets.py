@@ -47,15 +47,15 @@ def test_a_foreign_target_takes_it_over_and_is_not_fought(order: str, loss: floa
     assert flight.outcome.reason == "sent elsewhere by somebody else"
 
 
-def test_a_foreign_target_is_not_fought_whenever_it_comes() -> None:
-    for phase in range(16):
-        flight = flying(seed=phase)
-        flight.give(go_to(flight, 300.0))
-        flight.wait(15.0 + 0.13 * phase)
-        flight.send_from_station(reposition(flight, 0.0, 100.0))
-        sent = len(flight.setpoints())
-        flight.until(lambda: flight.outcome.status == "taken_over", limit_s=5.0)
-        assert len(flight.setpoints()) == sent
+@pytest.mark.parametrize("phase", range(16))
+def test_a_foreign_target_is_not_fought_whenever_it_comes(phase: int) -> None:
+    flight = flying(seed=phase)
+    flight.give(go_to(flight, 300.0))
+    flight.wait(15.0 + 0.13 * phase)
+    flight.send_from_station(reposition(flight, 0.0, 100.0))
+    sent = len(flight.setpoints())
+    flight.until(lambda: flight.outcome.status == "taken_over", limit_s=5.0)
+    assert len(flight.setpoints()) == sent
 
 
 def test_velocities_of_somebody_else_take_over_a_vehicle_that_has_arrived() -> None:

@@ -1,11 +1,11 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""Hostile messages on all topics while vehicles fly; fuzz.py can go on for longer."""
+"""Hostile messages on all topics while vehicles fly; node_fuzz.py can go on for longer."""
 
 from __future__ import annotations
 
 import pytest
-from fuzz import attacks
+from node_fuzz import attacks
 from rig import Rig
 
 

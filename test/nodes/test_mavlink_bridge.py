@@ -115,7 +115,8 @@ def test_who_is_lost_on_the_ground_stays_there_when_it_is_connected_again(
         bridge = Bridge(rig, vehicles, autopilot=autopilot, link_timeout=4.0, lost_timeout=4.0)
         rig.until(lambda: bridge.state(0).get("order", "").startswith("MakeReady"), "the order")
         os.kill(vehicles[0].pid, signal.SIGSTOP)
-        bridge.until(0, connected="false", lost="link lost: no heartbeat for 4 s")
+        silent = f"nothing from system 1 on {vehicles[0].connection}"
+        bridge.until(0, connected="false", lost=f"link lost: no heartbeat for 4 s: {silent}")
         os.kill(vehicles[0].pid, signal.SIGCONT)
         bridge.until(0, connected="true", ready="true", order="", custody="grounded")
         seen = len(bridge.states[0])
@@ -229,7 +230,8 @@ def test_who_has_no_heartbeat_any_more_is_lost_and_the_other_goes_on(rig: Rig) -
         sim.joint(UP, UP)
         bridge.until(1, flying="true")
         vehicles[1].kill()
-        bridge.until(1, lost="link lost: no heartbeat for 6 s")
+        silent = f"nothing from system 2 on {vehicles[1].connection}"
+        bridge.until(1, lost=f"link lost: no heartbeat for 6 s: {silent}")
         rig.until(lambda: sim.cells[0] == (0, 4), "the step")
         fly(sim, RIGHT, RIGHT)
         assert sim.report["terminated"].tolist() == [0, 1]

@@ -1,6 +1,8 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""Fuzzes what the nodes subscribe to, while vehicles fly: `python test/nodes/fuzz.py --minutes 60`.
+"""Fuzzes what the nodes subscribe to, while vehicles fly.
+
+`python test/nodes/node_fuzz.py --minutes 60`
 
 A relay stands between a simulation and the other nodes. It passes messages on, and adds copies with
 fields replaced by extremes, with other JSON, and with damaged bytes.
