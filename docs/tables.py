@@ -32,6 +32,7 @@ from dsse_ros.nodes.settings import (
     RUN_TIME_SETTINGS,
     PlannerSettings,
     RecorderSettings,
+    ShowSettings,
     SimSettings,
     ViewerSettings,
 )
@@ -324,6 +325,7 @@ TABLES = {
     "mavlink_bridge": lambda: settings_table(BridgeSettings),
     "dashboard": lambda: settings_table(DashboardSettings),
     "metrics": metrics_table,
+    "show": lambda: settings_table(ShowSettings),
     "recorder": lambda: settings_table(RecorderSettings),
     "viewer": lambda: settings_table(ViewerSettings),
     "scenario": scenario_table,

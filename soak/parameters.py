@@ -20,7 +20,10 @@ from soak import ROOT
 from soak.rigs import ENVIRONMENT, Sim, domain
 from soak.row import Figures, Row, Run, zero
 
-NODES = ("sim_node", "planner_node", "mavlink_bridge", "recorder", "foxglove_viewer", "dashboard")
+NODES = (
+    "sim_node", "planner_node", "mavlink_bridge", "show", "recorder", "foxglove_viewer",
+    "dashboard",
+)  # fmt: skip
 HUGE = 2**62 + 1
 VALUES: dict[str, Any] = {
     ".nan": math.nan,
@@ -76,6 +79,7 @@ def specs_of(node: str) -> dict[str, Spec]:
         return dict(SIM_PARAMETERS)
     names = {
         "planner_node": "PlannerSettings",
+        "show": "ShowSettings",
         "recorder": "RecorderSettings",
         "foxglove_viewer": "ViewerSettings",
     }

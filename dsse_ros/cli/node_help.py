@@ -26,6 +26,7 @@ _NODES: Mapping[str, tuple[str, str, str]] = MappingProxyType(
             "-p autopilot:=px4 -p num_vehicles:=3",
             "flight.md",
         ),
+        "show": ("Prints the step reports as a table, live.", "-p width:=120", "ros.md"),
         "recorder": ("Records missions to an MCAP file.", "-p bag:=mission.mcap", "recording.md"),
         "foxglove_viewer": (
             "Serves all topics to Foxglove, over its WebSocket protocol.",

@@ -134,6 +134,7 @@ def missing(error: ImportError) -> str | None:
 sim_node = partial(start, "nodes.sim_node")
 planner_node = partial(start, "nodes.planner_node")
 mavlink_bridge = partial(start, "nodes.mavlink_bridge")
+show = partial(start, "nodes.show")
 recorder = partial(start, "nodes.recorder")
 foxglove_viewer = partial(start, "nodes.foxglove_viewer")
 dashboard = partial(start, "nodes.dashboard")

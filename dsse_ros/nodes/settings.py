@@ -244,6 +244,28 @@ class PlannerSettings:
 
 
 @dataclass(frozen=True, kw_only=True)
+class ShowSettings:
+    """Settings of `show`.
+
+    Raises:
+        FieldError: If a value is not allowed.
+    """
+
+    width: int = field(
+        "int",
+        "Columns of the table; drones that do not fit are counted. 0 for those of the terminal, "
+        "100 without one.",
+        0,
+        low=0,
+        high=10_000,
+        unit="characters",
+    )
+
+    def __post_init__(self) -> None:
+        check_all(self)
+
+
+@dataclass(frozen=True, kw_only=True)
 class RecorderSettings:
     """Settings of `recorder`.
 

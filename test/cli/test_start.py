@@ -26,6 +26,7 @@ from dsse_ros.nodes.settings import (
     SIM_PARAMETERS,
     PlannerSettings,
     RecorderSettings,
+    ShowSettings,
     ViewerSettings,
 )
 from dsse_ros.scenario.fields import specs
@@ -293,6 +294,7 @@ def test_the_parameters_of_the_examples_in_the_help_are_accepted() -> None:
         "sim_node": {*SIM_PARAMETERS, *SHORT_NAMES},
         "planner_node": specs(PlannerSettings),
         "mavlink_bridge": specs(BridgeSettings),
+        "show": specs(ShowSettings),
         "recorder": specs(RecorderSettings),
         "foxglove_viewer": specs(ViewerSettings),
         "dashboard": specs(DashboardSettings),

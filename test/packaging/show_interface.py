@@ -20,6 +20,7 @@ from dsse_ros.nodes.foxglove_viewer import ViewerNode
 from dsse_ros.nodes.mavlink_bridge import BridgeNode
 from dsse_ros.nodes.planner_node import PlannerNode
 from dsse_ros.nodes.recorder import RecorderNode
+from dsse_ros.nodes.show import ShowNode
 from dsse_ros.nodes.sim_node import SimNode
 
 
@@ -104,6 +105,7 @@ if __name__ == "__main__":
             PlannerNode, "-p", "planner:=belief", "-p", "planner_options:=['width=8']"
         ),
         "mavlink_bridge": started(BridgeNode, *of_bridge),
+        "show": started(ShowNode),
         # What has no value has no type.
         "recorder": started(RecorderNode, "-p", "exclude:=['*/odom']"),
         "foxglove_viewer": started(ViewerNode, "-p", "exclude:=['*/odom']", "-p", "port:=0"),

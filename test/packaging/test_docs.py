@@ -236,6 +236,7 @@ def test_the_topics_of_the_simulation_are_those_of_the_tables(
         ("planner_node", TOPICS, "Planner"),
         ("mavlink_bridge", FLIGHT, "Topics"),
         ("dashboard", TOPICS, "Dashboard"),
+        ("show", TOPICS, "Table of the steps"),
     ],
 )
 def test_the_topics_of_the_other_nodes_are_those_of_their_tables(
@@ -325,6 +326,7 @@ def test_the_services_of_simulation_interfaces_are_those_of_the_docs() -> None:
         ),
         ("planner_node", [(PARAMETERS, "Planner", "")]),
         ("mavlink_bridge", [(FLIGHT, "Parameters", "")]),
+        ("show", [(ROS, "Table of the steps", "")]),
         ("recorder", [(RECORDING, "Recording", "")]),
         ("foxglove_viewer", [(VIEWERS, "Foxglove", "")]),
         ("dashboard", [(DASHBOARD, "Parameters", "")]),

@@ -1,0 +1,128 @@
+# Copyright 2026 dsse_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""`ros2 run dsse_ros show`: prints the step reports as a table, live."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import sys
+from collections import deque
+from collections.abc import Sequence
+from typing import Any
+
+from numpy.typing import NDArray
+from sensor_msgs.msg import PointCloud2
+from std_msgs.msg import String
+
+from dsse_ros.mission.report_table import ReportTable
+from dsse_ros.nodes.settings import ShowSettings
+from dsse_ros.runtime.exit_codes import FAILED
+from dsse_ros.runtime.qos import COMPLETE, LATCHED, read_settings
+from dsse_ros.runtime.run_node import AlarmNode, run_node
+from msg_adapters.agents import AgentsInfo, agents_from_message
+from msg_adapters.step_report import step_report_from_message
+
+_WITHOUT_TERMINAL = 100
+"""Columns where the output is no terminal."""
+_RUNS = 10
+"""Runs whose `agents` are kept: more than there are simulations in a namespace by mistake."""
+_WAIT_S = 1.0
+"""Wall time after which the node logs what it is waiting for."""
+
+
+class ShowNode(AlarmNode):
+    """Prints a line for each step, those before its start too, as far as the simulation has them.
+
+    Attributes:
+        failed: Whether the output could not be written.
+
+    Raises:
+        FieldError: If a parameter is not allowed.
+    """
+
+    failed = False
+
+    def __init__(self) -> None:
+        super().__init__("show")
+        settings, endpoints = read_settings(self, ShowSettings)
+        terminal = shutil.get_terminal_size((_WITHOUT_TERMINAL, 0)).columns
+        self._table = ReportTable(settings.width or terminal)
+        self._infos: dict[int, AgentsInfo] = {}
+        # Reports whose `agents` has not come yet.
+        self._early: deque[NDArray[Any]] = deque(maxlen=COMPLETE.depth)
+        self._printed = False
+        self._waits_for = ""
+        self._topics = [
+            endpoints.subscription(kind, topic, take, qos).topic_name
+            for kind, topic, take, qos in (
+                (String, "agents", self._on_agents, LATCHED),
+                (PointCloud2, "step_report", self._on_report, COMPLETE),
+            )
+        ]
+        endpoints.check_all_used()
+        self.alarms.make(self._log_waiting).repeat(_WAIT_S)
+
+    def _on_agents(self, message: String) -> None:
+        info = agents_from_message(message, with_definition=False)
+        self._infos.pop(info.run_id, None)
+        self._infos[info.run_id] = info
+        if len(self._infos) > _RUNS:
+            del self._infos[next(iter(self._infos))]
+        early, self._early = self._early, deque(maxlen=COMPLETE.depth)
+        for report in early:
+            self._take(report)
+
+    def _on_report(self, message: PointCloud2) -> None:
+        report = step_report_from_message(message)
+        if len(report):
+            self._take(report)
+
+    def _take(self, report: NDArray[Any]) -> None:
+        info = self._infos.get(int(report["run_id"][0]))
+        if info is None:
+            self._early.append(report)
+        elif not self.finished:
+            self._print(self._table.lines(info, report))
+
+    def _print(self, lines: Sequence[str]) -> None:
+        self._printed = True
+        try:
+            print(*lines, sep="\n", end="\n" if lines else "", flush=True)
+        except OSError as error:
+            # The reader of a pipe may leave, as `head` does. Python flushes again at its exit.
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+            self.finished = True
+            if not isinstance(error, BrokenPipeError):
+                self.failed = True
+                self.get_logger().error(f"standard output: {error.strerror}")
+
+    def _log_waiting(self) -> None:
+        """Log what the node is waiting for before its first line, if that has changed."""
+        before, self._waits_for = self._waits_for, "" if self._printed else self._missing()
+        if self._waits_for and self._waits_for != before:
+            self.get_logger().info(f"waiting for {self._waits_for}")
+
+    def _missing(self) -> str:
+        came = (bool(self._infos) and not self._early, bool(self._early))
+        silent = [topic for topic, is_here in zip(self._topics, came, strict=True) if not is_here]
+        return f"a simulation: nothing on {', '.join(silent)} yet" if silent else ""
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Run the node until it is interrupted; returns the exit code.
+
+    It is 2 for bad input, 3 where the output could not be written.
+    """
+    nodes: list[ShowNode] = []
+
+    def make() -> ShowNode:
+        nodes.append(ShowNode())
+        return nodes[0]
+
+    code = run_node("show", make, argv)
+    return FAILED if nodes and nodes[0].failed else code
+
+
+if __name__ == "__main__":
+    sys.exit(main())
