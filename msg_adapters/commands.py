@@ -7,6 +7,7 @@ from __future__ import annotations
 import array
 import math
 from collections.abc import Sequence
+from typing import Any
 
 from geometry_msgs.msg import Pose, PoseStamped
 from nav_msgs.msg import Path
@@ -70,6 +71,22 @@ def parse_goal(message: PoseStamped, frame: GridFrame) -> Result[Cell]:
     if message.header.frame_id != frame.map_frame:
         return _foreign_frame("header.frame_id", message.header.frame_id, frame)
     return _goal_cell("pose", message.pose, frame)
+
+
+def parse_navigation(goal: Any, frame: GridFrame) -> Result[Cell]:
+    """Return the cell (col, row) of a goal of `navigate_to_pose`.
+
+    Args:
+        goal: nav2_msgs/action/NavigateToPose.Goal; its `pose` is as that of `parse_goal`.
+        frame: The grid.
+
+    Returns:
+        The cell, or `behavior_tree`, `foreign_frame`, `not_finite` or `outside_grid`.
+    """
+    if goal.behavior_tree:
+        reason = f"behavior_tree must be empty, got {shown(goal.behavior_tree)}"
+        return Rejected("behavior_tree", reason)
+    return parse_goal(goal.pose, frame)
 
 
 def parse_path(message: Path, frame: GridFrame) -> Result[tuple[Cell, ...]]:

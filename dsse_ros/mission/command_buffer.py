@@ -60,6 +60,28 @@ class CommandBuffer:
         self._actions.pop(drone, None)
         self._goals[drone] = list(goals)
 
+    def goals_of(self, drone: int) -> list[Cell] | None:
+        """Return the goals of a drone that are ahead, None if its command is another or none.
+
+        It is the same list until another command replaces the goals.
+        """
+        return self._goals.get(drone)
+
+    def drop_goals(self, drone: int) -> None:
+        """Take the goals of a drone back: it has no command."""
+        self._goals.pop(drone, None)
+
+    def moves_to(self, drone: int, start: Cell, goal: Cell) -> int:
+        """Return the number of moves of a drone to a goal that it can reach.
+
+        A cell off the grid, where some rules let drones fly, counts as the nearest one on it.
+        """
+        (actions,) = self._swarm.actions_of([drone])
+        if actions.area is not None:
+            last = len(actions.area) - 1
+            start = min(max(start[0], 0), last), min(max(start[1], 0), last)
+        return max(actions.distance(start, goal), 0)
+
     def out_of_reach(self, drone: int, start: Cell, goals: Sequence[Cell]) -> list[Cell]:
         """Return the goals that a drone's moves in the area cannot reach, one after the other."""
         (actions,), unreached = self._swarm.actions_of([drone]), []

@@ -14,10 +14,14 @@ from msg_adapters.commands import (
     parse_action_name,
     parse_goal,
     parse_joint_action,
+    parse_navigation,
     parse_path,
 )
 from msg_adapters.frames import GridFrame
 from msg_adapters.result import Accepted, Rejected
+
+NAVIGATE_TO_POSE = "navigate_to_pose"
+"""Name of the action of each drone."""
 
 
 class CommandIntake:
@@ -70,13 +74,19 @@ class CommandIntake:
 
     def goal(self, drone: int, message: Any) -> bool:
         """Take geometry_msgs/PoseStamped, a goal."""
-        parsed = parse_goal(message, self._frame)
-        goals = parsed if isinstance(parsed, Rejected) else Accepted([parsed.value])
-        return self._set_goals(drone, "command_pose", goals)
+        return self._set_goal(drone, "command_pose", parse_goal(message, self._frame))
+
+    def navigation(self, drone: int, goal: Any) -> bool:
+        """Take the goal of nav2_msgs/action/NavigateToPose."""
+        return self._set_goal(drone, NAVIGATE_TO_POSE, parse_navigation(goal, self._frame))
 
     def path(self, drone: int, message: Any) -> bool:
         """Take nav_msgs/Path, goals in order."""
         return self._set_goals(drone, "command_path", parse_path(message, self._frame))
+
+    def _set_goal(self, drone: int, topic: str, parsed: Any) -> bool:
+        goals = parsed if isinstance(parsed, Rejected) else Accepted([parsed.value])
+        return self._set_goals(drone, topic, goals)
 
     def _set_goals(self, drone: int, topic: str, parsed: Any) -> bool:
         goals = self._take(f"drone{drone}/{topic}", drone, parsed)

@@ -28,6 +28,7 @@ from dsse_ros.mission.mission_files import MissionFiles
 from dsse_ros.mission.simulation_state import NEXT, Request, SimulationState, reason_to_refuse
 from dsse_ros.mission.step_scheduler import Due, StepScheduler
 from dsse_ros.nodes import deprecated, sim_services, simulation_interfaces
+from dsse_ros.nodes.navigate_to_pose import NavigateToPose
 from dsse_ros.nodes.publisher_counts import PublisherCounts, consequences
 from dsse_ros.nodes.publishers import MissionPublishers
 from dsse_ros.nodes.settings import SIM_PARAMETERS, without_effect
@@ -103,6 +104,7 @@ class SimNode(AlarmNode):
         self._subscribe(endpoints)
         endpoints.check_all_used()
         self.files.open(self.frame)
+        self._navigation = NavigateToPose(self, self._commands, self._late, self._on_accepted)
         sim_services.serve(self)
         simulation_interfaces.serve(self)
         self._step_alarm = self.alarms.make(self._advance)
@@ -253,6 +255,7 @@ class SimNode(AlarmNode):
         self._scheduler.begin(time.monotonic(), done=self.mission.done)
         self.publishers_.publish_step(result, stamp, settings.grid_scaling)
         self.publishers_.publish_odometry(stamp, 0.0 if self._scheduler.moving else 1.0)
+        self._navigation.publish_feedback()
         self._arm()
 
     def _record(self) -> None:
@@ -292,6 +295,7 @@ class SimNode(AlarmNode):
 
     def _advance(self) -> None:
         """Do the step if it is due, else set the alarm for when it will be."""
+        self._navigation.check()
         now_s, ready = time.monotonic(), self._ready()
         match self._scheduler.due(now_s, ready=ready):
             case Due.STEP:
@@ -326,6 +330,7 @@ class SimNode(AlarmNode):
 
     def _end_between_steps(self) -> None:
         self._scheduler.end()
+        self._navigation.check()
         self._arm()
         self._end()
 
@@ -350,8 +355,12 @@ class SimNode(AlarmNode):
 
     def _on_command(self, take: Callable[[Any], bool], message: Any) -> None:
         if take(message):
-            self.publishers_.publish_first_commands(self._scheduler.timing)
-            self._advance()
+            self._on_accepted()
+
+    def _on_accepted(self) -> None:
+        """Go on after a new command."""
+        self.publishers_.publish_first_commands(self._scheduler.timing)
+        self._advance()
 
     def _on_vehicle(self, drone: int, message: PoseStamped) -> None:
         parsed = place_from_pose(message, self.frame)
@@ -426,6 +435,7 @@ class SimNode(AlarmNode):
     def destroy_node(self) -> None:
         """Close the log and the node."""
         self.files.close()
+        self._navigation.destroy()
         super().destroy_node()
 
 

@@ -111,12 +111,20 @@ def test_goals_are_flown_around_what_is_not_searched_and_out_of_reach_if_none_le
     goals = [(4, 2), (4, 4), (2, 3)]
     assert buffer.out_of_reach(0, here, goals) == goals[1:]
     buffer.set_goals(0, goals)
-    for _ in range(4 + 4 + 2):
-        assert here != goals[0]
+    for left in range(4 + 4 + 2, 0, -1):
+        assert buffer.moves_to(0, here, goals[0]) == left
         here = moved(here, int(buffer.take([0], np.array([here]), "hold")[0]))
         assert area[here[1], here[0]]
     assert here == goals[0]
     assert buffer.take([0], np.array([here]), "hold").tolist() == [SEARCH]
+
+
+def test_moves_are_counted_from_the_nearest_cell_where_a_drone_is_off_the_grid() -> None:
+    area = np.ones((5, 5), bool)
+    area[2, 2] = False
+    buffer = CommandBuffer(Swarm.alike(ACTIONS, area), 1)
+    assert buffer.moves_to(0, (-1, 5), (0, 2)) == 2
+    assert CommandBuffer(SWARM, 1).moves_to(0, (-1, 5), (0, 2)) == 4
 
 
 def test_goals_are_flown_by_the_moves_of_a_drone_s_kind() -> None:

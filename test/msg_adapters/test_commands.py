@@ -5,6 +5,7 @@
 import array
 import math
 import re
+from types import SimpleNamespace
 
 import pytest
 from geometry_msgs.msg import Point, Pose, PoseStamped, Quaternion
@@ -84,6 +85,15 @@ def test_any_goal_is_a_cell_of_the_grid_or_refused(message):
     if check(result, {"foreign_frame", "not_finite", "outside_grid"}):
         assert message.header.frame_id == "map"
         assert all(0 <= part < 8 and type(part) is int for part in result.value)
+
+
+@given(STAMPED, TEXTS)
+def test_a_goal_of_nav2_is_one_like_any_other_without_a_behavior_tree(message, tree):
+    result = commands.parse_navigation(SimpleNamespace(pose=message, behavior_tree=tree), FRAME)
+    if tree:
+        assert not check(result, {"behavior_tree"})
+    else:
+        assert result == commands.parse_goal(message, FRAME)
 
 
 @pytest.mark.parametrize(

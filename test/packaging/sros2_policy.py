@@ -26,15 +26,18 @@ WITH_SIMULATION_INTERFACES = {
 }  # fmt: skip
 WITH_SIM_TIME = {"/clock"}
 
+RIGHTS = ("publish", "subscribe", "reply", "request", "execute", "call")
+"""Of topics, services and actions."""
+
 Rights = dict[str, set[str]]
 
 
 def policy() -> dict[str, Rights]:
-    """What each enclave may do: names by `publish`, `subscribe`, `reply` and `request`."""
+    """What each enclave may do: names by each of `RIGHTS`."""
     rights: dict[str, Rights] = {}
     for enclave in ElementTree.parse(POLICY).getroot().iterfind("./enclaves/enclave"):
         name = enclave.attrib["path"].removeprefix("/dsse_ros/")
-        rights[name] = {kind: set() for kind in ("publish", "subscribe", "reply", "request")}
+        rights[name] = {kind: set() for kind in RIGHTS}
         for rule in enclave.iterfind("./profiles/profile/*"):
             ((kind, value),) = rule.attrib.items()
             assert value == "ALLOW"

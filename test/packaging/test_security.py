@@ -13,6 +13,7 @@ import pytest
 from sros2_policy import COMMANDS, EVERYTHING, policy
 from tree import by_name, files
 
+from dsse_ros.mission.command_intake import NAVIGATE_TO_POSE
 from dsse_ros.nodes.dashboard import _SERVICES
 from dsse_ros.nodes.operator_services import OPERATOR_SERVICES
 
@@ -38,6 +39,15 @@ def test_nobody_but_planners_and_people_may_command_a_drone() -> None:
         "ros_env": {"joint_action"},
         "operator": COMMANDS,
     }
+
+
+def test_only_people_may_send_drones_by_an_action() -> None:
+    may = {
+        right: {name: one[right] for name, one in policy().items() if one[right]}
+        for right in ("execute", "call")
+    }
+    action = {f"drone*/{NAVIGATE_TO_POSE}"}
+    assert may == {"execute": {"sim_node": action}, "call": {"operator": action}}
 
 
 def test_nobody_may_publish_everything() -> None:

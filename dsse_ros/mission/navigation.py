@@ -1,0 +1,181 @@
+# Copyright 2026 dsse_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""Goals of drones that somebody waits for: how far each is, and how it has ended; without ROS.
+
+The goal itself is a command of the mission, as of `command_pose`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from dataclasses import dataclass
+from enum import Enum
+from typing import Generic, TypeVar
+
+import numpy as np
+
+from dsse_ros.mission.mission import Mission
+from dsse_ros.scenario.actions import Cell
+
+T = TypeVar("T")
+
+
+class Ending(Enum):
+    """How a goal has ended."""
+
+    REACHED = "the drone is there, and so is its vehicle if steps wait for vehicles"
+    CANCELED = "its sender has canceled it"
+    ABORTED = "the drone will not get there"
+
+
+@dataclass(frozen=True)
+class Ended(Generic[T]):
+    """The end of a goal.
+
+    Attributes:
+        drone: The drone.
+        handle: As given to `Navigation.begin`.
+        ending: How it has ended.
+        reason: Why it was aborted, on one line; empty otherwise.
+    """
+
+    drone: int
+    handle: T
+    ending: Ending
+    reason: str = ""
+
+
+@dataclass(frozen=True)
+class Progress(Generic[T]):
+    """How far a goal is.
+
+    Attributes:
+        drone: The drone.
+        handle: As given to `Navigation.begin`.
+        cell: (col, row) of the drone.
+        moves: Moves left.
+        elapsed_ns: Mission time since the goal was accepted.
+    """
+
+    drone: int
+    handle: T
+    cell: Cell
+    moves: int
+    elapsed_ns: int
+
+
+@dataclass(frozen=True)
+class _Goal(Generic[T]):
+    """A goal; `command` is the list in the command buffer, which no other command shares."""
+
+    handle: T
+    cell: Cell
+    command: list[Cell]
+    mission: int
+    begun_ns: int
+
+
+class Navigation(Generic[T]):
+    """The goals that have not ended, at most one for each drone.
+
+    Args:
+        mission: The mission, whose command buffer has the goals.
+    """
+
+    def __init__(self, mission: Mission) -> None:
+        self._mission = mission
+        self._goals: dict[int, _Goal[T]] = {}
+
+    @property
+    def active(self) -> bool:
+        """Whether there are goals."""
+        return bool(self._goals)
+
+    def begin(self, drone: int, handle: T) -> list[Ended[T]]:
+        """Follow the goal that was just set as the command of a drone; it replaces another.
+
+        Args:
+            drone: The drone.
+            handle: Identifies the goal.
+
+        Returns:
+            The end of the goal that it replaces, and its own if it is not the command any more.
+        """
+        ended, old = [], self._goals.pop(drone, None)
+        if old is not None:
+            replaced = Ended(drone, old.handle, Ending.ABORTED, self._replaced(drone))
+            ended.append(self._end_of(drone, old, {drone}) or replaced)
+        command = self._mission.commands.goals_of(drone)
+        if not command:
+            return [*ended, Ended(drone, handle, Ending.ABORTED, self._replaced(drone))]
+        self._goals[drone] = _Goal(
+            handle, command[-1], command, self._mission.number, self._mission.result.stamp_ns
+        )
+        return ended
+
+    def cancel(self, handle: T) -> list[Ended[T]]:
+        """Take back a goal: its drone has no command then. Returns its end, if it had none."""
+        for drone, goal in self._goals.items():
+            if goal.handle == handle:
+                if self._is_command(drone, goal):
+                    self._mission.commands.drop_goals(drone)
+                del self._goals[drone]
+                return [Ended(drone, handle, Ending.CANCELED)]
+        return []
+
+    def check(self, late: Collection[int]) -> list[Ended[T]]:
+        """Return the goals that have ended since the last call, and forget them.
+
+        Args:
+            late: The drones whose vehicles have to arrive in their cells first.
+        """
+        ended = []
+        for drone, goal in list(self._goals.items()):
+            end = self._end_of(drone, goal, late)
+            if end is not None:
+                del self._goals[drone]
+                ended.append(end)
+        return ended
+
+    def progress(self) -> list[Progress[T]]:
+        """Return how far the goals are."""
+        mission = self._mission
+        return [
+            Progress(
+                drone,
+                goal.handle,
+                self._cell(drone),
+                mission.commands.moves_to(drone, self._cell(drone), goal.cell),
+                max(mission.result.stamp_ns - goal.begun_ns, 0),
+            )
+            for drone, goal in self._goals.items()
+        ]
+
+    def _end_of(self, drone: int, goal: _Goal[T], late: Collection[int]) -> Ended[T] | None:
+        mission, name = self._mission, self._mission.env.possible_agents[drone]
+        is_there = self._cell(drone) == goal.cell
+        reason = ""
+        if mission.number != goal.mission:
+            reason = f"mission {goal.mission} was reset"
+        elif drone in mission.lost or drone in mission.fallen:
+            reason = f"{name} is lost"
+        elif not (mission.done or drone in mission.live):
+            reason = f"{name} is out of the search"
+        elif is_there:
+            # Until its vehicle has arrived too, the next command does not end it.
+            return None if drone in late else Ended(drone, goal.handle, Ending.REACHED)
+        elif mission.done:
+            reason = f"mission {mission.number} is over: {mission.outcome}"
+        elif not self._is_command(drone, goal):
+            reason = self._replaced(drone)
+        return Ended(drone, goal.handle, Ending.ABORTED, reason) if reason else None
+
+    def _replaced(self, drone: int) -> str:
+        return f"another command of {self._mission.env.possible_agents[drone]} has replaced it"
+
+    def _is_command(self, drone: int, goal: _Goal[T]) -> bool:
+        return self._mission.commands.goals_of(drone) is goal.command
+
+    def _cell(self, drone: int) -> Cell:
+        col, row = np.asarray(self._mission.result.cells[drone]).tolist()
+        return col, row
