@@ -76,7 +76,9 @@ class PatternMission:
         elif arguments.search is not None:
             raise FieldError(f"search must be given with errors, got {arguments.search}")
         if arguments.sweep_width is not None and not 0 < arguments.sweep_width <= 1e6:
-            raise FieldError(f"sweep_width must be > 0 and <= 1e+06 m, got {arguments.sweep_width}")
+            raise FieldError(
+                f"sweep_width must be > 0 and <= 1000000 m, got {arguments.sweep_width}"
+            )
         self._sweep_width_m: float | None = arguments.sweep_width
         kind = scenario.kinds[scenario.kind_of[0]]
         if self._sweep_width_m is None and kind.sensor == "sweep_width":
