@@ -115,7 +115,7 @@ class DsseRosEnv(AgentSpaces, ParallelEnv[str, AgentObservation, int]):
             raise
 
     def _connect(self, namespace: str, node_name: str) -> None:
-        """Find the node, and take over from it what is searched and by whom.
+        """Find the node, and read its search and its drones.
 
         Raises:
             TimeoutError: If there is none.
@@ -211,7 +211,7 @@ class DsseRosEnv(AgentSpaces, ParallelEnv[str, AgentObservation, int]):
         """Have the node advance the mission by one step.
 
         A drone whose vehicle is lost is terminated in the step that follows, as one withdrawn
-        from `SearchEnv`. If it was the last one there is no such step: the map stays as it was.
+        from `SearchEnv`. If it was the last one, no step follows: the map stays as it was.
 
         Args:
             actions: One action number per live agent; those of other agents are ignored.
@@ -252,7 +252,7 @@ class DsseRosEnv(AgentSpaces, ParallelEnv[str, AgentObservation, int]):
         return step.observations(live), rewards, terminated, truncated, step.infos(live)
 
     def close(self) -> None:
-        """Leave ROS; the node goes on to wait for commands."""
+        """Leave ROS; the node keeps waiting for commands."""
         self._leave()
         for name in ("_executor", "_node"):
             entity = self.__dict__.pop(name, None)
@@ -329,10 +329,10 @@ class DsseRosEnv(AgentSpaces, ParallelEnv[str, AgentObservation, int]):
         return step
 
     def _check_applied(self, step: ObservedStep, joint: list[int]) -> None:
-        """Raise if the drones have done something else than they were to do.
+        """Check that the drones have done the commanded actions.
 
         Raises:
-            SearchLostError: If one has.
+            SearchLostError: If one has done another.
         """
         assert self._last is not None
         if step.step_id == self._last.step_id:
@@ -390,10 +390,10 @@ class DsseRosEnv(AgentSpaces, ParallelEnv[str, AgentObservation, int]):
         deadline_s: float,
         again: Callable[[], None] | None = None,
     ) -> T:
-        """Return what `look` returns as soon as it is something, and call `again` now and then.
+        """Return the first result of `look` that is true, and call `again` now and then.
 
         Raises:
-            TimeoutError: If it is nothing until then.
+            TimeoutError: If there is none until then.
         """
         resend_s = time.monotonic() + _RESEND_S
         while not (found := look()):

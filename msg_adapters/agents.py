@@ -227,7 +227,7 @@ def _decision_time_s(keys: Keys) -> float | None:
     """Return how long a step waits, None forever.
 
     Raises:
-        ValueError: If it is no such time.
+        ValueError: If the value is not a time.
     """
     if keys.value("decision_time_s") is None:
         return None
@@ -241,7 +241,7 @@ def _area_of(keys: Keys) -> tuple[str, ...] | None:
     """Return the area, None for all of the grid.
 
     Raises:
-        ValueError: If it is none of a grid of this size.
+        ValueError: If the value is not an area of a grid of this size.
     """
     if keys.value("area") is None:
         return None

@@ -28,7 +28,7 @@ def pos_from_message(message: Float64MultiArray) -> tuple[int, int, int, float]:
     """Return run_id, mission, step and probability of success: the inverse of `pos_message`.
 
     Raises:
-        ValueError: If it is not such a message.
+        ValueError: If the message has another form.
     """
     values = message.data
     if len(values) != 4 or not all(map(math.isfinite, values)):

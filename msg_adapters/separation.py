@@ -78,7 +78,7 @@ def meetings(
     distances_m: NDArray[np.float64],
     homes_apart_m: NDArray[np.float64],
 ) -> NDArray[np.bool_]:
-    """Return which spaces (M,) of others a vehicle could meet somebody in.
+    """Return in which spaces (M,) of others a vehicle could meet somebody.
 
     Args:
         ours: `rows_of` its own spaces (N, 7).

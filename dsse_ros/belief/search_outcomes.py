@@ -12,11 +12,11 @@ cell by number: after a find there may be others, for whom it did not look. Pers
 different cells are apart until their first step: no two of them share a cell.
 
 After each search persons count as independent of each other again. This is exact unless the search
-looked for one person where several may have been; see docs/ros.md.
+looked for one person where several may have been; see docs/belief.md.
 
-In the searches done, each person has its own hazards, given the finds of others. The product of one
-minus the hazards is the probability that missions with the same searches have not found the person.
-Its mean over the persons is one minus the POS.
+Each search has a hazard for each person: the probability of finding them, given the finds of others
+so far. The product of one minus the hazards is the probability that missions with the same searches
+have not found the person. Its mean over the persons is one minus the POS.
 
 Arguments with the same names mean the same everywhere, with n persons in C classes:
 

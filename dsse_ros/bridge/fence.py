@@ -175,7 +175,7 @@ def _check_parameters(item: MissionItem) -> Rejected | None:
 
 
 def check_horizontal(lat_deg: float, lon_deg: float, fence: Fence) -> Rejected | None:
-    """Reject a place outside the fence, at whatever altitude; None if it is inside."""
+    """Reject a place outside the fence, at any altitude; None if it is inside."""
     refused = _check_limits("not_on_earth", "lat_deg", lat_deg, -90.0, 90.0) or _check_limits(
         "not_on_earth", "lon_deg", lon_deg, -180.0, 180.0
     )

@@ -26,8 +26,8 @@ class _Fleet:
     Attributes:
         flying: In the air.
         avoided: In the air, or about to take off.
-        unknown: Of these, those whose intent is not known: somebody else has them, or their link is
-            lost.
+        unknown: Of these, those whose intent is not known: somebody else controls them, or their
+            link is lost.
         holding_up: To take off, but not ready.
         climbing: On the ground or in the climb.
     """
@@ -40,7 +40,7 @@ class _Fleet:
 
 
 class FleetAirspace:
-    """What each vehicle has to know of all others.
+    """What each vehicle must know of all others.
 
     Args:
         names: Names of the drones.
@@ -71,7 +71,7 @@ class FleetAirspace:
         self._seen: _Fleet | None = None
 
     def reason_to_wait(self, i: int, plan: FlightPlan) -> str:
-        """Return for which other vehicle one has to wait with its take-off; empty for none."""
+        """Return the vehicle that must take off first; empty for none."""
         fleet, alt_m = self._fleet, plan.frames[i].alt_m
         for j in fleet.holding_up:
             if j != i:

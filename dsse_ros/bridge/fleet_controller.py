@@ -56,7 +56,7 @@ class FleetController:
     Args:
         settings: Settings of the bridge.
         vehicles: The vehicles, drone0's first.
-        records: Records of who had them before; None to keep none.
+        records: Records of who controlled them before; None to keep none.
         log: Takes log lines.
 
     Attributes:
@@ -381,7 +381,7 @@ class FleetController:
         )
 
     def _reason_to_wait(self, i: int, plan: FlightPlan) -> str:
-        """Return why a vehicle has to wait with its take-off; empty if it need not."""
+        """Return what the take-off of a vehicle waits for; empty for nothing."""
         if not self._whole and not self.search.commanded:
             return "waiting for the first commands of a planner"
         return self._airspace.reason_to_wait(i, plan)

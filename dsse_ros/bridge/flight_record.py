@@ -19,7 +19,7 @@ class FlightRecord:
     """The state of a vehicle that a restarted bridge needs.
 
     Attributes:
-        custody: Who has it.
+        custody: Who controls it.
         search: The search that the record belongs to; None for the next one.
         flown: Whether it has been in the air for that search.
         launched: Whether the bridge has ordered it to arm, or has flown it, and it has not been
@@ -55,7 +55,7 @@ def inherited(record: FlightRecord, *, fresh: bool) -> FlightRecord:
     """Return the record with which a restarted bridge begins.
 
     A clearance ends with the bridge that was given it. A vehicle in the air is flown on only if the
-    bridge was gone for a short time: then nobody else can have had it without being seen.
+    bridge was gone for a short time: then nobody else can have controlled it unseen.
 
     Args:
         record: Record of the bridge before.

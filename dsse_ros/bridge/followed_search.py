@@ -121,7 +121,7 @@ class FollowedSearch:
             return self.foreign or self._unflyable
         missing = self._whole and self.tracks is None and self._over_since_s is not None
         if missing and now_s - (self._over_since_s or 0.0) > MISSION_REPORT_S:
-            return "the search is over, and its mission_report has not come"
+            return "the search is over, and its mission_report has not arrived"
         return ""
 
     def next_news(self, now_s: float) -> News | None:

@@ -53,7 +53,7 @@ class LegProgress:
             self.late = leg.over
 
     def advance(self) -> None:
-        """Go on to the next order of the task, or be there."""
+        """Go on to the next order of the task; after the last one, the vehicle has arrived."""
         if self._stage + 1 < len(self.task):
             self._stage += 1
         else:

@@ -83,7 +83,7 @@ class OwnModes:
         Args:
             state: What the vehicle reports.
             record: Its record, with the mode that the earlier program saw last.
-            inherited: Who had it when that program ended.
+            inherited: Who controlled it when that program ended.
 
         Returns:
             None if that cannot be decided yet.

@@ -120,9 +120,9 @@ class VehicleCustody:
         """Who controls the vehicle, in words."""
         mode = self.seen.mode or "no known mode"
         return {
-            Custody.TAKEN: f"a person has it, in {mode}",
-            Custody.FAILSAFE: f"a failsafe has it, in {mode}",
-            Custody.RELEASED: f"nobody has it, in {mode}",
+            Custody.TAKEN: f"a person controls it, in {mode}",
+            Custody.FAILSAFE: f"a failsafe controls it, in {mode}",
+            Custody.RELEASED: f"nobody controls it, in {mode}",
             Custody.GROUNDED: "it has flown or dropped out before",
         }.get(self.state, f"nobody has cleared it, in {mode}")
 
@@ -186,7 +186,7 @@ class VehicleCustody:
     # Persons
 
     def clear(self, now_s: float, *, alone: bool = False, search_alive: bool = True) -> Result[str]:
-        """Clear it to fly for an operator; returns for what, or why not.
+        """Clear it to fly for an operator; returns for which search, or why it is refused.
 
         Args:
             now_s: Time on a steady clock.
@@ -278,7 +278,7 @@ class VehicleCustody:
     def operate(self, what: str) -> Result[str]:
         """Make it `hold`, `return` or `land`; returns what was done, or why not.
 
-        A vehicle that the bridge has launched always comes down, in anybody's hands.
+        A vehicle that the bridge has launched always comes down, no matter who controls it.
         """
         if self.state is Custody.CLEARED and self.seen.armed:
             self.on(Event.LIFT_OFF)
@@ -295,7 +295,7 @@ class VehicleCustody:
         return Accepted(f"ordered to {what}")
 
     def _recall(self, end: str, why: str, event: Event) -> None:
-        """Make it `return` or `land`, from the mode of somebody else too."""
+        """Make it `return` or `land`, even from a mode that somebody else has set."""
         self.lose(why)
         if end != self.record.end:
             self._changed()
@@ -358,7 +358,7 @@ class VehicleCustody:
         return ours is not None
 
     def _observe_without_order(self, state: VehicleState, outcome: Outcome) -> None:
-        """Recognise that somebody else has a vehicle that an earlier program flew."""
+        """Recognise that somebody else controls a vehicle that an earlier program flew."""
         ordered = outcome.order is not None or not (self.airborne and state.connected)
         orderly = self._modes.fits(state.mode, self.record) and state.failsafe in CONTINUES
         if ordered or orderly or not (state.armed or state.flying):
@@ -449,7 +449,7 @@ class VehicleCustody:
         if may_be_a_doubles or state.identity.twins:
             return
         if self.airborne or self.state in _ENDS_ON_THE_GROUND or self._was_armed:
-            # Nobody knows who has disarmed one that an earlier program was about to launch.
+            # It is unknown who disarmed a vehicle that an earlier program was about to launch.
             unflown = self.state is Custody.FOLLOWING and not self.record.flown
             if self.state is Custody.FOLLOWING and (unflown or not self._whole):
                 self.lose("on the ground again before the end of the search")

@@ -58,7 +58,7 @@ class VehicleFollower:
         record: Its record so far.
 
     Attributes:
-        custody: Who has it.
+        custody: Who controls it.
         progress: How far it is with the current leg.
         no_take_off: Why it must not take off from where it stands; empty if it may.
         blocked: What keeps it from doing what it should; empty if nothing does.

@@ -57,7 +57,7 @@ def _sum_of_squares(values: Values, by: tuple[Labels, ...]) -> float:
 
 
 def of_mean(values: Values, confidence: float, *by: Labels) -> Estimate:
-    """Return a mean with its interval by Student's t, of clusters.
+    """Return a mean with its interval by Student's t, with clusters.
 
     With fewer than two clusters the interval is unbounded.
 
@@ -96,9 +96,9 @@ def _effective_size(hits: Values, confidence: float, labels: Labels) -> float:
 
 
 def of_share(hits: NDArray[np.bool_], confidence: float, labels: Labels) -> Estimate:
-    """Return a share with its Wilson interval (Wilson 1927), of clusters with their effective size.
+    """Return a share with its Wilson interval (1927), with the effective size of the clusters.
 
-    Of one cluster it is that of one mission or wider: all from 0 to 1.
+    With one cluster, the interval is that of one mission or wider, up to 0 to 1.
     """
     share, size = float(hits.mean()), _effective_size(hits, confidence, labels)
     if size < 2 <= len(hits):
@@ -112,10 +112,10 @@ def of_share(hits: NDArray[np.bool_], confidence: float, labels: Labels) -> Esti
 
 
 def of_median(values: Values, confidence: float, labels: Labels) -> Estimate:
-    """Return a median with its interval by order statistics, which no distribution is assumed for.
+    """Return a median with its distribution-free interval by order statistics.
 
-    Of clusters, the ranks are those among as many values as their effective size (Woodruff 1952).
-    With too few values it is that of all of them, which is below the level.
+    With clusters, the ranks are those of their effective size (Woodruff 1952).
+    With too few values it spans all of them, at less than the confidence level.
     """
     ordered, count = np.sort(values), len(values)
     median = float(np.median(ordered))
@@ -126,7 +126,7 @@ def of_median(values: Values, confidence: float, labels: Labels) -> Estimate:
 
 
 def signs_p(signed: Values, *by: Labels) -> float:
-    """Return the p-value of the sum of values whose signs would be those of coins.
+    """Return the p-value of the sum of values as if their signs were random.
 
     By clusters it is the test of Durkalski et al. 2003 where the values are signs, and of Rosner,
     Glynn and Lee 2006 where they are signed ranks, each with Student's t in the normal's place;

@@ -60,7 +60,7 @@ def estimates_figure(
 
     Args:
         missions: Of each planner in one scenario.
-        horizon_s: That times to detection are restricted to.
+        horizon_s: Horizon of the restricted times to detection.
         confidence: Level of the intervals.
         theme: Colours.
     """

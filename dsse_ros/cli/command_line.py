@@ -84,7 +84,7 @@ class Parser(argparse.ArgumentParser):
     ) -> argparse.Namespace:
         """Return the arguments; parameters after --ros-args take the place of their defaults.
 
-        What belongs to the search but is no option is in `fields`, what follows --ros-args in
+        Fields of the search that are not options are in `fields`, what follows --ros-args in
         `ros`.
 
         Args:
@@ -182,7 +182,7 @@ def place(name: str, text: str) -> tuple[float, float]:
     """Return latitude and longitude of an option LAT,LON.
 
     Raises:
-        FieldError: If it is no such place.
+        FieldError: If the value is not LAT,LON.
     """
     try:
         lat_deg, lon_deg = (float(part) for part in text.split(","))
@@ -194,10 +194,10 @@ def place(name: str, text: str) -> tuple[float, float]:
 
 
 def make_folder(name: str, folder: Path) -> None:
-    """Make a folder for results, if it is not there.
+    """Create a folder for results if it does not exist.
 
     Raises:
-        FieldError: If it cannot be made.
+        FieldError: If it cannot be created.
     """
     try:
         folder.mkdir(parents=True, exist_ok=True)

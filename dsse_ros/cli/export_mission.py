@@ -69,7 +69,7 @@ def searched_cells(
 
     Raises:
         FieldError: If the file, the scenario or the planner is not allowed.
-        ImportError: If the file is a bag, and what reads bags is not installed.
+        ImportError: If the file is a bag, and the extra `record` is not installed.
     """
     if arguments.file is not None:
         missions, _ = read(arguments)

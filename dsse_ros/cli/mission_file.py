@@ -40,7 +40,7 @@ def choose(missions: Sequence[RecordedMission], number: int | None) -> RecordedM
     """Return the mission of this number, or the last complete one; else the last one.
 
     Raises:
-        FieldError: If there is none of this number.
+        FieldError: If no mission has this number.
     """
     if number is None:
         return next((one for one in reversed(missions) if one.complete), missions[-1])
@@ -82,7 +82,7 @@ def read(arguments: argparse.Namespace) -> tuple[list[RecordedMission], Any]:
     Raises:
         FieldError: If it is neither a log nor a bag, is of a grid of more cells, or of another
             search than that of the command line.
-        ImportError: If it is a bag, and ROS or what reads bags is not installed.
+        ImportError: If it is a bag, and ROS or the extra `record` is not installed.
     """
 
     def search(drones: int) -> SearchDefinition:

@@ -49,7 +49,7 @@ def parse(argv: list[str] | None) -> argparse.Namespace:
 
 
 def notices(record: RecordedMission, shown: Mapping[int, MissionView]) -> Iterator[str]:
-    """Yield what the reader must know of what is missing."""
+    """Yield notes on what is missing."""
     if not record.complete:
         left = int((~(record.terminated | record.truncated)[-1]).sum())
         yield (

@@ -124,9 +124,9 @@ def missing(error: ImportError) -> str | None:
         # Such as a ROS 2 that was made for another Python.
         return f"an import has failed in Python {sys.version.partition(' ')[0]}: {reason}"
     if name in _ROS or name.endswith(("_msgs", "_srvs", "_interfaces")):
-        return f"ROS 2 not found ({reason}): source a ROS 2, or use `make sim`, which brings one"
+        return f"ROS 2 not found ({reason}): source a ROS 2, or use `make sim`, which provides one"
     extra, target = _OF_EXTRAS.get(name, ("viz", "make sim"))
-    use = f", or use `{target}`, which brings it" if target else ""
+    use = f", or use `{target}`, which provides it" if target else ""
     return f"{name} not found: {pip_install(extra)}{use}"
 
 

@@ -18,7 +18,7 @@ Actions = Enum(  # type: ignore[misc]
 
 
 class Reward(NamedTuple):
-    """The rewards of a search; `drones_collision` and `search_cell` count for nothing."""
+    """The rewards of a search; `drones_collision` and `search_cell` have no effect."""
 
     default: float
     leave_grid: float

@@ -236,7 +236,7 @@ class DroneSwarmSearch(SwarmEnv):
     def step(
         self, actions: Mapping[str, int]
     ) -> tuple[Observations, dict[str, float], dict[str, bool], dict[str, bool], Infos]:
-        """Advance the mission by one step, as `SwarmEnv` says."""
+        """Advance the mission by one step, see `SwarmEnv.step`."""
         late = self._begun and self.timestep >= self.timestep_limit  # type: ignore[operator]
         done = super().step(actions)
         # The package does not add the rewards of steps after the limit.

@@ -22,7 +22,7 @@ Observations = dict[str, dict[str, tuple[tuple[int, int], NDArray[np.float32]]]]
 
 
 class DroneSwarmSearch(PublishedEnv):
-    """The search of DSSE 0.1.13, which has the shape of no PettingZoo environment of today.
+    """The search of DSSE 0.1.13, whose interface is not that of today's PettingZoo.
 
     `reset` returns observations alone, `{agent: {"observation": ((x, y), map)}}`, the map (G, G)
     float32 as [y, x]. `step` returns them with rewards, which have `total_reward` too,

@@ -118,8 +118,8 @@ def _test_futures(belief: TargetBelief, horizon: int, rng: np.random.Generator) 
     drawn = [belief.futures(FUTURES, horizon, np.random.default_rng(seed)) for _ in range(2)]
     cells, persons = drawn[0]
     assert cells.shape == (horizon + 1, FUTURES), f"futures: shape {cells.shape}"
-    assert (persons == 0).all(), "futures: a person that is none"
-    assert np.array_equal(cells, drawn[1].cells), "futures: the same generator draws others"
+    assert (persons == 0).all(), "futures: a person other than the only one"
+    assert np.array_equal(cells, drawn[1].cells), "futures: the same generator draws different ones"
     off = float(np.abs(_shares(belief, cells[0]) - belief.poc()).max())
     assert off <= SAMPLED, f"futures: a cell's share is {off:.3g} off its POC at the start"
 

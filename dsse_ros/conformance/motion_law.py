@@ -49,10 +49,10 @@ TOLERANCE = 1e-9
 
 FINE, NOT_A_CHANCE, NOT_ONE, NOT_A_STEP, NO_CHANCE = range(5)
 BROKEN = {
-    NOT_A_CHANCE: "a chance is not from 0 to 1",
-    NOT_ONE: "the chances of a cell do not sum to 1",
+    NOT_A_CHANCE: "a probability is not from 0 to 1",
+    NOT_ONE: "the probabilities of a cell do not sum to 1",
     NOT_A_STEP: "a person moves further than to a cell of the window",
-    NO_CHANCE: "a person takes a step that has no chance",
+    NO_CHANCE: "a person takes a step of probability 0",
 }
 
 
@@ -86,7 +86,7 @@ def motion_test(
     resolved = scenario.resolve(rules)
     play, spread = _kernels(model)
     first, again = (_played(model, resolved, rules, steps, seed, play, spread) for _ in range(2))
-    assert np.array_equal(first, again), "the same seed gives other steps"
+    assert np.array_equal(first, again), "the same seed gives different steps"
 
 
 def _played(
@@ -131,7 +131,7 @@ def _played(
         counts = np.bincount(_columns(persons, side), minlength=side**2)
         beyond = excess(counts, now)
         assert beyond <= SIGMAS, (
-            f"step {step}: persons are not where their chances say, by {beyond:.1f} sigmas"
+            f"step {step}: persons are not where they should be, by {beyond:.1f} sigmas"
         )
     return np.stack([persons["x"], persons["y"]], axis=1)
 

@@ -58,13 +58,13 @@ def searcher_test(searcher: Searcher, *, rules: str | Rules = "v2", seed: int = 
     Raises:
         AssertionError: If a promise is broken; one line names it.
     """
-    assert isinstance(searcher, Searcher), f"{searcher!r} is no Searcher"
+    assert isinstance(searcher, Searcher), f"{searcher!r} is not a Searcher"
     assert searcher.doc, "doc is empty; it says what the kind is"
     with registered(SEARCHERS, searcher) as name:
         for swarm in ((name,), (name, name, name), (name, DEFAULT, name, DEFAULT)):
             env = _env(swarm, rules, STEPS)
             first = _fly(env, seed, swarm)
-            assert _fly(env, seed, swarm) == first, "the same seed gives another mission"
+            assert _fly(env, seed, swarm) == first, "the same seed gives a different mission"
             _check_snapshot(_env(swarm, rules, STEPS), _env(swarm, rules, STEPS), seed)
         _check_endurance(searcher, name, rules)
         for planner in (*PLANNERS, *PERSON_PLANNERS, "onnx"):
@@ -200,7 +200,7 @@ def _check_snapshot(env: SearchEnv, twin: SearchEnv, seed: int) -> None:
         if step > 0:
             twin.advance(joint)
             same = env.world.state_bytes() == twin.world.state_bytes()
-            assert same, f"step {step + 1} after a snapshot is another one than without it"
+            assert same, f"step {step + 1} after a snapshot differs from the one without it"
 
 
 def _check_endurance(searcher: Searcher, name: str, rules: str | Rules) -> None:

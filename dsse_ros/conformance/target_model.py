@@ -86,7 +86,7 @@ def _test_tracks(model: Ensemble, stated: Scenario, rules: Rules, seed: int) -> 
         np.random.random()  # noqa: NPY002
     first, second = draws
     assert all(np.array_equal(a, b, equal_nan=True) for a, b in zip(first, second, strict=True)), (
-        "tracks: the same generator gives other tracks"
+        "tracks: the same generator gives different tracks"
     )
 
 
@@ -114,7 +114,7 @@ def _test_search(stated: Scenario, rules: Rules, seed: int) -> None:
             one.step(hold)
         belief.advance()
         assert world.state_bytes() == twin.state_bytes(), (
-            f"step {step + 1}: the same seed gives another mission"
+            f"step {step + 1}: the same seed gives a different mission"
         )
         if rules.ends_together and world.worlds["done"].any():
             break

@@ -22,7 +22,7 @@ class CommandButton(ui.button):
 
     @property
     def is_ignoring_events(self) -> bool:
-        """False: a click of before the button was disabled is answered too."""
+        """False: a click made before the button was disabled is answered too."""
         return False
 
 

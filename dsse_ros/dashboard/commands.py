@@ -3,7 +3,7 @@
 """Commands of the page: from a click to the answer of a service, with an age. Without I/O.
 
 A click can wait anywhere: in a browser that has lost its connection, in a page or a node that does
-not run, for a service that is not there. Nobody may be hit by a command that the operator has
+not run, for a service that is not there. No vehicle may obey a command that the operator has
 given up: one that is too old is not sent but answered, whatever has become ready meanwhile.
 """
 

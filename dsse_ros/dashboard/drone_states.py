@@ -1,6 +1,6 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""What the page says of a drone after a step."""
+"""The state of a drone after a step, as text for the page."""
 
 from __future__ import annotations
 

@@ -23,7 +23,7 @@ _OPERATIONS = {
 """Commands for vehicles: the labels and icons of their buttons."""
 _TO_CONFIRM = {
     "arm": "Clear {} to fly? Motors may start and vehicles take off at once: nobody may be near.",
-    "land": "Land {} right below where it is now, also where that is water?",
+    "land": "Land {} directly below, even on water?",
 }
 """Commands that cannot be undone, and the questions to confirm them."""
 

@@ -230,7 +230,7 @@ class PageView:
         if not mission.history:
             return f"Waiting for the first step_report in {mission.title}."
         if mission.info is None:
-            return f"Waiting for agents in {mission.title}, which say what is searched."
+            return f"Waiting for agents in {mission.title}, which describes the search."
         if mission.publishers == 0 and mission.history.done:
             return "The simulation has ended with its mission, which the time line shows again."
         if mission.publishers == 0:

@@ -32,7 +32,7 @@ MAX_BYTES = 10_000_000
 class Flow:
     """The velocity of air or water.
 
-    An axis of length 1 means that the flow is the same all along it. Between the values of an axis
+    An axis of length 1 means that the flow does not change along it. Between the values of an axis
     the flow is linear; beyond its ends there is none.
 
     Attributes:
@@ -200,7 +200,7 @@ def seconds(time: str) -> float:
     """Return an ISO 8601 time as seconds since 1970-01-01 UTC; without an offset it is in UTC.
 
     Raises:
-        ValueError: If it is no such time.
+        ValueError: If the text is not an ISO 8601 time.
     """
     # Python 3.10 does not read the Z.
     read = datetime.fromisoformat(time.strip().replace("Z", "+00:00"))

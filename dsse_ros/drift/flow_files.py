@@ -208,7 +208,7 @@ class _File:
     ) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
         """Return indices and values, increasing, of the part of an axis around [low, high].
 
-        It may end within: who needs more than a file has is refused with its place and time.
+        It may end earlier: a request outside the file is refused, with its place and time.
         """
         order = np.argsort(axis.values, kind="stable")
         values = axis.values[order]
@@ -287,5 +287,5 @@ def _as_slice(index: NDArray[np.int64]) -> Any:
     if len(index) == 1:
         return slice(int(index[0]), int(index[0]) + 1)
     low, high = int(index.min()), int(index.max())
-    # Longitudes across the file's own seam are no slice.
+    # Longitudes across the file's own seam are not a slice.
     return slice(low, high + 1) if high - low + 1 == len(index) else index

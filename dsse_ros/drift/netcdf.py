@@ -21,13 +21,13 @@ MAX_AT_ONCE = 20_000_000
 
 
 def check_installed(what: str) -> None:
-    """Check that what opens a file is installed.
+    """Check that the packages that read NetCDF are installed.
 
     Args:
         what: What is to be read, for the error.
 
     Raises:
-        ValueError: If it is not; one line.
+        ValueError: If one is missing; one line.
     """
     try:
         import netCDF4  # noqa: F401  xarray reads with it.
@@ -47,7 +47,7 @@ def opened(path: str | os.PathLike[str]) -> Iterator[Any]:
 
     _check_sizes(path)
     with warnings.catch_warnings():
-        # xarray warns about what it handles or the readers refuse, such as several fill values.
+        # xarray warns of things that it handles itself or that the readers refuse.
         warnings.simplefilter("ignore")
         with xarray.open_dataset(
             path, engine="netcdf4", decode_times=False, cache=False
@@ -88,7 +88,7 @@ def in_seconds(
         calendar: CF calendar.
 
     Raises:
-        ValueError: If units or calendar are no such; says what is allowed.
+        ValueError: If units or calendar are not those of CF; the message has the allowed ones.
     """
     import cftime
 

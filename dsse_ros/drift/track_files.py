@@ -29,7 +29,7 @@ def read_tracks(path: str | os.PathLike[str]) -> DriftTracks:
     deactivation on, as if it were stranded. Particles without any position are left out.
 
     Raises:
-        ValueError: If the file cannot be read, or has no such tracks; one line.
+        ValueError: If the file cannot be read, or has no tracks of OpenDrift; one line.
     """
     name = os.fspath(path)
     check_installed(f"tracks {name!r}")

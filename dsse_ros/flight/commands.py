@@ -116,7 +116,7 @@ class OrderFailedError(Exception):
 
 
 class TakenOverError(Exception):
-    """Another person, or a failsafe, has the vehicle.
+    """Another person, or a failsafe, controls the vehicle.
 
     Args:
         what: The sign of it; empty for a mode that we have not set.

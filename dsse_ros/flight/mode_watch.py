@@ -100,7 +100,7 @@ class ModeWatch:
         self._ours.add(mode)
 
     def allow_any(self) -> None:
-        """Let others change the mode as they like, until the next `allow`."""
+        """Allow any mode until the next `allow`."""
         self.allowed, self._foreign = None, False
 
     def check(self) -> None:
@@ -182,7 +182,7 @@ class ModeWatch:
         state, mode = situation.state, self._mode
         self._unconfirmed = max(self._unconfirmed - 1, 0)
         if mode in self._announced:
-            # Commands of before have had their effect.
+            # Earlier commands have had their effect.
             until_s = self._announced[mode]
             overtaken = {m for m, s in self._announced.items() if s < until_s}
             self._announced = {m: s for m, s in self._announced.items() if m not in overtaken}
@@ -253,7 +253,7 @@ class ModeWatch:
         """Wait until the autopilot goes back to its guided mode by itself, as setpoints come.
 
         Raises:
-            TakenOverError: If it has not for too long.
+            TakenOverError: If it does not for too long.
         """
         now = self._situation.now
         if self._setpoint_loss_until_s is None:

@@ -131,7 +131,7 @@ def come_down(
             continue
         controller.modes.tolerate(mode)
         if state.has_position:
-            # It climbs, flies, waits and descends: nothing but standing still is no progress.
+            # It climbs, flies, waits and descends: only standing still is a lack of progress.
             place = (round(state.lat_deg, 5), round(state.lon_deg, 5), round(state.alt_m))
             controller.situation.expect_progress((reason, place), 0.0)
         yield reason

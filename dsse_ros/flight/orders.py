@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The orders to a vehicle, and how each is carried out.
 
-Altitudes are metres above mean sea level, which no change of a home moves. An order is carried out
-by a generator that yields what it is waiting for: see `Order.carry_out`.
+Altitudes are metres above mean sea level, so a home that moves does not change them. An order is
+carried out by a generator that yields what it is waiting for: see `Order.carry_out`.
 """
 
 from __future__ import annotations
@@ -149,7 +149,7 @@ class GoTo(Order):
         radius_m: Horizontal distance at which the vehicle is there.
 
     Raises:
-        ValueError: If it is no place on Earth, or the radius is not above 0.
+        ValueError: If the place is not on Earth, or the radius is not above 0.
     """
 
     lat_deg: float
@@ -169,7 +169,7 @@ class GoTo(Order):
 
 @dataclass(frozen=True)
 class Search(Order):
-    """Fly to a place, descend and hold; over the place, wherever it is, begin with the descent.
+    """Fly to a place, descend and hold; a vehicle already over the place begins with the descent.
 
     Attributes:
         lat_deg: WGS84 latitude.

@@ -162,7 +162,7 @@ class SetpointStreamer:
 
     @property
     def confirmed(self) -> bool:
-        """Whether the vehicle flies to the target, by its own report if there are such."""
+        """Whether the vehicle flies to the target; by its own report, if it sends any."""
         now, state, target = self._situation.now, self._situation.state, self.target
         if self._autopilot.streams_setpoints:
             return state.mode == self._autopilot.guided_mode
@@ -205,7 +205,7 @@ class SetpointStreamer:
         situation.out.append(self.target)
 
     def _streamed(self, target: SetPositionTarget) -> SetPositionTarget:
-        """Return the setpoint that leads to the target, at the speed that is asked for."""
+        """Return the setpoint that leads to the target, at the requested speed."""
         state, speed_mps = self._situation.state, self._situation.settings.speed_mps
         if not state.has_position:
             return target

@@ -151,7 +151,7 @@ class Transfer(ABC):
             RuntimeError: If it was started before.
         """
         if self._state is not _State.NEW:
-            raise RuntimeError("an exchange starts once")
+            raise RuntimeError("an exchange can start only once")
         return self._begin(now)
 
     def receive(self, message: object, sender: Address, now: float) -> list[MissionMessage]:

@@ -165,7 +165,8 @@ class Upload(Transfer):
         timeouts = self.timeouts
         if self._all_requested:
             return self._send(reply[0], timeouts.reply_s, now)
-        # The vehicle repeats its requests at its own pace, so our retries alone are no measure.
+        # The vehicle repeats its requests at its own pace, so the number of our retries alone
+        # means nothing.
         retries = max(timeouts.retries, round(timeouts.stall_s / timeouts.item_s))
         return self._send(reply[0], timeouts.item_s, now, retries=retries)
 

@@ -152,7 +152,7 @@ class Vehicle:
             RuntimeError: If it was started before.
         """
         if self._thread is not None:
-            raise RuntimeError("a vehicle starts once")
+            raise RuntimeError("a vehicle can start only once")
         name = f"vehicle {self.settings.system_id}"
         self._thread = threading.Thread(target=self._run, name=name, daemon=True)
         self._thread.start()

@@ -228,7 +228,7 @@ class _Text:
 
 
 class StatusTexts:
-    """Joins the chunks of a vehicle's long status texts, in whatever order they come.
+    """Joins the chunks of a vehicle's long status texts, in any order.
 
     https://mavlink.io/en/messages/common.html#STATUSTEXT: chunks of one text have the same id,
     which is not 0, and are numbered from 0; the last one is shorter than 50 characters. PX4 ends

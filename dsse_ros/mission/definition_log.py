@@ -45,7 +45,7 @@ class DefinitionLog:
             self._take_up()
 
     def _take_up(self) -> None:
-        """Note the last whole line; one that was cut off goes."""
+        """Note the last whole line; drop one that was cut off."""
         self._file.seek(0)
         whole, _, _ = self._file.read().rpartition(b"\n")
         self._file.truncate(len(whole) + bool(whole))

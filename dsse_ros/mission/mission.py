@@ -257,7 +257,7 @@ class Mission:
         if not out_of_reach:
             return None
         goal = list(out_of_reach[0])
-        reason = f"cell must be one that moves in the area lead to, got {goal}"
+        reason = f"cell must be reachable by moves in the area, got {goal}"
         return Rejected("outside_area", reason)
 
     def command_all(self, actions: Sequence[int]) -> None:

@@ -17,7 +17,7 @@ def find_scenario(name: str) -> Path:
     """Return the absolute path of a scenario: a file, or the name of one in the package.
 
     Raises:
-        FieldError: If there is no such scenario.
+        FieldError: If neither exists.
     """
     if Path(name).exists() and not Path(name).is_dir():
         return Path(name).resolve()

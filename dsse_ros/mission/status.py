@@ -227,7 +227,7 @@ def _condition(condition: np.void) -> str:
 
 
 def _of_incident(mission: Mission) -> dict[str, object]:
-    """Return what POS does not count, and what strands; empty where there is no such thing."""
+    """Return `poc_outside` and `stranded`; empty without an incident."""
     outside, incident = mission.poc_outside, mission.env.scenario.incident
     found: dict[str, object] = {} if outside is None else {"poc_outside": f"{outside:.6f}"}
     if incident is not None and incident.laid is not None:

@@ -143,12 +143,12 @@ def write_missions(directory: Path, missions: Mapping[str, Mission], firmware: s
     """Write missions, by the names of their drones, as `.waypoints` and as `.plan` files.
 
     Args:
-        directory: Where; made if it is not there.
+        directory: Folder; created if it does not exist.
         missions: By name.
         firmware: One of `FIRMWARES`.
 
     Raises:
-        OSError: If that is not possible.
+        OSError: If a file cannot be written.
     """
     directory.mkdir(parents=True, exist_ok=True)
     written = []

@@ -98,10 +98,10 @@ class BridgeNode(AlarmNode):
                 logger.error(text)
 
     def _open_records(self, vehicles: Sequence[Vehicle]) -> FlightRecords:
-        """Return the records of who had the vehicles before.
+        """Return the records of who controlled the vehicles before.
 
         Raises:
-            FieldError: If the records cannot be kept, or another bridge has the vehicles.
+            FieldError: If the records cannot be kept, or another bridge uses the vehicles.
         """
         directory = Path(self.settings.state_directory or default_directory())
         try:

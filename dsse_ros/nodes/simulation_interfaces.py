@@ -72,7 +72,7 @@ def serve(node: SimNode) -> bool:
                     response,
                     Result.RESULT_OPERATION_FAILED,
                     f"{made} of {request.steps} steps were made in {LONGEST_S:g} s, the longest "
-                    "time for a request: ask for the others",
+                    "time for a request: request the rest",
                 )
             refusal = node.try_step(Request.STEP_PAUSED)
             if refusal:

@@ -107,7 +107,7 @@ class BeamOptions(BeliefOptions):
 
     samples: int = field("int", "Scenarios drawn from the belief.", 4096, low=1, high=10**6)
     horizon: int | None = field(
-        "int", "Steps planned; by default 15, or 10 if each person has an own drift.", None,
+        "int", "Steps planned; by default 15, or 10 if each person has its own drift.", None,
         low=1, high=1000,
     )  # fmt: skip
     width: int = field("int", "Nodes kept at each step.", 32, low=1, high=10**5)

@@ -62,7 +62,7 @@ class Recorded:
         """The message as an rclpy class.
 
         Raises:
-            FieldError: If its type is not installed, or the bytes are none of it.
+            FieldError: If its type is not installed, or the bytes are not such a message.
         """
         kind = message_class(self.type_name)
         try:
@@ -216,7 +216,7 @@ def _files(path: Path) -> list[Path]:
     """Return the MCAP files of a bag.
 
     Raises:
-        FieldError: If there is none, or one is only there compressed as a whole.
+        FieldError: If there is none, or one is compressed as a whole.
     """
     if not path.is_dir():
         return [path]
@@ -301,7 +301,7 @@ def _message(data: bytes, name: str) -> bytes:
 
 
 class _Bounded:
-    """A file that is never asked for more than it has: a length in it may be any number."""
+    """A file that is never read beyond its end: a length in it may be any number."""
 
     def __init__(self, file: BinaryIO, size: int) -> None:
         self._file = file

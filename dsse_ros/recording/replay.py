@@ -42,7 +42,7 @@ from msg_adapters.step_report import step_report_from_message, step_report_messa
 
 _FIRST = ("action", "held", "col", "row")
 """Fields of a drone that are compared first: the others follow from them."""
-_ANOTHER = ": the message is another one in the replay"
+_ANOTHER = ": the message differs in the replay"
 _TYPES = {
     "agents": "std_msgs/msg/String",
     "step_report": "sensor_msgs/msg/PointCloud2",
@@ -86,7 +86,7 @@ class ReplayedMission:
 
     @property
     def fewer(self) -> dict[str, tuple[int, int]]:
-        """Topics of each step with fewer messages than that: compared ones, and how many of all."""
+        """Topics with fewer messages than expected: the number compared, and that expected."""
         expected = {
             name: (self.steps + 1) * (self.drones if name.startswith("drone<i>/") else 1)
             for name in self.compared

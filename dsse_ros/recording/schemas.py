@@ -28,7 +28,7 @@ def message_class(type_name: str) -> Any:
     """Return the class of a message type, such as `std_msgs/msg/String`.
 
     Raises:
-        FieldError: If no such message is installed.
+        FieldError: If the type is not installed.
     """
     package, name = _parts(type_name)
     try:

@@ -106,7 +106,7 @@ def gis_mission(record: RecordedMission, shown: Mapping[int, MissionView]) -> Gi
 
 
 def _times(record: RecordedMission) -> list[datetime | None]:
-    """Return the time of each recorded step, of which only an incident has a date."""
+    """Return the time of each recorded step; only an incident has dates."""
     incident = record.scenario.incident
     if incident is None or incident.laid is None:
         return [None] * len(record.times_s)

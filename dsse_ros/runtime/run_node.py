@@ -304,7 +304,7 @@ def _init(arguments: list[str], context: Context | None = None) -> None:
     """Start rclpy without its signal handlers, which end the context during a callback.
 
     Raises:
-        FieldError: If an argument is not a ROS argument, there is no such domain, or security is
+        FieldError: If an argument is not a ROS argument, the domain is not allowed, or security is
             requested in a way that would start the program unprotected.
     """
     with _silent_rcl():

@@ -39,7 +39,7 @@ def check_numbers(dtype: np.dtype[Any]) -> None:
     """Raise unless arrays of this type have real numbers.
 
     Raises:
-        ValueError: If they have not.
+        ValueError: If they do not.
     """
     if dtype.kind not in _KINDS:
         raise ValueError(f"type of an array must be a number, got {dtype}")
@@ -53,7 +53,7 @@ def read_npy(path: str, check_shape: Callable[[tuple[int, ...]], None]) -> NDArr
         check_shape: Raises a ValueError for a shape that is not allowed.
 
     Raises:
-        OSError, EOFError, ValueError: If there is no such array.
+        OSError, EOFError, ValueError: If the file cannot be read as such an array.
     """
     with open(path, "rb") as file:
         shape, dtype = array_header(file)

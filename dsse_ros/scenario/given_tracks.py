@@ -1,6 +1,6 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""Tracks of another model, which an incident may have in place of a drift of its own."""
+"""Tracks of another model, which an incident may have instead of its own drift."""
 
 from __future__ import annotations
 

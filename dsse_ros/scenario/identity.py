@@ -23,7 +23,7 @@ def plain(values: Any) -> Any:
     """Return values as JSON values; different ones stay different.
 
     Raises:
-        TypeError, ValueError: If one has no such form.
+        TypeError, ValueError: If a value has no JSON form.
     """
     # Convert through JSON, because a file of it has lists for tuples.
     return json.loads(json.dumps(values, default=_plain, sort_keys=True))

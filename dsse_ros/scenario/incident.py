@@ -337,7 +337,7 @@ def _laid(value: Any) -> Laid | None:
     """Return what follows from the grid of an incident.
 
     Raises:
-        FieldError: If it is not such.
+        FieldError: If the value is not a valid `laid`.
     """
     if value is None:
         return None
@@ -355,7 +355,7 @@ def _land(value: Any, folder: str) -> Area:
     """Return the land of an incident.
 
     Raises:
-        FieldError: If it is none.
+        FieldError: If it is not an area.
     """
     if isinstance(value, str) and not value.lstrip().startswith("{"):
         value = os.path.join(folder, value)
@@ -366,7 +366,7 @@ def _base(value: Any) -> tuple[float, float] | None:
     """Return latitude and longitude of a base.
 
     Raises:
-        FieldError: If they are not such.
+        FieldError: If they are not latitude and longitude.
     """
     if value is None:
         return None
@@ -427,7 +427,7 @@ def _time(name: str, value: Any) -> float:
     """Return a time in whole seconds since 1970-01-01 UTC.
 
     Raises:
-        FieldError: If it is none.
+        FieldError: If it is not a time.
     """
     try:
         return float(round(seconds(value)))

@@ -49,7 +49,7 @@ def on_incident_grid(scenario: Scenario, rules: Rules) -> Scenario:
     """Return a scenario with the grid of its incident; the scenario itself if it has one already.
 
     Raises:
-        FieldError: If other fields contradict the incident, or there is no such grid.
+        FieldError: If other fields contradict the incident, or no grid fits it.
     """
     incident = scenario.incident
     if incident is None or incident.laid is not None:
@@ -59,7 +59,7 @@ def on_incident_grid(scenario: Scenario, rules: Rules) -> Scenario:
     if rules.person_motion != "leeway":
         raise FieldError(f"incident must come with rules sea, got {rules.profile}")
     for name in OF_INCIDENT:
-        # Not to drift before the search is what an incident has anyway.
+        # An incident has no drift before the search anyway.
         nothing = 0.0 if name == "pre_search_minutes" else None
         if getattr(scenario, name) != nothing:
             raise FieldError(f"{name} must not be given with an incident, which determines it")

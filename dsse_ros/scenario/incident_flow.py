@@ -124,7 +124,7 @@ def mapping(name: str, value: Any) -> Mapping[str, Any]:
     """Return a value that is a mapping.
 
     Raises:
-        FieldError: If it is none.
+        FieldError: If it is not a mapping.
     """
     if not isinstance(value, Mapping):
         raise FieldError(f"{name} must be a mapping of fields to values, got {shown(value)}")

@@ -20,7 +20,7 @@ class SensorFields:
         choices=SEARCH_OBJECTS.keys(),
     )  # fmt: skip
     platform: str = field(
-        "str", "Sensor sweep_width: platform that the drones look out like.", "helicopter",
+        "str", "Sensor sweep_width: platform whose sweep widths apply.", "helicopter",
         choices=PLATFORMS,
     )  # fmt: skip
     visibility: float = field(

@@ -120,7 +120,7 @@ def _read_npz(path: str) -> tuple[NDArray[np.float64]]:
 
     Raises:
         OSError: If the file cannot be read.
-        ValueError: If it is not such a matrix.
+        ValueError: If its shape or a move is not allowed.
     """
     try:
         entries = _entries(path)

@@ -48,7 +48,7 @@ def parse_yaml(text: str) -> Any:
     """Return the content of a text, see `read_yaml`.
 
     Raises:
-        FieldError: If it is not YAML, or has what fields never need.
+        FieldError: If it is not YAML, or has a duplicate key, an alias or deep nesting.
     """
     try:
         return yaml.load(text, _Loader)

@@ -10,5 +10,5 @@ DEFAULT = "drone"
 """The kind with all values from the scenario."""
 
 SEARCHERS: dict[str, Searcher] = {
-    DEFAULT: Searcher(doc="flies and sees as the scenario says of its drones"),
+    DEFAULT: Searcher(doc="has the speed, altitude and sensor of the scenario"),
 }

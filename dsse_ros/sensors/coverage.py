@@ -49,7 +49,7 @@ def search_radius(total_probable_error: float, search: int = 1) -> float:
         search: Number of the search, 1 to 5.
 
     Raises:
-        ValueError: If it has no factor.
+        ValueError: If the number of the search is not from 1 to 5.
     """
     if search not in range(1, len(SEARCH_FACTORS) + 1):
         raise ValueError(f"search must be from 1 to {len(SEARCH_FACTORS)}, got {search}")

@@ -55,7 +55,7 @@ class PersonMotion(NamedTuple):
             that of `direction`, within the limits of `step_within`. `window` (9,) has the
             probabilities of the cells that the steps lead to; `scratch` (`SCRATCH`,) is free to
             use.
-        own_drift: Whether each person has an own drift, drawn at reset, and steps only when it has
+        own_drift: Whether each person has its own drift, drawn at reset, and steps only when it has
             accumulated a cell.
     """
 

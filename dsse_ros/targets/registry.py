@@ -36,6 +36,6 @@ TARGET_MODELS: dict[str, TargetModel] = {
 
 
 def has_own_drift(name: str) -> bool:
-    """Return whether this is a motion in which each person has an own drift."""
+    """Return whether this is a motion in which each person has its own drift."""
     model = TARGET_MODELS[name]
     return isinstance(model, PersonMotion) and model.own_drift

@@ -58,7 +58,7 @@ def fan_out(places: NDArray[np.float64], apart: float, side: float) -> NDArray[n
     Args:
         places: The places on a map, whose corner is at 0, 0.
         apart: Distance between neighbours on such a circle.
-        side: Side of the map, which nothing leaves.
+        side: Side of the map; no place leaves it.
     """
     fanned = places.copy()
     _, group, sizes = np.unique(places, axis=0, return_inverse=True, return_counts=True)

@@ -497,7 +497,7 @@ def test_what_a_pilot_has_taken_over_gets_no_order_any_more() -> None:
     led.begin(NEXT_SEARCH, 120.0, FENCE)
     follow(led, 39, 4, 4)
     assert vehicle.turn() is None and not led.lost
-    assert led.blocked == "nobody has it, in GUIDED: drone<i>/arm clears it to fly"
+    assert led.blocked == "nobody controls it, in GUIDED: drone<i>/arm clears it to fly"
     assert isinstance(led.custody.clear(vehicle.now_s, alone=True), Accepted)
     assert isinstance(vehicle.turn(), GoTo)
 
@@ -537,7 +537,7 @@ def test_a_bridge_started_again_leaves_what_a_named_failsafe_of_px4_has() -> Non
     assert vehicle.turn() is None
     assert led.custody.state is Custody.FAILSAFE
     refused = led.custody.operate("land")
-    assert isinstance(refused, Rejected) and "a failsafe has it" in refused.reason
+    assert isinstance(refused, Rejected) and "a failsafe controls it" in refused.reason
     assert vehicle.turn() is None
 
 
@@ -637,7 +637,7 @@ def test_an_operator_brings_down_what_the_bridge_has_launched_and_nothing_else(
     authority = vehicle.follower.custody.authority
     result = vehicle.follower.custody.operate(what)
     if what == "hold" or not launched:
-        assert isinstance(result, Rejected) and " has it" in result.reason
+        assert isinstance(result, Rejected) and " controls it" in result.reason
         assert [vehicle.turn() for _ in range(3)] == [None] * 3
         return
     assert result == Accepted(f"ordered to {what}")

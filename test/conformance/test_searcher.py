@@ -73,7 +73,7 @@ def test_a_kind_that_no_scenario_can_have_is_named_on_one_line(
 
 
 def test_what_is_no_kind_is_refused() -> None:
-    with pytest.raises(AssertionError, match="no Searcher"):
+    with pytest.raises(AssertionError, match="not a Searcher"):
         searcher_test("slow")  # type: ignore[arg-type]
 
 

@@ -76,10 +76,10 @@ def leap(
 
 
 WRONG_MOTIONS = {
-    "not where their chances say": PersonMotion("", move_with_drift, more_drift, own_drift=True),
+    "not where they should be": PersonMotion("", move_with_drift, more_drift, own_drift=True),
     "do not sum to 1": PersonMotion("", move_with_drift, not_one, own_drift=True),
     "not from 0 to 1": PersonMotion("", move_with_drift, below_zero, own_drift=True),
-    "a step that has no chance": PersonMotion("", move_to_best_cell, stay),
+    "a step of probability 0": PersonMotion("", move_to_best_cell, stay),
     "further than to a cell of the window": PersonMotion("", leap, best_cell_chances),
 }
 
@@ -129,7 +129,7 @@ def negative(scenario: Any, steps: int, rng: np.random.Generator, count: int) ->
 
 WRONG_ENSEMBLES = {
     "persons are not where the belief has them": EachAnother(),
-    "the same generator gives other tracks": of_global_state,
+    "the same generator gives different tracks": of_global_state,
     "weights must sum to 1, got 1.01": too_heavy,
     "positions must be": too_short,
     "weights must be >= 0": negative,

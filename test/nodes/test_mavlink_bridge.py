@@ -361,7 +361,7 @@ def test_a_search_whose_report_does_not_come_is_an_error_until_it_comes(rig: Rig
         for _ in range(2):
             fly(sim, UP)
         Bridge(rig, vehicles, mode="mission")
-        health_when(rig, "the search is over, and its mission_report has not come")
+        health_when(rig, "the search is over, and its mission_report has not arrived")
         kept = rig.first(PointCloud2, "kept")
         rig.talk(PointCloud2, "mission_report", LATCHED).publish(kept)
         health_when(rig, "following")
