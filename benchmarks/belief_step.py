@@ -189,7 +189,7 @@ class _Search:
         after = np.eye(side * side)
         scratch = np.empty(side * side + belief_kernels.ROW)
         belief_kernels.predict(
-            forecast.constants, forecast.area, forecast.transitions, after, forecast.chances[slot],
+            forecast.constants, forecast.sea, after, forecast.chances[slot],
             forecast.tables[slot], np.array([direction]), scratch,
         )  # fmt: skip
         table = np.zeros((belief_kernels.STEPS, side * side))

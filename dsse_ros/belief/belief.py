@@ -29,6 +29,7 @@ from dsse_ros.scenario.rules import Rules
 from dsse_ros.scenario.scenario import Scenario
 from dsse_ros.step import kernels
 from dsse_ros.step.constants import transitions_of
+from dsse_ros.targets import sea_map
 from dsse_ros.targets.motion import CHANCES, PERSONS
 from dsse_ros.targets.registry import MOTIONS
 
@@ -50,7 +51,7 @@ class Forecast(ForecastBase):
             is 1.
 
     Attributes:
-        transitions: Of `kernels.Sea`.
+        sea: The map, and what limits the persons' steps.
         chances: (R, S S) float64, see `belief_kernels.forecast_step`; step s is at s % R.
         tables: (R, 10, S S) float64, see `belief_kernels.complete`.
         directions: (R, K) int64, see `belief_kernels.forecast_step`.
@@ -69,13 +70,12 @@ class Forecast(ForecastBase):
         if 8 * steps * cells * (1 + CHANCES) > KEPT_BYTES:
             # Beliefs that share a forecast may be one step apart.
             steps = horizon + 2
-        self.transitions = transitions_of(resolved)
         self._world = np.zeros(1, kernels.WORLDS)
         self._world["vector_x"], self._world["vector_y"] = resolved.vector
         self._world["start_x"], self._world["start_y"] = resolved.person_initial_position
         self._drifts = np.zeros(drifts, PERSONS)
-        self._gauss = np.zeros((1, 2, 2 * g + 1))
-        self._tails = np.zeros((1, 2, g + 2))
+        gauss, tails = np.zeros((2, 2 * g + 1)), np.zeros((2, g + 2))
+        self.sea = sea_map.Sea(gauss, tails, self.area, self.runs, transitions_of(resolved))
         self._circle = np.zeros(g + 1, np.int64)
         self.chances = np.zeros((steps, cells))
         self.tables = np.zeros((steps, CHANCES, cells))
@@ -88,11 +88,7 @@ class Forecast(ForecastBase):
         self._ready = 0
         self._still[:] = self.scenario.person_amount > 1 and self.rules.person_scatter > 0
         belief_kernels.start_sea(self.constants, self._world, self._drifts)
-        sea = kernels.Sea(
-            self.constants, self._world, self._gauss, self._tails, self.area, self.runs, None, None
-        )
-        span, no_maps = np.zeros(self.scenario.grid_size), np.zeros((1, 0, 0), np.float32)
-        kernels.refresh_worlds(*sea, self._circle, span, no_maps)
+        sea_map.disperse(self.constants[0], self._world[0], self.sea)
 
     def look(self, step: int) -> int:
         """Prepare a step of the sea and the `horizon` steps after it; return its index."""
@@ -102,9 +98,8 @@ class Forecast(ForecastBase):
         while self._ready <= step + self.horizon:
             slot, before = self._ready % slots, (self._ready - 1) % slots
             belief_kernels.forecast_step(
-                self.constants, self._world, self._gauss[0], self._tails[0], self.area,
-                self.runs, self._circle, self._drifts, self.chances[slot], self.directions[slot],
-                self.apart[slot], self._still,
+                self.constants, self._world, self.sea, self._circle, self._drifts,
+                self.chances[slot], self.directions[slot], self.apart[slot], self._still,
             )  # fmt: skip
             # If the map does not change, the tables of the previous step remain valid.
             stays = self._ready > 0 and np.array_equal(self.chances[slot], self.chances[before])
@@ -202,7 +197,7 @@ class Belief(BeliefBase):
         forecast = self.forecast
         slot = forecast.look(self.step + forecast.first_step)
         belief_kernels.predict(
-            forecast.constants, forecast.area, forecast.transitions, self.density,
+            forecast.constants, forecast.sea, self.density,
             forecast.chances[slot], forecast.tables[slot], forecast.directions[slot],
             self._scratch,
         )  # fmt: skip
@@ -235,7 +230,7 @@ class Belief(BeliefBase):
         cells = np.empty((horizon + 1, count), np.int64)
         future_kernels.sample(self.of_missing(), count, offset, rows, cells[0])
         future_kernels.roll(
-            forecast.constants, forecast.area, forecast.transitions, forecast.chances,
+            forecast.constants, forecast.sea, forecast.chances,
             forecast.tables, forecast.directions, slots, np.array(offsets), rows, cells,
         )  # fmt: skip
         return Futures(cells, self.examples[rows // self._drifts])
@@ -251,7 +246,7 @@ class Belief(BeliefBase):
         forecast, slots = self.forecast, self._slots(horizon)
         left = np.empty(self.density.shape[1])
         finds = future_kernels.expect(
-            forecast.constants, forecast.area, forecast.transitions, self.of_missing(),
+            forecast.constants, forecast.sea, self.of_missing(),
             forecast.chances, forecast.tables, forecast.directions, slots, looks.steps,
             looks.columns, np.ascontiguousarray(looks.pods[:, self.examples]), gamma,
             forecast.side, np.empty_like(self.density), self._scratch, left,
@@ -272,7 +267,7 @@ class Belief(BeliefBase):
         layers = []
         for h, slot in enumerate(self._slots(horizon)):
             belief_kernels.predict(
-                forecast.constants, forecast.area, forecast.transitions, density,
+                forecast.constants, forecast.sea, density,
                 forecast.chances[slot], forecast.tables[slot], forecast.directions[slot],
                 self._scratch,
             )  # fmt: skip
@@ -280,7 +275,7 @@ class Belief(BeliefBase):
             before, starts[h + 1, 0] = rows, starts[h, -1]
             numbers, rows = future_kernels.number_states(density, starts[h + 1])
             steps = future_kernels.chain_layer(
-                forecast.constants, forecast.area, forecast.transitions, forecast.chances[slot],
+                forecast.constants, forecast.sea, forecast.chances[slot],
                 forecast.tables[slot], forecast.directions[slot], starts[h], before, numbers,
             )  # fmt: skip
             layers.append((before, *steps))

@@ -57,7 +57,7 @@ def is_lost(c, i):
 
 @kernel
 def start_sea(constants, worlds, drifts):
-    """Set map and drifts to their state in `kernels.reset_world` before the first step.
+    """Set map and drifts to their state in `recipe.start_world` before the first step.
 
     Args:
         constants: (1,) of `constants.CONSTANTS`.
@@ -81,18 +81,13 @@ def start_sea(constants, worlds, drifts):
 
 
 @kernel
-def forecast_step(
-    constants, worlds, gauss, tails, area, runs, circle, drifts, chances, directions, apart, still,
-):  # fmt: skip
+def forecast_step(constants, worlds, sea, circle, drifts, chances, directions, apart, still):
     """Advance map and drifts by one step and write the values that set the persons' next step.
 
     Args:
         constants: (1,) of `constants.CONSTANTS`.
         worlds: (1,) of `kernels.WORLDS`.
-        gauss: (2, 2 G + 1) float64, exponentials along x and y.
-        tails: (2, G + 2) float64, their tail sums.
-        area: Of `kernels.Sea`.
-        runs: Of `kernels.Sea`.
+        sea: Of the world.
         circle: (G + 1,) int64 scratch.
         drifts: (K,) of `motion.PERSONS`.
         chances: (S S,) float64 out, the probability of every cell that persons look at.
@@ -104,17 +99,17 @@ def forecast_step(
     """
     c, w = constants[0], worlds[0]
     if not c.person_first:
-        map_step(c, w, gauss, tails, area, runs, circle)
+        map_step(c, w, sea, circle)
     chances[:] = 0.0
     for y in range(c.grid_size):
         for x in range(c.grid_size):
-            chances[index_of(c, x, y)] = cell_probability(c, w, gauss, area, x, y)
+            chances[index_of(c, x, y)] = cell_probability(c, w, sea.gauss, sea.area, x, y)
     for k in range(len(drifts)):
         directions[k] = gathered_step(drifts[k]) if c.own_drift else NO_STEP
         apart[k] = still[k]
         still[k] = still[k] and directions[k] == STAND_STILL
     if c.person_first:
-        map_step(c, w, gauss, tails, area, runs, circle)
+        map_step(c, w, sea, circle)
 
 
 @part
@@ -129,13 +124,12 @@ def step_of_drift(c, area, x, y, direction):
 
 
 @part
-def transition(c, area, transitions, chances, i, row):
+def transition(c, sea, chances, i, row):
     """Write the table column of a cell, from the persons' motion.
 
     Args:
         c: The constants.
-        area: Of `kernels.Sea`.
-        transitions: Of `kernels.Sea`.
+        sea: Of the scenario.
         chances: (S S,) of `forecast_step`.
         i: Column of the cell.
         row: (`ROW`,) float64; the first `CHANCES` are out, the rest is scratch.
@@ -149,49 +143,47 @@ def transition(c, area, transitions, chances, i, row):
     for step in range(STEPS):
         window[step] = chances[i + offset_of(c, step)]
     x, y = i % side - MARGIN, i // side - MARGIN
-    step_chances(c, area, transitions, x, y, window, row[:CHANCES], scratch)
+    step_chances(c, sea, x, y, window, row[:CHANCES], scratch)
 
 
 @part
-def complete(c, area, transitions, chances, table, i, row):
+def complete(c, sea, chances, table, i, row):
     """Compute the column of a cell in a table, if it is not known yet.
 
     Args:
         c: The constants.
-        area: Of `kernels.Sea`.
-        transitions: Of `kernels.Sea`.
+        sea: Of the scenario.
         chances: (S S,) of `forecast_step`.
         table: (`CHANCES`, S S) float64; the first row is negative in columns not known yet.
         i: Column of the cell.
         row: (`ROW`,) float64 scratch.
     """
     if table[0, i] < 0.0:
-        transition(c, area, transitions, chances, i, row)
+        transition(c, sea, chances, i, row)
         for k in range(CHANCES):
             table[k, i] = row[k]
 
 
 @part
-def look_up(c, area, transitions, chances, table, i, direction, row):
+def look_up(c, sea, chances, table, i, direction, row):
     """Write the probabilities (9,) of the steps from a cell.
 
     Args:
         c: The constants.
-        area: Of `kernels.Sea`.
-        transitions: Of `kernels.Sea`.
+        sea: Of the scenario.
         chances: (S S,) of `forecast_step`.
         table: Of `complete`.
         i: Column of the cell.
         direction: Of `forecast_step`.
         row: (`ROW`,) float64 out, the rest is scratch.
     """
-    complete(c, area, transitions, chances, table, i, row)
+    complete(c, sea, chances, table, i, row)
     for step in range(STEPS):
         row[step] = table[step, i]
     if table[STEPS, i] > 0.0:
         side = c.grid_size + 2 * MARGIN
         x, y = i % side - MARGIN, i // side - MARGIN
-        row[step_of_drift(c, area, x, y, direction)] += table[STEPS, i]
+        row[step_of_drift(c, sea.area, x, y, direction)] += table[STEPS, i]
 
 
 @inlined
@@ -254,7 +246,7 @@ def add_drift(c, area, y, now, added, direction, after):
 
 
 @part
-def move_row(c, area, transitions, now, chances, table, direction, after, row):
+def move_row(c, sea, now, chances, table, direction, after, row):
     """Advance one row of a belief by the persons' step, see `predict`."""
     count, side = len(now), c.grid_size + 2 * MARGIN
     unknown = drop_negligible(now, table[0])
@@ -266,24 +258,23 @@ def move_row(c, area, transitions, now, chances, table, direction, after, row):
     if unknown > 0:
         for i in range(first, last):
             if now[i] > 0.0:
-                complete(c, area, transitions, chances, table, i, row)
+                complete(c, sea, chances, table, i, row)
     low, high = max(first - side - 1, side + 1), min(last + side + 1, count - side - 1)
     gather(now, table, after, low, high, side)
     if c.own_drift:
         for y in range(first // side - MARGIN, (last - 1) // side - MARGIN + 1):
-            add_drift(c, area, y, now, table[STEPS], direction, after)
+            add_drift(c, sea.area, y, now, table[STEPS], direction, after)
     for i in range(low, high):
         now[i] = after[i]
 
 
 @kernel
-def predict(constants, area, transitions, belief, chances, table, directions, scratch):
+def predict(constants, sea, belief, chances, table, directions, scratch):
     """Advance a belief by the persons' step; its sum does not change.
 
     Args:
         constants: (1,) of `constants.CONSTANTS`.
-        area: Of `kernels.Sea`.
-        transitions: Of `kernels.Sea`.
+        sea: Of the scenario.
         belief: (C K, S S) float64.
         chances: (S S,) of `forecast_step`.
         directions: (K,) of `forecast_step`.
@@ -295,7 +286,7 @@ def predict(constants, area, transitions, belief, chances, table, directions, sc
     for k in range(len(belief)):
         direction = directions[k % len(directions)]
         if direction != STAND_STILL:
-            move_row(c, area, transitions, belief[k], chances, table, direction, after, row)
+            move_row(c, sea, belief[k], chances, table, direction, after, row)
 
 
 @kernel

@@ -43,7 +43,7 @@ def misfits(constants, worlds, area, seen, drifts, out):
     Args:
         constants: (1,) of `constants.CONSTANTS`.
         worlds: (1,) of `kernels.WORLDS`, with the start set; the rest is scratch.
-        area: Of `kernels.Sea`.
+        area: Of `sea_map.Sea`.
         seen: (T, 2) int64, the datum (x, y) after step 1, 2, ... of the sea, -1 where not observed.
         drifts: (M, 2) float64, cells per step.
         out: (M,) int64 out.

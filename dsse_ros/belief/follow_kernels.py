@@ -30,6 +30,7 @@ from dsse_ros.belief.search_outcomes import (
     weigh_classes,
 )
 from dsse_ros.compiled.jit import kernel
+from dsse_ros.targets.sea_map import Sea
 
 
 @kernel
@@ -90,7 +91,7 @@ class Followed(NamedTuple):
 
     Attributes:
         constants: (1,) of `constants.CONSTANTS`.
-        area: Of `kernels.Sea`.
+        area: Of `sea_map.Sea`.
         worlds: (B,) of `kernels.WORLDS`, after the step.
         drones: (B, N) of `kernels.DRONES`, after the step.
         finds: (B, N) of `kernels.Crew`, after the step.
@@ -122,7 +123,7 @@ class Tables(NamedTuple):
         start: (C K, S S) float64, the belief at a mission's first observation.
         pods: (L, C) float64, POD of each look by detection class.
         class_of: (n,) int64, see `search_outcomes`.
-        transitions: Of `kernels.Sea`.
+        sea: Of a `Forecast`.
         chances: (R, S S) of `forecast_step`; step s of the sea is at s % R.
         tables: (R, `CHANCES`, S S) of `complete`.
         directions: (R, K) of `forecast_step`.
@@ -133,7 +134,7 @@ class Tables(NamedTuple):
     start: NDArray[np.float64]
     pods: NDArray[np.float64]
     class_of: NDArray[np.int64]
-    transitions: NDArray[np.float64] | None
+    sea: Sea
     chances: NDArray[np.float64]
     tables: NDArray[np.float64]
     directions: NDArray[np.int64]
@@ -179,7 +180,7 @@ class Scratch(NamedTuple):
 @kernel
 def follow_worlds(
     constants, area, worlds, drones, finds, kinds, looks, offsets, actions, live, done,
-    start, pods, class_of, transitions, chances, tables, directions, apart, first_step,
+    start, pods, class_of, sea, chances, tables, directions, apart, first_step,
     beliefs, missing, unfound, pos,
     scratch, numbers, hazard, seen, rows,
     first, last,
@@ -209,7 +210,7 @@ def follow_worlds(
                 unfound[b], pos[b], numbers, hazard, seen, rows, pods, failed, count,
             )  # fmt: skip
         predict(
-            constants, area, transitions, beliefs[b], chances[slot], tables[slot],
+            constants, sea, beliefs[b], chances[slot], tables[slot],
             directions[slot], scratch,
         )  # fmt: skip
 

@@ -151,7 +151,7 @@ class MotionFollower:
         steps = max(int(followed.worlds["t"][first:last].max()) - 1, 0)
         forecast.look(forecast.first_step + steps)
         tables = Tables(
-            self.start, pods, self.class_of, forecast.transitions, forecast.chances,
+            self.start, pods, self.class_of, forecast.sea, forecast.chances,
             forecast.tables, forecast.directions, forecast.apart, forecast.first_step,
         )  # fmt: skip
         motion = np.empty(self.start.shape[1] + belief_kernels.ROW)

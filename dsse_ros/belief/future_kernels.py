@@ -64,13 +64,12 @@ def sample(density, count, offset, rows, cells):
 
 
 @compiled()
-def roll(constants, area, transitions, chances, tables, directions, slots, offsets, rows, cells):
+def roll(constants, sea, chances, tables, directions, slots, offsets, rows, cells):
     """Advance the persons of all scenarios by their steps.
 
     Args:
         constants: (1,) of `constants.CONSTANTS`.
-        area: Of a `Forecast`.
-        transitions: Of a `Forecast`.
+        sea: Of a `Forecast`.
         chances: (R, S S), of a `Forecast`.
         tables: (R, 10, S S), of a `Forecast`.
         directions: (R, K), of a `Forecast`.
@@ -91,7 +90,7 @@ def roll(constants, area, transitions, chances, tables, directions, slots, offse
                 after[s] = i
                 continue
             if i != seen_cell or direction != seen_direction:
-                look_up(c, area, transitions, chances[slot], tables[slot], i, direction, row)
+                look_up(c, sea, chances[slot], tables[slot], i, direction, row)
                 seen_cell, seen_direction = i, direction
             left = (offsets[h] + s * GOLDEN) % 1.0
             step = 0
@@ -103,15 +102,14 @@ def roll(constants, area, transitions, chances, tables, directions, slots, offse
 
 @compiled()
 def expect(
-    constants, area, transitions, density, chances, tables, directions, slots, steps, columns,
+    constants, sea, density, chances, tables, directions, slots, steps, columns,
     pods, gamma, side, belief, scratch, left,
 ):  # fmt: skip
     """Return the discounted finds of future looks, by the exact filter.
 
     Args:
         constants: (1,) of `constants.CONSTANTS`.
-        area: Of a `Forecast`.
-        transitions: Of a `Forecast`.
+        sea: Of a `Forecast`.
         density: (C K, S S), of a `Belief`.
         chances: (R, S S), of a `Forecast`.
         tables: (R, 10, S S), of a `Forecast`.
@@ -136,7 +134,7 @@ def expect(
             q += 1
         slot = slots[h]
         predict(
-            constants, area, transitions, belief, chances[slot], tables[slot], directions[slot],
+            constants, sea, belief, chances[slot], tables[slot], directions[slot],
             scratch,
         )  # fmt: skip
         worth *= gamma
@@ -174,13 +172,12 @@ def number_states(density, starts):
 
 
 @compiled()
-def chain_layer(constants, area, transitions, chances, table, directions, starts, rows, numbers):
+def chain_layer(constants, sea, chances, table, directions, starts, rows, numbers):
     """Return the steps from the states of a layer.
 
     Args:
         constants: (1,) of `constants.CONSTANTS`.
-        area: Of a `Forecast`.
-        transitions: Of a `Forecast`.
+        sea: Of a `Forecast`.
         chances: (S S,), of a `Forecast`.
         table: (10, S S), of a `Forecast`.
         directions: (K,), of a `Forecast`.
@@ -204,7 +201,7 @@ def chain_layer(constants, area, transitions, chances, table, directions, starts
                 row[:STEPS] = 0.0
                 row[NO_STEP] = 1.0
             else:
-                look_up(c, area, transitions, chances, table, i, direction, row)
+                look_up(c, sea, chances, table, i, direction, row)
             for step in range(STEPS):
                 if row[step] > 0.0:
                     n = numbers[k, i + offset_of(c, step)]

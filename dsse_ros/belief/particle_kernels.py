@@ -39,7 +39,7 @@ def link(c, area, cells, seen, count, heads, links):
 
     Args:
         c: The constants.
-        area: Of `kernels.Sea`.
+        area: Of `sea_map.Sea`.
         cells: (M, 2) int16.
         seen: (Q, 2) int64, columns and rows of the cells looked at.
         count: Number of looks.
@@ -78,7 +78,7 @@ def learn_look(
 
     Args:
         c: The constants.
-        area: Of `kernels.Sea`.
+        area: Of `sea_map.Sea`.
         weights: (C, M) float64, in and out.
         pods: (C,) float64, POD of this search.
         class_of: (n,) int64.
@@ -145,7 +145,7 @@ def learn(
 
     Args:
         constants: (1,) of `constants.CONSTANTS`.
-        area: Of `kernels.Sea`.
+        area: Of `sea_map.Sea`.
         cells: (M, 2) int16.
         weights: (C, M) float64, in and out.
         prior: (M,) of `close_weights`.
@@ -184,7 +184,7 @@ def write_poc(constants, area, cells, weights, class_of, missing, scale, out):
 
     Args:
         constants: (1,) of `constants.CONSTANTS`.
-        area: Of `kernels.Sea`; outside it nothing is written.
+        area: Of `sea_map.Sea`; outside it nothing is written.
         cells: (M, 2) int16.
         weights: (C, M) float64.
         class_of: (n,) int64.

@@ -120,3 +120,5 @@ part = compiled(**_PART)
 """Compiles functions that only kernels call, without the wrappers, which compile slowly."""
 inlined = compiled(**_PART, forceinline=True)
 """Inlines a function into its callers if calls would be slow."""
+expanded = compiled(**_PART, inline="always")
+"""Writes a function into its callers, for those that return tuples of records: Numba cannot."""

@@ -30,6 +30,7 @@ from dsse_ros.scenario.rules import Rules
 from dsse_ros.scenario.scenario import ResolvedScenario, Scenario
 from dsse_ros.step import kernels
 from dsse_ros.step.constants import area_of, constants_of, transitions_of
+from dsse_ros.targets import sea_map
 from dsse_ros.targets.motion import (
     CHANCES,
     NO_STEP,
@@ -57,14 +58,11 @@ BROKEN = {
 
 
 class _Sea(NamedTuple):
-    """A sea of one world, see `kernels.Sea`."""
+    """A world of one sea."""
 
     constants: NDArray[np.void]
     worlds: NDArray[np.void]
-    gauss: NDArray[np.float64]
-    tails: NDArray[np.float64]
-    area: NDArray[np.bool_] | None
-    runs: NDArray[np.int64] | None
+    sea: sea_map.Sea
     circle: NDArray[np.int64]
 
 
@@ -100,7 +98,6 @@ def _played(
 ) -> NDArray[np.int64]:
     """Simulate persons, compare them with their chances, and return their last cells (N, 2)."""
     truth, known = (_new_sea(model, scenario, rules) for _ in range(2))
-    transitions = transitions_of(scenario)
     truth.worlds["rng"] = seed
     side = scenario.grid_size + 2 * MARGIN
     drifts, persons = np.zeros(1, PERSONS), np.zeros(COUNT, PERSONS)
@@ -119,11 +116,10 @@ def _played(
         after = now if direction[0] == STAND_STILL else np.zeros_like(now)
         steps_of = np.zeros((side**2, STEPS))
         row = np.zeros(CHANCES + STEPS + SCRATCH)
-        broken = play(*truth, transitions, persons)
+        broken = play(*truth, persons)
         if direction[0] != STAND_STILL:
             broken = broken or spread(
-                known.constants, known.area, transitions, map_now, direction[0], now, after,
-                steps_of, row,
+                known.constants, known.sea, map_now, direction[0], now, after, steps_of, row
             )  # fmt: skip
         broken = broken or _checked(before, persons, steps_of, side, direction[0])
         assert not broken, f"step {step}: {BROKEN[broken]}"
@@ -144,11 +140,10 @@ def _new_sea(model: PersonMotion, scenario: ResolvedScenario, rules: Rules) -> _
     worlds["vector_x"], worlds["vector_y"] = scenario.vector
     worlds["start_x"], worlds["start_y"] = scenario.person_initial_position
     area, runs = area_of(scenario)
-    gauss, tails = np.zeros((1, 2, 2 * g + 1)), np.zeros((1, 2, g + 2))
-    sea = kernels.Sea(constants, worlds, gauss, tails, area, runs, None, None)
-    circle = np.zeros(g + 1, np.int64)
-    kernels.refresh_worlds(*sea, circle, np.zeros(g), np.zeros((1, 0, 0), np.float32))
-    return _Sea(constants, worlds, gauss[0], tails[0], area, runs, circle)
+    gauss, tails = np.zeros((2, 2 * g + 1)), np.zeros((2, g + 2))
+    sea = sea_map.Sea(gauss, tails, area, runs, transitions_of(scenario))
+    sea_map.disperse(constants[0], worlds[0], sea)
+    return _Sea(constants, worlds, sea, np.zeros(g + 1, np.int64))
 
 
 def _columns(persons: NDArray[np.void], side: int) -> NDArray[np.int64]:
@@ -183,21 +178,21 @@ def _kernels(model: PersonMotion) -> tuple[Callable[..., Any], Callable[..., Any
     move, chances = model.move, model.chances
 
     @njit
-    def play(constants, worlds, gauss, tails, area, runs, circle, transitions, persons):
-        """Advance map and persons by one step, like `kernels.sea_step`."""
+    def play(constants, worlds, sea, circle, persons):
+        """Advance map and persons by one step, like `recipe.drift`."""
         c, w = constants[0], worlds[0]
         if not c.person_first:
-            map_step(c, w, gauss, tails, area, runs, circle)
+            map_step(c, w, sea, circle)
         for p in range(len(persons)):
             direction = gathered_step(persons[p]) if c.own_drift else NO_STEP
             if direction != STAND_STILL:
-                move(c, w, gauss, area, transitions, persons[p], direction)
+                move(c, w, sea, persons[p], direction)
         if c.person_first:
-            map_step(c, w, gauss, tails, area, runs, circle)
+            map_step(c, w, sea, circle)
         return FINE
 
     @njit
-    def spread(constants, area, transitions, map_now, direction, now, after, steps_of, row):
+    def spread(constants, sea, map_now, direction, now, after, steps_of, row):
         """Spread probability over the cells, like `belief_kernels.predict`, and check it."""
         c = constants[0]
         side = c.grid_size + 2 * MARGIN
@@ -213,7 +208,7 @@ def _kernels(model: PersonMotion) -> tuple[Callable[..., Any], Callable[..., Any
             for step in range(STEPS):
                 window[step] = map_now[index_of(c, x, y) + offset_of(c, step)]
             out[:] = 0.0
-            chances(c, area, transitions, x, y, window, out, scratch)
+            chances(c, sea, x, y, window, out, scratch)
             total = 0.0
             for k in range(CHANCES):
                 if not 0.0 <= out[k] <= 1.0 + TOLERANCE:
@@ -222,7 +217,7 @@ def _kernels(model: PersonMotion) -> tuple[Callable[..., Any], Callable[..., Any
             if abs(total - 1.0) > TOLERANCE:
                 return NOT_ONE
             if out[STEPS] > 0.0:
-                out[step_of_drift(c, area, x, y, direction)] += out[STEPS]
+                out[step_of_drift(c, sea.area, x, y, direction)] += out[STEPS]
             for step in range(STEPS):
                 steps_of[i, step] = out[step]
                 after[i + offset_of(c, step)] += now[i] * out[step]

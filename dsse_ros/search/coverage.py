@@ -14,7 +14,7 @@ from dsse_ros.scenario.fields import FieldError
 from dsse_ros.scenario.rules import Rules
 from dsse_ros.scenario.scenario import ResolvedScenario
 from dsse_ros.search.ensemble import cells_of_maps
-from dsse_ros.step.coverage_kernels import COVERAGE
+from dsse_ros.step.coverage_kernels import COVERAGE, CoverageTask
 
 METRICS = ("coverage_rate", "repeated_coverage", "pos")
 """Names of the metrics: see `Coverage.metrics`."""
@@ -80,9 +80,9 @@ class Coverage:
         self.records["cells"] = np.count_nonzero(self.poc)
 
     @property
-    def arrays(self) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any]]:
-        """The kernels' argument `coverage`."""
-        return self.poc, self.left, self.records
+    def arrays(self) -> CoverageTask:
+        """The task for the kernels."""
+        return CoverageTask(self.poc, self.left, self.records)
 
     def metrics(
         self, num_missing: NDArray[np.int64], which: Any = slice(None)

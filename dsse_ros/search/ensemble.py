@@ -68,7 +68,7 @@ class WorldEnsemble:
 
     @property
     def arrays(self) -> SeaEnsemble:
-        """The kernels' argument `ensemble`."""
+        """The ensemble for the kernels."""
         tracks = self.tracks
         truth = tracks.truth.transpose(1, 0, 2)
         return SeaEnsemble(truth, tracks.cumulative, tracks.maps, self.track)

@@ -11,12 +11,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from dsse_ros.compiled.overloads import Specialized
 from dsse_ros.scenario.fault_fields import faults_of
 from dsse_ros.scenario.rules import Rules
 from dsse_ros.scenario.scenario import ResolvedScenario
 from dsse_ros.scenario.searcher_fields import endurance_steps, whole_steps
 from dsse_ros.search.snapshot import Snapshot, SnapshotError
-from dsse_ros.search.ways_home import WaysHome, ways_home
+from dsse_ros.search.ways_home import ways_home
 from dsse_ros.searchers.searcher import Searcher
 from dsse_ros.step import fault_kernels
 from dsse_ros.step.fault_kernels import (
@@ -25,6 +26,7 @@ from dsse_ros.step.fault_kernels import (
     FAULT_CONSTANTS,
     HELD,
     STATUSES,
+    Fleet,
 )
 from dsse_ros.step.looks import Looks
 
@@ -115,6 +117,7 @@ class Faults:
     Attributes:
         conditions: (B, N) of `fault_kernels.CONDITIONS`.
         applied: (B, N) int8, actions the drones did in the last step, `HOLD` for nothing.
+        fleet: All of these for the kernels.
         has_battery: Whether batteries run down.
         is_noisy: Whether observed positions differ from the true ones.
     """
@@ -127,20 +130,25 @@ class Faults:
         abilities: NDArray[np.void],
     ) -> None:
         shape = (num_worlds, scenario.num_drones)
-        self._abilities = abilities
         limited = has_limits(abilities, len(rules.actions))
-        self._constants = fault_constants(scenario, has_limits=limited)
-        self._losses = np.empty(scenario.num_drones, np.int64)
-        self._losses[:] = scenario.loss_steps
+        losses = np.empty(scenario.num_drones, np.int64)
+        losses[:] = scenario.loss_steps
         self.conditions = np.zeros(shape, CONDITIONS)
         self.applied = np.full(shape, HELD, np.int8)
+        none = (scenario.num_drones, 0, 0)
+        self.fleet = Fleet(
+            fault_constants(scenario, has_limits=limited), abilities, self.conditions, losses,
+            np.zeros(none, np.int32), np.zeros(none, np.int8), self.applied,
+        )  # fmt: skip
+        self._before, self._after, self._restrict = map(
+            Specialized,
+            (fault_kernels.before_step, fault_kernels.after_step, fault_kernels.restrict_masks),
+        )
         self.has_battery = scenario.battery_move > 0
         self.is_noisy = scenario.position_noise > 0
         self._actions = rules.action_set
         self._ground_speed_ratios = ground_speed_ratios_of_drones(scenario, rules)
         self._homes: list[tuple[int, int]] = []
-        none = (scenario.num_drones, 0, 0)
-        self._ways = WaysHome(np.zeros(none, np.int32), np.zeros(none, np.int8))
 
     @classmethod
     def of(
@@ -165,18 +173,15 @@ class Faults:
         homes: list[tuple[int, int]] = [(x, y) for x, y in world.starts[0].tolist()]
         if self.has_battery and homes != self._homes:
             self._homes = homes
-            self._ways = ways_home(
+            ways = ways_home(
                 self._actions, world.area, world.grid_size, homes, self._ground_speed_ratios
             )
+            self.fleet = self.fleet._replace(home_steps=ways.steps, home_actions=ways.actions)
 
     def reset(self, world: World, which: NDArray[np.bool_]) -> None:
         """Begin the missions of the worlds with which[b], (B,) bool."""
         self.place(world)
-        self.applied[which] = HELD
-        fault_kernels.start_conditions(
-            world.constants, self._constants, self._abilities, world.area, world.worlds,
-            world.drones, self.conditions, self._ways.steps, which,
-        )  # fmt: skip
+        fault_kernels.start_conditions(world.batch, self.fleet, which)
 
     def check(self, snapshot: Snapshot, grid_size: int) -> None:
         """Raise if a snapshot of this shape would make the kernels leave their arrays.
@@ -204,16 +209,9 @@ class Faults:
         def step_with_faults(
             commands: NDArray[np.int8], maps: NDArray[np.float32], first: int, last: int
         ) -> None:
-            fault_kernels.before_step(
-                world.constants, self._constants, self._abilities, world.area, world.worlds,
-                world.drones, self.conditions, self._losses, self._ways.steps, self._ways.actions,
-                commands, self.applied, first, last,
-            )  # fmt: skip
+            self._before(world.batch, self.fleet, commands, first, last)
             step(self.applied, maps, first, last)
-            fault_kernels.after_step(
-                world.constants, self._constants, self._abilities, world.area, world.worlds,
-                world.drones, self.conditions, self._ways.steps, self.applied, first, last,
-            )  # fmt: skip
+            self._after(world.batch, self.fleet, first, last)
 
         return step_with_faults
 
@@ -221,11 +219,8 @@ class Faults:
         self, world: World, masks: NDArray[np.int8], first: int = 0, last: int | None = None
     ) -> NDArray[np.int8]:
         """Clear the actions that drones cannot do or return home after in masks (B, N, A)."""
-        fault_kernels.restrict_masks(
-            world.constants, self._constants, self._abilities, world.area, world.drones,
-            self.conditions, self._ways.steps, self._ways.actions, masks, first,
-            world.num_worlds if last is None else last,
-        )  # fmt: skip
+        last = world.num_worlds if last is None else last
+        self._restrict(world.batch, self.fleet, masks, first, last)
         return masks
 
     def set_battery(self, drone: int, percent: float) -> None:

@@ -15,6 +15,7 @@ from gymnasium.error import ResetNeeded
 from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 
+from dsse_ros.compiled.overloads import Specialized
 from dsse_ros.scenario.fields import FieldError, Spec, shown
 from dsse_ros.scenario.options import OBSERVED, check_mapping, check_options, check_seed
 from dsse_ros.scenario.rules import Rules
@@ -162,6 +163,7 @@ class VectorEnv:
         self.lazy = lazy
         self._lazy = LazyMaps(self.world) if lazy else None
         self._was_reset = False
+        self._report_worlds = Specialized(kernels.report_worlds)
         self._known_actions = bytes([*range(len(rules.actions)), HOLD & 0xFF])
         self._shape = shape = (self.num_envs, self.world.num_drones)
         self._maps, *self._report = (
@@ -324,7 +326,8 @@ class VectorEnv:
     def _write(self, outputs: list[NDArray[Any]], first: int, last: int) -> None:
         """Write the report of some worlds, see `kernels.report_worlds`."""
         world = self.world
-        kernels.report_worlds(world.constants, world.area, world.drones, *outputs, first, last)
+        report = kernels.Report(*outputs)
+        self._report_worlds(world.constants, world.area, world.drones, report, first, last)
         if world.faults is not None:
             positions, *_, masks = outputs
             world.faults.restrict(world, masks, first, last)

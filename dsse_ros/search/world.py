@@ -9,13 +9,13 @@ import os
 from collections import deque
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from dsse_ros.compiled.overloads import specialized
+from dsse_ros.compiled.overloads import overload_of
 from dsse_ros.scenario.identity import identity_of
 from dsse_ros.scenario.rules import Rules
 from dsse_ros.scenario.scenario import Scenario
@@ -64,7 +64,8 @@ class World(Rebound):
         starts: (B, N, 2) int64, cells of the drones at reset as (x, y).
         looks: The looks of the drones' sensors.
         faults: The drones' faults, None if they have none.
-        area, runs: The searched cells, see `kernels`.
+        area, runs: The searched cells, see `sea_map.Sea`.
+        batch: All of these for the kernels.
         coverage: State of the coverage task, which has no persons; None in a search for persons.
         ensemble: The persons' ensemble; None if they move step by step.
         maps: (B, G, G) float32, the probability of cell [row, col].
@@ -128,16 +129,18 @@ class World(Rebound):
         self.terminated = self.drones["terminated"]
         self.truncated = self.drones["truncated"]
         self.found = self.drones["found"]
-        self._sea = kernels.Sea(
-            self.constants, self.worlds, self.gauss, self.tails, self.area, self.runs,
-            transitions_of(self.scenario),
-            None if self.coverage is None else self.coverage.arrays,
-            None if self.ensemble is None else self.ensemble.arrays,
-        )  # fmt: skip
-        self._crew = kernels.Crew(
+        sea = sea_map.Sea(
+            self.gauss, self.tails, self.area, self.runs, transitions_of(self.scenario)
+        )
+        crew = kernels.Crew(
             self.starts, self.drones, self.finds, self.persons,
             self.looks.kind, self.looks.first, self.looks.offsets, self.looks.pods,
         )  # fmt: skip
+        task = kernels.Task(
+            None if self.coverage is None else self.coverage.arrays,
+            None if self.ensemble is None else self.ensemble.arrays,
+        )
+        self.batch = kernels.Batch(self.constants, self.worlds, sea, crew, task)
         self._scratch = [self._make_scratch() for _ in range(self._threads)]
         self._kernels: list[Callable[..., None]] = []
         self._pool = ThreadPoolExecutor(self._threads - 1) if self._threads > 1 else None
@@ -230,7 +233,7 @@ class World(Rebound):
         if not which.all():
             self._refresh(maps)
         self.maps = maps
-        kernels.reset_worlds(*self._sea, *self._crew, *self._scratch[0], self.maps, which)
+        kernels.reset_worlds(self.batch, self._scratch[0], self.maps, which)
         if self.faults is not None:
             self.faults.reset(self, which)
 
@@ -284,9 +287,9 @@ class World(Rebound):
     def _make_kernels(self) -> list[Callable[..., None]]:
         """Return one kernel per thread, each with its own scratch memory."""
         others = (np.empty(self.drones.shape, _ACTION), self.maps, 0, self.num_worlds)
-        made = [
-            specialized(kernels.step_worlds, (*self._sea, *self._crew, *scratch), others)
-            for scratch in self._scratch
+        step = overload_of(kernels.step_worlds, self.batch, self._scratch[0], *others)
+        made: list[Callable[..., None]] = [
+            partial(step, self.batch, scratch) for scratch in self._scratch
         ]
         faults = self.faults
         return made if faults is None else [faults.around(self, step) for step in made]
@@ -320,8 +323,7 @@ class World(Rebound):
 
     def _refresh(self, maps: NDArray[np.float32]) -> None:
         """Write the tables that the state requires, and these maps."""
-        scratch = self._scratch[0]
-        kernels.refresh_worlds(*self._sea, scratch.circle, scratch.span, maps)
+        kernels.refresh_worlds(self.batch, self._scratch[0], maps)
 
     def close(self) -> None:
         """End the threads; a later step starts them again."""
@@ -350,14 +352,12 @@ class World(Rebound):
         """Return the map (G, G) of one world, even if `maps` is not written."""
         if self.coverage is not None:
             return self.coverage.left[world].astype(np.float32)
-        sea = self._sea._replace(
-            worlds=self.worlds[[world]],
-            gauss=np.empty((1, *self.gauss.shape[1:])),
-            tails=np.empty((1, *self.tails.shape[1:])),
+        sea = self.batch.sea._replace(
+            gauss=np.empty((1, *self.gauss.shape[1:])), tails=np.empty((1, *self.tails.shape[1:]))
         )
-        scratch = self._make_scratch()
+        batch = self.batch._replace(worlds=self.worlds[[world]], sea=sea)
         maps = np.empty((1, self.grid_size, self.grid_size), np.float32)
-        kernels.refresh_worlds(*sea, scratch.circle, scratch.span, maps)
+        kernels.refresh_worlds(batch, self._make_scratch(), maps)
         return maps[0]
 
     def snapshot(self) -> Snapshot:

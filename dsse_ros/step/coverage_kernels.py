@@ -3,18 +3,20 @@
 # mypy: disable-error-code="no-untyped-def"
 """The coverage task, compiled: drones visit each cell with a probability once.
 
-`coverage` is the state of the task in B worlds: `(poc, left, records)`. `poc` (G, G) float64 as
-[y, x] is the probability of each cell at the start, `left` (B, G, G) float64 the rest of it in each
-world, `records` (B,) of `COVERAGE`. A cell is to be covered while `left` is not 0. `b` is the
-number of a world; other arguments are as in `sea_map`.
+`coverage` is the `CoverageTask` of one world, None in a search for persons; other arguments are as
+in `sea_map`.
 
-Source: the behaviour of `CoverageDroneSwarmSearch` in the package DSSE 1.1.9. Rewards are computed
-in its order of operations, so that they are the same to the last bit.
+Source: the behaviour of `CoverageDroneSwarmSearch` in the package DSSE 1.1.9. The
+rewards of `recipe.reward_of` are computed in its order of operations, so that they are the same to
+the last bit.
 """
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
+from numpy.typing import NDArray
 
 from dsse_ros.compiled.jit import part
 
@@ -28,56 +30,68 @@ COVERAGE = np.dtype(
 )
 
 
+class CoverageTask(NamedTuple):
+    """The coverage task of B worlds, or of one: then `left` has no first axis B, and B is 1.
+
+    Attributes:
+        poc: (G, G) float64 as [y, x], the probability of each cell at the start.
+        left: (B, G, G) float64, the rest of it; a cell is to be covered while this is not 0.
+        records: (B,) of `COVERAGE`.
+    """
+
+    poc: NDArray[np.float64]
+    left: NDArray[np.float64]
+    records: NDArray[np.void]
+
+
 @part
-def put_back(w, coverage, b):
+def coverage_of(coverage, b):
+    """Return the task of world b; None in a search for persons."""
+    if coverage is None:
+        return None
+    return CoverageTask(coverage.poc, coverage.left[b], coverage.records[b : b + 1])
+
+
+@part
+def put_back(world, coverage):
     """Restore all probability, so that every cell is to be covered again."""
-    poc, left, records = coverage
-    of_world, record = left[b], records[b]
+    poc, left, record = coverage.poc, coverage.left, coverage.records[0]
     cells = 0
     for y in range(poc.shape[0]):
         for x in range(poc.shape[1]):
-            of_world[y, x] = poc[y, x]
+            left[y, x] = poc[y, x]
             cells += poc[y, x] > 0.0
-    w.num_missing = record.cells = cells
+    world.num_missing = record.cells = cells
     record.repeated = 0
     record.pos = 0.0
 
 
 @part
-def visit(c, w, coverage, b, x, y):
-    """Cover the cell of a drone after its action; return the drone's reward."""
-    _, left, records = coverage
-    of_world, record = left[b], records[b]
-    probability = of_world[y, x]
+def cells_to_cover(coverage):
+    """Return the number of cells to cover at the start, 0 in a search for persons."""
+    return 0 if coverage is None else coverage.records[0].cells
+
+
+@part
+def cover(constants, world, coverage, x, y):
+    """Cover the cell of a drone; return its probability, 0 if there is none left to cover."""
+    if coverage is None:
+        return 0.0
+    left, record = coverage.left, coverage.records[0]
+    probability = left[y, x]
     if probability <= 0.0:
         record.repeated += 1
-        return c.move
-    of_world[y, x] = 0.0
-    w.num_missing -= 1
-    record.pos += probability * c.probability_of_detection
-    time_left = 1.0 - (w.t + 1) / c.timestep_limit
-    return c.cover + time_left * probability * c.cover_scale * record.cells
+        return 0.0
+    left[y, x] = 0.0
+    world.num_missing -= 1
+    record.pos += probability * constants.probability_of_detection
+    return probability
 
 
 @part
-def reward_if_all_covered(c, w, coverage, b, drones):
-    """Flag and reward each drone in the search if this step covered the last cell."""
-    if w.done or w.num_missing > 0:
-        return
-    share = coverage[2][b].cells / len(drones)
-    reward = c.cover_all * share + (1.0 - w.t / c.timestep_limit) * c.cover_all_bonus * share
-    for n in range(len(drones)):
-        d = drones[n]
-        if d.alive:
-            d.episode_return += reward - d.reward
-            d.reward = reward
-            d.terminated = True
-
-
-@part
-def write_left(coverage, b, out):
+def write_left(coverage, out):
     """Write the remaining probability, (G, G) float32 as [y, x]."""
-    left = coverage[1][b]
+    left = coverage.left
     for y in range(out.shape[0]):
         for x in range(out.shape[1]):
             out[y, x] = left[y, x]

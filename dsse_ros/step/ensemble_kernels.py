@@ -3,9 +3,8 @@
 # mypy: disable-error-code="no-untyped-def"
 """Persons who follow tracks of an ensemble, and the map of its particles, compiled.
 
-`ensemble` is a `SeaEnsemble`; the worlds of a batch share all of it except `track`. `b` is the
-number of a world. Other arguments are as in `sea_map`. The functions are inlined, because a call
-would pass every array of the ensemble.
+`ensemble` is the `SeaEnsemble` of one world. Other arguments are as in `sea_map`. The functions are
+inlined, because a call would pass every array of the ensemble.
 """
 
 from __future__ import annotations
@@ -16,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dsse_ros.compiled.draws import draw_unit
-from dsse_ros.compiled.jit import inlined
+from dsse_ros.compiled.jit import inlined, part
 from dsse_ros.targets.sea_map import drift, is_inside
 
 FAR = 30000
@@ -25,7 +24,7 @@ any grid."""
 
 
 class SeaEnsemble(NamedTuple):
-    """The ensemble of a scenario.
+    """The ensemble of a scenario, for B worlds or for one: then `track` has no first axis B.
 
     Attributes:
         truth: (M, T, 2) int16, cells (x, y) of the tracks that persons follow, by step of the sea;
@@ -43,18 +42,26 @@ class SeaEnsemble(NamedTuple):
     track: NDArray[np.int64]
 
 
+@part
+def ensemble_of(ensemble, b):
+    """Return the ensemble of world b; None if persons move step by step."""
+    if ensemble is None:
+        return None
+    return SeaEnsemble(ensemble.truth, ensemble.cumulative, ensemble.maps, ensemble.track[b])
+
+
 @inlined
-def step_of(w, ensemble):
+def step_of(world, ensemble):
     """Return the step of the sea; after the last one of the tracks nothing moves."""
-    return min(w.map_steps, len(ensemble.maps) - 1)
+    return min(world.map_steps, len(ensemble.maps) - 1)
 
 
 @inlined
-def put_on_tracks(w, persons, ensemble, b):
+def put_on_tracks(world, persons, ensemble):
     """Put each person at the start of a track, drawn by the weights."""
     cumulative = ensemble.cumulative
     for p in range(len(persons)):
-        drawn = draw_unit(w) * cumulative[-1]
+        drawn = draw_unit(world) * cumulative[-1]
         low, high = 0, len(cumulative) - 1
         while low < high:
             middle = (low + high) // 2
@@ -62,38 +69,38 @@ def put_on_tracks(w, persons, ensemble, b):
                 high = middle
             else:
                 low = middle + 1
-        ensemble.track[b, p] = low
+        ensemble.track[p] = low
         persons[p].x = np.int64(ensemble.truth[low, 0, 0])
         persons[p].y = np.int64(ensemble.truth[low, 0, 1])
 
 
 @inlined
-def ensemble_step(c, w, persons, area, ensemble, b):
+def ensemble_step(constants, world, persons, area, ensemble):
     """Advance datum and persons by one step; found persons stay where they are."""
-    drift(c, w, area)
-    w.circle_x, w.circle_y = w.datum_x, w.datum_y
-    w.map_steps += 1
-    step = step_of(w, ensemble)
+    drift(constants, world, area)
+    world.circle_x, world.circle_y = world.datum_x, world.datum_y
+    world.map_steps += 1
+    step = step_of(world, ensemble)
     for p in range(len(persons)):
-        if persons[p].found and not c.found_persons_stay:
+        if persons[p].found and not constants.found_persons_stay:
             continue
-        track = ensemble.track[b, p]
+        track = ensemble.track[p]
         persons[p].x = np.int64(ensemble.truth[track, step, 0])
         persons[p].y = np.int64(ensemble.truth[track, step, 1])
 
 
 @inlined
-def probability_in(c, w, ensemble, x, y):
+def probability_in(constants, world, ensemble, x, y):
     """Return the probability of the cell (x, y), 0 outside the grid and the area."""
-    if not is_inside(c.grid_size, x, y):
+    if not is_inside(constants.grid_size, x, y):
         return 0.0
-    return np.float64(ensemble.maps[step_of(w, ensemble), y, x])
+    return np.float64(ensemble.maps[step_of(world, ensemble), y, x])
 
 
 @inlined
-def write_present(w, ensemble, out):
+def write_present(world, ensemble, out):
     """Write the map (G, G) float32, out[y, x]."""
-    step = step_of(w, ensemble)
+    step = step_of(world, ensemble)
     for j in range(out.shape[0]):
         for i in range(out.shape[1]):
             out[j, i] = ensemble.maps[step, j, i]

@@ -8,16 +8,22 @@ steps with these actions, and `after_step` updates the drones' conditions. Neith
 are no faults and all drones are equally fast, can do all actions and have no endurance. All draws
 come from the world's generator, drone by drone in index order: loss, dropped command and stuck
 before the step, false alarm and position after it, each only if the scenario has its fault.
+
+Arguments with the same names mean the same everywhere: `constants` is an element of
+`constants.CONSTANTS`, `faults` of `FAULT_CONSTANTS`, `world` of `kernels.WORLDS`; `flyer` is a
+`Flyer`, and `area` a field of `sea_map.Sea`.
 """
 
 from __future__ import annotations
 
 from math import ceil, cos, log, pi, sin, sqrt
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from dsse_ros.compiled.draws import draw_unit
-from dsse_ros.compiled.jit import kernel, part
+from dsse_ros.compiled.jit import expanded, kernel, part
 from dsse_ros.scenario.battery_fields import FULL
 from dsse_ros.scenario.fault_fields import MAX_DELAY
 from dsse_ros.step.constants import MAX_ACTIONS
@@ -83,361 +89,449 @@ CONDITIONS = np.dtype(
 """Condition of each drone under its faults."""
 
 
+class Fleet(NamedTuple):
+    """The faults of B worlds, and the abilities of their drones.
+
+    Attributes:
+        faults: (1,) of `FAULT_CONSTANTS`.
+        abilities: (N,) of `ABILITIES`.
+        conditions: (B, N) of `CONDITIONS`.
+        losses: (N,) int64, step in which each drone is lost; 0 for never.
+        home_steps: (N, G, G) int32 of `ways_home.WaysHome`; (N, 0, 0) without batteries.
+        home_actions: (N, G, G) int8 of `ways_home.WaysHome`; (N, 0, 0) without batteries.
+        applied: (B, N) int8, actions that the drones did in the last step.
+    """
+
+    faults: NDArray[np.void]
+    abilities: NDArray[np.void]
+    conditions: NDArray[np.void]
+    losses: NDArray[np.int64]
+    home_steps: NDArray[np.int32]
+    home_actions: NDArray[np.int8]
+    applied: NDArray[np.int8]
+
+
+class Flyer(NamedTuple):
+    """One drone of one world.
+
+    Attributes:
+        drone: Of `kernels.DRONES`.
+        condition: Of `CONDITIONS`.
+        ability: Of `ABILITIES`.
+        home_steps: (G, G) int32, of `Fleet`.
+        home_actions: (G, G) int8, of `Fleet`.
+    """
+
+    drone: np.void
+    condition: np.void
+    ability: np.void
+    home_steps: NDArray[np.int32]
+    home_actions: NDArray[np.int8]
+
+
+@expanded
+def flyer_of(drones, fleet, b, n):
+    """Return drone n of world b."""
+    return Flyer(
+        drones[b, n],
+        fleet.conditions[b, n],
+        fleet.abilities[n],
+        fleet.home_steps[n],
+        fleet.home_actions[n],
+    )
+
+
 @part
-def can_afford(f, o, home_steps, x, y, to_x, to_y, energy):
+def can_afford(faults, flyer, x, y, to_x, to_y, energy):
     """Return whether a drone can spend this energy and still return home with its reserve.
 
     It must be able to return from both cells, because a move against the wind may not complete.
     """
-    steps = max(home_steps[y, x], home_steps[to_y, to_x])
-    left = o.battery - energy - steps * f.battery_return
-    return left >= f.battery_reserve - ROUNDING
+    steps = max(flyer.home_steps[y, x], flyer.home_steps[to_y, to_x])
+    left = flyer.condition.battery - energy - steps * faults.battery_return
+    return left >= faults.battery_reserve - ROUNDING
 
 
 @part
-def is_able(c, s, action):
+def is_able(constants, flyer, action):
     """Return whether an action is `HELD` or possible for the drone's kind."""
-    return not 0 <= action < c.num_actions or s.pace[action] > 0.0
+    return not 0 <= action < constants.num_actions or flyer.ability.pace[action] > 0.0
 
 
 @part
-def is_between(s, o):
+def is_between(flyer):
     """Return whether a slower drone has a move in progress."""
-    return s.slower and o.heading != HELD and o.status != RETURNING
+    return (
+        flyer.ability.slower
+        and flyer.condition.heading != HELD
+        and flyer.condition.status != RETURNING
+    )
 
 
 @part
-def can_do(c, f, area, d, o, s, home_steps, action):
+def can_do(constants, faults, area, flyer, action):
     """Return whether a drone on the grid can do an action and still return home."""
-    x, y = d.x, d.y
+    ability = flyer.ability
+    x, y = flyer.drone.x, flyer.drone.y
     to_x, to_y = x, y
-    if action == c.search_action:
-        energy = f.battery_search
-    elif not 0 <= action < c.num_actions or s.pace[action] <= 0.0:
-        energy = f.battery_hover
+    if action == constants.search_action:
+        energy = faults.battery_search
+    elif not 0 <= action < constants.num_actions or ability.pace[action] <= 0.0:
+        energy = faults.battery_hover
     else:
-        energy = f.battery_move
-        if is_open(area, c.grid_size, x + c.dx[action], y + c.dy[action]):
-            to_x, to_y = x + c.dx[action], y + c.dy[action]
-        if s.pace[action] >= 1.0:
+        energy = faults.battery_move
+        if is_open(area, constants.grid_size, x + constants.dx[action], y + constants.dy[action]):
+            to_x, to_y = x + constants.dx[action], y + constants.dy[action]
+        if ability.pace[action] >= 1.0:
             x, y = to_x, to_y
-        elif s.slower:
+        elif ability.slower:
             # A slower drone completes every move that it begins.
             x, y = to_x, to_y
-            left = 1.0 - (o.progress if action == o.heading else 0.0)
-            energy *= ceil(left / s.pace[action] - ROUNDING)
-    return can_afford(f, o, home_steps, x, y, to_x, to_y, energy)
+            left = 1.0 - (flyer.condition.progress if action == flyer.condition.heading else 0.0)
+            energy *= ceil(left / ability.pace[action] - ROUNDING)
+    return can_afford(faults, flyer, x, y, to_x, to_y, energy)
 
 
 @part
-def can_go_on(c, f, area, d, o, s, home_steps):
+def can_go_on(constants, faults, area, flyer):
     """Return whether a drone can do anything other than return home."""
-    if o.status == IDENTIFYING:
-        return can_do(c, f, area, d, o, s, home_steps, HELD)
-    if is_between(s, o):
-        return can_do(c, f, area, d, o, s, home_steps, o.heading)
-    for action in range(c.num_actions):
-        to_x, to_y = d.x + c.dx[action], d.y + c.dy[action]
-        is_possible = s.pace[action] > 0.0 and is_open(area, c.grid_size, to_x, to_y)
-        if is_possible and can_do(c, f, area, d, o, s, home_steps, action):
+    if flyer.condition.status == IDENTIFYING:
+        return can_do(constants, faults, area, flyer, HELD)
+    if is_between(flyer):
+        return can_do(constants, faults, area, flyer, flyer.condition.heading)
+    for action in range(constants.num_actions):
+        to_x, to_y = flyer.drone.x + constants.dx[action], flyer.drone.y + constants.dy[action]
+        is_possible = flyer.ability.pace[action] > 0.0 and is_open(
+            area, constants.grid_size, to_x, to_y
+        )
+        if is_possible and can_do(constants, faults, area, flyer, action):
             return True
     return False
 
 
 @part
-def land(f, w, o):
+def land(faults, world, flyer):
     """Record that a drone is home."""
-    o.status = HOME
-    o.until = w.t + f.relief_steps
+    flyer.condition.status = HOME
+    flyer.condition.until = world.t + faults.relief_steps
 
 
 @part
-def turn_home(f, w, d, o, home_steps):
+def turn_home(faults, world, flyer):
     """Send a drone home, above the others; in its home cell it has arrived."""
-    o.status = RETURNING
-    if home_steps[d.y, d.x] == 0:
-        land(f, w, o)
-    o.progress = 0.0
-    o.heading = HELD
-    d.clear = True
+    drone, condition = flyer.drone, flyer.condition
+    condition.status = RETURNING
+    if flyer.home_steps[drone.y, drone.x] == 0:
+        land(faults, world, flyer)
+    condition.progress = 0.0
+    condition.heading = HELD
+    drone.clear = True
 
 
 @part
-def lose(w, d, o):
+def lose(world, flyer):
     """Take a drone out of the mission; the following step terminates it."""
-    o.status = LOST
-    d.alive = False
-    w.num_active -= 1
+    flyer.condition.status = LOST
+    flyer.drone.alive = False
+    world.num_active -= 1
 
 
 @part
-def arrived_command(f, w, o, command):
+def arrived_command(faults, world, flyer, command):
     """Return the command that reaches a drone in this step, `HELD` if none does."""
-    if f.command_delay > 0:
-        slot = w.t % f.command_delay
-        delayed = o.pending[slot]
-        o.pending[slot] = command
+    if faults.command_delay > 0:
+        slot = world.t % faults.command_delay
+        delayed = flyer.condition.pending[slot]
+        flyer.condition.pending[slot] = command
         command = delayed
-    if f.command_drop_rate > 0.0 and draw_unit(w) < f.command_drop_rate:
+    if faults.command_drop_rate > 0.0 and draw_unit(world) < faults.command_drop_rate:
         command = HELD
     return command
 
 
 @part
-def make_way(s, o, action, num_actions, search_action):
+def make_way(constants, flyer, action):
     """Add a step to a move's progress; return the move once it is complete, else `HELD`."""
-    if not 0 <= action < num_actions or action == search_action or s.pace[action] >= 1.0:
-        o.progress = 0.0
-        o.heading = HELD
+    condition, ability = flyer.condition, flyer.ability
+    moves = 0 <= action < constants.num_actions and action != constants.search_action
+    if not moves or ability.pace[action] >= 1.0:
+        condition.progress = 0.0
+        condition.heading = HELD
         return action
-    if action != o.heading:
-        o.progress = 0.0
-        o.heading = action
-    o.progress += s.pace[action]
-    if o.progress < 1.0 - ROUNDING:
+    if action != condition.heading:
+        condition.progress = 0.0
+        condition.heading = action
+    condition.progress += ability.pace[action]
+    if condition.progress < 1.0 - ROUNDING:
         return np.int64(HELD)
-    o.progress -= 1.0
-    if s.slower:
-        o.progress = 0.0
-        o.heading = HELD
+    condition.progress -= 1.0
+    if ability.slower:
+        condition.progress = 0.0
+        condition.heading = HELD
     return action
 
 
 @part
-def may_turn(f, o, inside):
+def may_turn(faults, flyer, inside):
     """Return whether a drone returns home when its battery suffices for nothing else."""
-    flies = o.status == SEARCHING or o.status == IDENTIFYING or o.status == UNDER_WAY
-    return f.battery and inside and flies
+    condition = flyer.condition
+    flies = (
+        condition.status == SEARCHING
+        or condition.status == IDENTIFYING
+        or condition.status == UNDER_WAY
+    )
+    return faults.battery and inside and flies
 
 
 @part
-def decide(c, f, area, w, d, o, s, home_steps, home_actions, command):
+def decide(constants, faults, area, world, flyer, command):
     """Return the action of a drone in the air, and take its energy from the battery."""
-    action = np.int64(arrived_command(f, w, o, command))
-    if o.status != STUCK and f.stuck_rate > 0.0 and draw_unit(w) < f.stuck_rate:
-        o.status = STUCK
-        o.until = w.t + f.stuck_steps
-    inside = is_inside(c.grid_size, d.x, d.y)
-    if is_between(s, o):
-        action = np.int64(o.heading)
-    if o.status == STUCK or o.status == IDENTIFYING or not is_able(c, s, action):
+    drone, condition = flyer.drone, flyer.condition
+    action = np.int64(arrived_command(faults, world, flyer, command))
+    if (
+        condition.status != STUCK
+        and faults.stuck_rate > 0.0
+        and draw_unit(world) < faults.stuck_rate
+    ):
+        condition.status = STUCK
+        condition.until = world.t + faults.stuck_steps
+    inside = is_inside(constants.grid_size, drone.x, drone.y)
+    if is_between(flyer):
+        action = np.int64(condition.heading)
+    if (
+        condition.status == STUCK
+        or condition.status == IDENTIFYING
+        or not is_able(constants, flyer, action)
+    ):
         action = np.int64(HELD)
-    if may_turn(f, o, inside) and not can_do(c, f, area, d, o, s, home_steps, action):
-        turn_home(f, w, d, o, home_steps)
-        if o.status == HOME:
+    if may_turn(faults, flyer, inside) and not can_do(constants, faults, area, flyer, action):
+        turn_home(faults, world, flyer)
+        if condition.status == HOME:
             return np.int64(HELD)
-    energy = f.battery_move
-    if o.status == RETURNING and inside:
-        action = np.int64(home_actions[d.y, d.x])
-        energy = f.battery_return
-    elif action == c.search_action:
-        energy = f.battery_search
-    elif not 0 <= action < c.num_actions:
-        energy = f.battery_hover
-    if o.status != STUCK:
-        action = make_way(s, o, action, c.num_actions, c.search_action)
-    if s.slower and (o.status == SEARCHING or o.status == UNDER_WAY):
-        o.status = UNDER_WAY if is_between(s, o) else SEARCHING
-    if f.battery:
-        o.battery = max(o.battery - energy, 0.0)
+    energy = faults.battery_move
+    if condition.status == RETURNING and inside:
+        action = np.int64(flyer.home_actions[drone.y, drone.x])
+        energy = faults.battery_return
+    elif action == constants.search_action:
+        energy = faults.battery_search
+    elif not 0 <= action < constants.num_actions:
+        energy = faults.battery_hover
+    if condition.status != STUCK:
+        action = make_way(constants, flyer, action)
+    if flyer.ability.slower and (condition.status == SEARCHING or condition.status == UNDER_WAY):
+        condition.status = UNDER_WAY if is_between(flyer) else SEARCHING
+    if faults.battery:
+        condition.battery = max(condition.battery - energy, 0.0)
     return action
 
 
 @kernel
-def before_step(
-    constants, faults, abilities, area, worlds, drones, conditions, losses, home_steps,
-    home_actions, actions, applied, first, last,
-):  # fmt: skip
-    """Decide the actions of the drones in worlds first..last - 1.
+def before_step(batch, fleet, commands, first, last):
+    """Write the actions of the drones in worlds first..last - 1 to `fleet.applied`.
 
     Args:
-        constants: (1,) of `constants.CONSTANTS`.
-        faults: (1,) of `FAULT_CONSTANTS`.
-        abilities: (N,) of `ABILITIES`.
-        area: Of `kernels.Sea`.
-        worlds: (B,) of `kernels.WORLDS`.
-        drones: (B, N) of `kernels.DRONES`.
-        conditions: (B, N) of `CONDITIONS`.
-        losses: (N,) int64, step in which each drone is lost; 0 for never.
-        home_steps: (N, G, G) int32 of `ways_home.WaysHome`; (N, 0, 0) without batteries.
-        home_actions: (N, G, G) int8 of `ways_home.WaysHome`; (N, 0, 0) without batteries.
-        actions: (B, N) int8, the commands.
-        applied: (B, N) int8 out, the drones' actions.
+        batch: The worlds, a `kernels.Batch`.
+        fleet: Their faults.
+        commands: (B, N) int8.
         first: Number of the first world.
         last: Number of the last world, plus one.
     """
-    c, f = constants[0], faults[0]
+    constants, faults, area = batch.constants[0], fleet.faults[0], batch.sea.area
+    drones = batch.crew.drones
     for b in range(first, last):
-        w = worlds[b]
+        world = batch.worlds[b]
         for n in range(drones.shape[1]):
-            applied[b, n] = HELD
-            d, o = drones[b, n], conditions[b, n]
-            if w.done or not d.alive:
+            fleet.applied[b, n] = HELD
+            if world.done or not drones[b, n].alive:
                 continue
-            if o.status == HOME:
-                if f.relief_steps == 0:
-                    d.alive = False
-                    w.num_active -= 1
-                continue
-            lost = w.t + 1 == losses[n] or (f.battery and o.battery <= 0.0)
-            if f.loss_rate > 0.0:
-                lost |= draw_unit(w) < f.loss_rate
-            if lost:
-                lose(w, d, o)
-                continue
-            applied[b, n] = decide(
-                c, f, area, w, d, o, abilities[n], home_steps[n], home_actions[n], actions[b, n]
-            )
+            flyer = flyer_of(drones, fleet, b, n)
+            if takes_part(faults, world, flyer, fleet.losses[n]):
+                action = decide(constants, faults, area, world, flyer, commands[b, n])
+                fleet.applied[b, n] = action
 
 
 @part
-def is_vacant(c, drones, n):
+def takes_part(faults, world, flyer, loss):
+    """Return whether a drone is in the air, and take it out of the mission if it is lost.
+
+    `loss` is the step in which it is lost by the scenario, 0 for never.
+    """
+    if flyer.condition.status == HOME:
+        if faults.relief_steps == 0:
+            flyer.drone.alive = False
+            world.num_active -= 1
+        return False
+    lost = world.t + 1 == loss or (faults.battery and flyer.condition.battery <= 0.0)
+    if faults.loss_rate > 0.0:
+        lost |= draw_unit(world) < faults.loss_rate
+    if lost:
+        lose(world, flyer)
+    return not lost
+
+
+@part
+def is_vacant(constants, drones, n):
     """Return whether a drone can take off in its cell without a collision there."""
-    if not c.collisions:
+    if not constants.collisions:
         return True
-    d = drones[n]
+    drone = drones[n]
     for m in range(len(drones)):
         other = drones[m]
-        if m != n and other.alive and not other.clear and other.x == d.x and other.y == d.y:
+        in_the_way = m != n and other.alive and not other.clear
+        if in_the_way and other.x == drone.x and other.y == drone.y:
             return False
     return True
 
 
 @part
-def observe(c, f, w, d, o):
+def observe(constants, faults, world, flyer):
     """Record the drone's reported position: with a normal error along each axis, on the grid."""
-    o.seen_x, o.seen_y = d.x, d.y
-    if f.position_noise > 0.0 and d.alive and is_inside(c.grid_size, d.x, d.y):
+    drone, condition = flyer.drone, flyer.condition
+    condition.seen_x, condition.seen_y = drone.x, drone.y
+    if (
+        faults.position_noise > 0.0
+        and drone.alive
+        and is_inside(constants.grid_size, drone.x, drone.y)
+    ):
         # Box and Muller; 1 - u is never 0.
-        reach = f.position_noise * sqrt(-2.0 * log(1.0 - draw_unit(w)))
-        turn = 2.0 * pi * draw_unit(w)
-        edge = c.grid_size - 1
+        reach = faults.position_noise * sqrt(-2.0 * log(1.0 - draw_unit(world)))
+        turn = 2.0 * pi * draw_unit(world)
+        edge = constants.grid_size - 1
         # Cut the error to the size of the grid: the cast of a larger one is undefined.
         error_x = min(max(np.floor(reach * cos(turn) + 0.5), -edge), edge)
         error_y = min(max(np.floor(reach * sin(turn) + 0.5), -edge), edge)
-        o.seen_x = min(max(d.x + np.int64(error_x), 0), edge)
-        o.seen_y = min(max(d.y + np.int64(error_y), 0), edge)
+        condition.seen_x = min(max(drone.x + np.int64(error_x), 0), edge)
+        condition.seen_y = min(max(drone.y + np.int64(error_y), 0), edge)
 
 
 @part
-def start(c, f, area, w, d, o, s, home_steps):
+def start(constants, faults, area, world, flyer):
     """Set the condition of a drone to that at the start of a mission."""
-    d.clear = False
-    o.battery = FULL
-    o.progress = 0.0
-    o.until = 0
-    o.status = SEARCHING
-    o.applied = o.heading = HELD
+    condition = flyer.condition
+    flyer.drone.clear = False
+    condition.battery = FULL
+    condition.progress = 0.0
+    condition.until = 0
+    condition.status = SEARCHING
+    condition.applied = condition.heading = HELD
     for k in range(MAX_DELAY):
-        o.pending[k] = HELD
-    if f.battery and not can_go_on(c, f, area, d, o, s, home_steps):
-        turn_home(f, w, d, o, home_steps)
-    observe(c, f, w, d, o)
+        condition.pending[k] = HELD
+    if faults.battery and not can_go_on(constants, faults, area, flyer):
+        turn_home(faults, world, flyer)
+    observe(constants, faults, world, flyer)
 
 
 @part
-def update(c, f, area, w, drones, n, o, s, home_steps):
+def update(constants, faults, area, world, drones, n, flyer):
     """Update the condition of a drone still in the mission after a step."""
-    d = drones[n]
-    inside = is_inside(c.grid_size, d.x, d.y)
-    if o.status == HOME:
-        if f.relief_steps > 0 and w.t >= o.until and is_vacant(c, drones, n):
-            o.status = SEARCHING
-            o.battery = FULL
-            d.clear = False
-    elif o.status == RETURNING:
-        if inside and home_steps[d.y, d.x] == 0:
-            land(f, w, o)
-    elif (o.status == STUCK or o.status == IDENTIFYING) and w.t >= o.until:
-        under_way = UNDER_WAY if is_between(s, o) else SEARCHING
-        o.status = RETURNING if d.clear else under_way
-    rate = s.false_alarms[o.applied] if 0 <= o.applied < c.num_actions else 0.0
-    if rate > 0.0 and not d.found and draw_unit(w) < rate:
-        o.status = IDENTIFYING
-        o.until = w.t + f.false_alarm_steps
-    if may_turn(f, o, inside) and not can_go_on(c, f, area, d, o, s, home_steps):
-        turn_home(f, w, d, o, home_steps)
-    if s.endurance > 0 and w.t >= s.endurance and not f.battery:
-        land(f, w, o)
-        o.progress = 0.0
-        o.heading = HELD
-        d.clear = True
+    drone, condition, ability = flyer.drone, flyer.condition, flyer.ability
+    inside = is_inside(constants.grid_size, drone.x, drone.y)
+    if condition.status == HOME:
+        if (
+            faults.relief_steps > 0
+            and world.t >= condition.until
+            and is_vacant(constants, drones, n)
+        ):
+            condition.status = SEARCHING
+            condition.battery = FULL
+            drone.clear = False
+    elif condition.status == RETURNING:
+        if inside and flyer.home_steps[drone.y, drone.x] == 0:
+            land(faults, world, flyer)
+    elif (
+        condition.status == STUCK or condition.status == IDENTIFYING
+    ) and world.t >= condition.until:
+        under_way = UNDER_WAY if is_between(flyer) else SEARCHING
+        condition.status = RETURNING if drone.clear else under_way
+    rate = (
+        ability.false_alarms[condition.applied]
+        if 0 <= condition.applied < constants.num_actions
+        else 0.0
+    )
+    if rate > 0.0 and not drone.found and draw_unit(world) < rate:
+        condition.status = IDENTIFYING
+        condition.until = world.t + faults.false_alarm_steps
+    if may_turn(faults, flyer, inside) and not can_go_on(constants, faults, area, flyer):
+        turn_home(faults, world, flyer)
+    if ability.endurance > 0 and world.t >= ability.endurance and not faults.battery:
+        land(faults, world, flyer)
+        condition.progress = 0.0
+        condition.heading = HELD
+        drone.clear = True
 
 
 @kernel
-def after_step(
-    constants, faults, abilities, area, worlds, drones, conditions, home_steps, applied, first, last
-):
-    """Update the drones' conditions after a step; arguments as in `before_step`."""
-    c, f = constants[0], faults[0]
+def after_step(batch, fleet, first, last):
+    """Update the drones' conditions after a step of the worlds first..last - 1."""
+    constants, faults, area = batch.constants[0], fleet.faults[0], batch.sea.area
+    drones = batch.crew.drones
     for b in range(first, last):
-        w = worlds[b]
+        world = batch.worlds[b]
         for n in range(drones.shape[1]):
-            d, o, s = drones[b, n], conditions[b, n], abilities[n]
-            if w.t == 0:
+            flyer = flyer_of(drones, fleet, b, n)
+            if world.t == 0:
                 # The batch reset this world in the step.
-                start(c, f, area, w, d, o, s, home_steps[n])
+                start(constants, faults, area, world, flyer)
                 continue
-            o.applied = applied[b, n]
-            if d.alive and not w.done:
-                update(c, f, area, w, drones[b], n, o, s, home_steps[n])
-            observe(c, f, w, d, o)
+            flyer.condition.applied = fleet.applied[b, n]
+            if flyer.drone.alive and not world.done:
+                update(constants, faults, area, world, drones[b], n, flyer)
+            observe(constants, faults, world, flyer)
 
 
 @kernel
-def start_conditions(
-    constants, faults, abilities, area, worlds, drones, conditions, home_steps, which
-):
-    """Begin the missions of the worlds with which[b], (B,) bool; see `before_step`."""
-    c, f = constants[0], faults[0]
-    for b in range(len(worlds)):
+def start_conditions(batch, fleet, which):
+    """Begin the missions of the worlds with which[b], (B,) bool."""
+    constants, faults, area = batch.constants[0], fleet.faults[0], batch.sea.area
+    drones = batch.crew.drones
+    for b in range(len(which)):
         if which[b]:
+            fleet.applied[b, :] = HELD
             for n in range(drones.shape[1]):
-                d, o, s = drones[b, n], conditions[b, n], abilities[n]
-                start(c, f, area, worlds[b], d, o, s, home_steps[n])
+                flyer = flyer_of(drones, fleet, b, n)
+                start(constants, faults, area, batch.worlds[b], flyer)
 
 
 @part
-def restrict_mask(c, f, area, d, o, s, home_steps, home_actions, mask):
+def restrict_mask(constants, faults, area, flyer, mask):
     """Clear the actions that a drone cannot do in its mask (A,); at least one stays."""
-    if is_between(s, o):
+    drone, condition = flyer.drone, flyer.condition
+    if is_between(flyer):
         mask[:] = 0
-        mask[o.heading] = 1
+        mask[condition.heading] = 1
         return
-    to_home = f.battery and is_inside(c.grid_size, d.x, d.y)
-    steered = o.status == HOME or o.status == RETURNING
-    if f.battery and not to_home:
+    to_home = faults.battery and is_inside(constants.grid_size, drone.x, drone.y)
+    steered = condition.status == HOME or condition.status == RETURNING
+    if faults.battery and not to_home:
         steered = False
     left = 0
-    for a in range(c.num_actions):
+    for a in range(constants.num_actions):
         if mask[a] and (
             steered
-            or s.pace[a] <= 0.0
-            or (to_home and not can_do(c, f, area, d, o, s, home_steps, a))
+            or flyer.ability.pace[a] <= 0.0
+            or (to_home and not can_do(constants, faults, area, flyer, a))
         ):
             mask[a] = 0
         left += mask[a]
     if left == 0:
-        home = home_actions[d.y, d.x] if to_home else HELD
-        mask[home if home >= 0 else c.search_action] = 1
+        home = flyer.home_actions[drone.y, drone.x] if to_home else HELD
+        mask[home if home >= 0 else constants.search_action] = 1
 
 
 @kernel
-def restrict_masks(
-    constants, faults, abilities, area, drones, conditions, home_steps, home_actions, masks, first,
-    last,
-):  # fmt: skip
+def restrict_masks(batch, fleet, masks, first, last):
     """Clear the actions that drones cannot do or that would keep them from returning home.
 
     For a drone that is under way, returning or home, only the action that continues this stays. At
     least one action always stays. `masks` are (B, N, A) int8, 0 for moves out of the grid or the
-    area; the other arguments are as in `before_step`.
+    area.
     """
-    c, f = constants[0], faults[0]
-    if not (f.battery or f.has_limits):
+    constants, faults, area = batch.constants[0], fleet.faults[0], batch.sea.area
+    drones = batch.crew.drones
+    if not (faults.battery or faults.has_limits):
         return
     for b in range(first, last):
         for n in range(drones.shape[1]):
-            d, o, s = drones[b, n], conditions[b, n], abilities[n]
-            if d.alive:
-                restrict_mask(c, f, area, d, o, s, home_steps[n], home_actions[n], masks[b, n])
+            if drones[b, n].alive:
+                flyer = flyer_of(drones, fleet, b, n)
+                restrict_mask(constants, faults, area, flyer, masks[b, n])

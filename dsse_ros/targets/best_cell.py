@@ -17,23 +17,28 @@ FACTORS = 100
 
 
 @part
-def move_to_best_cell(c, w, gauss, area, _transitions, person, _direction):
+def move_to_best_cell(constants, world, sea, person, _direction):
     """Move a person to the best of the 3 x 3 window, each cell weighted by U{1..100} / 100."""
     best, best_dx, best_dy = 0.0, 0, 0
     for dy in range(-1, 2):
         for dx in range(-1, 2):
-            factor = (1 + draw_below(w, FACTORS)) / np.float64(FACTORS)
-            weight = cell_probability(c, w, gauss, area, person.x + dx, person.y + dy) * factor
+            factor = (1 + draw_below(world, FACTORS)) / np.float64(FACTORS)
+            weight = (
+                cell_probability(
+                    constants, world, sea.gauss, sea.area, person.x + dx, person.y + dy
+                )
+                * factor
+            )
             if weight > best:
                 best, best_dx, best_dy = weight, dx, dy
-    if best == 0.0 and steps_to_north_west(c, area, person.x, person.y):
+    if best == 0.0 and steps_to_north_west(constants, sea.area, person.x, person.y):
         best_dx = best_dy = -1
     person.x += best_dx
     person.y += best_dy
 
 
 @part
-def best_cell_chances(c, area, _transitions, x, y, window, out, scratch):
+def best_cell_chances(constants, sea, x, y, window, out, scratch):
     """Write the probabilities of the steps that can be the best one.
 
     A step is best if its weight times its factor exceeds the products of all steps before it and is
@@ -45,7 +50,7 @@ def best_cell_chances(c, area, _transitions, x, y, window, out, scratch):
     for step in range(STEPS):
         candidates += window[step] > 0.0
     if candidates == 0:
-        out[0 if steps_to_north_west(c, area, x, y) else NO_STEP] = 1.0
+        out[0 if steps_to_north_west(constants, sea.area, x, y) else NO_STEP] = 1.0
         return
     for step in range(STEPS):
         weight = window[step]
@@ -70,9 +75,9 @@ def best_cell_chances(c, area, _transitions, x, y, window, out, scratch):
 
 
 @part
-def steps_to_north_west(c, area, x, y):
+def steps_to_north_west(constants, area, x, y):
     """Return whether a person in an all-zero window walks to the north-west."""
-    return c.person_walks_blind and not is_masked(area, c.grid_size, x - 1, y - 1)
+    return constants.person_walks_blind and not is_masked(area, constants.grid_size, x - 1, y - 1)
 
 
 @part

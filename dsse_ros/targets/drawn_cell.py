@@ -15,28 +15,32 @@ DRIFT_WEIGHT = 0.05
 
 
 @part
-def move_with_drift(c, w, gauss, area, _transitions, person, direction):
+def move_with_drift(constants, world, sea, person, direction):
     """Draw a person's step from the 3 x 3 window, with more weight on the drift's step."""
     total = DRIFT_WEIGHT
     for dy in range(-1, 2):
         for dx in range(-1, 2):
-            total += cell_probability(c, w, gauss, area, person.x + dx, person.y + dy)
-    left = draw_unit(w) * total
+            total += cell_probability(
+                constants, world, sea.gauss, sea.area, person.x + dx, person.y + dy
+            )
+    left = draw_unit(world) * total
     drawn = direction
     for step in range(STEPS):
         dx, dy = step % 3 - 1, step // 3 - 1
-        left -= cell_probability(c, w, gauss, area, person.x + dx, person.y + dy)
+        left -= cell_probability(
+            constants, world, sea.gauss, sea.area, person.x + dx, person.y + dy
+        )
         if step == direction:
             left -= DRIFT_WEIGHT
         if left < 0:
             drawn = step
             break
     dx, dy = drawn % 3 - 1, drawn // 3 - 1
-    person.x, person.y = step_within(area, c.grid_size, person.x, person.y, dx, dy)
+    person.x, person.y = step_within(sea.area, constants.grid_size, person.x, person.y, dx, dy)
 
 
 @part
-def drift_chances(_c, _area, _transitions, _x, _y, window, out, _scratch):
+def drift_chances(_constants, _sea, _x, _y, window, out, _scratch):
     """Write the probabilities of the steps of `move_with_drift`."""
     total = DRIFT_WEIGHT
     for step in range(STEPS):

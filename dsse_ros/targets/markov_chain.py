@@ -15,38 +15,38 @@ from dsse_ros.targets.sea_map import is_inside, is_open
 
 
 @part
-def chance_of_move(c, area, transitions, x, y, step):
+def chance_of_move(constants, area, transitions, x, y, step):
     """Return the probability of a step to another cell, 0 if it leads out of the area."""
-    g = c.grid_size
+    g = constants.grid_size
     # A damaged snapshot can have a person off the grid.
     if step == NO_STEP or not is_inside(g, x, y):
         return 0.0
     if not is_open(area, g, x + step % 3 - 1, y + step // 3 - 1):
         return 0.0
     if transitions is None:
-        return c.person_steps[step]
+        return constants.person_steps[step]
     return transitions[y, x, step]
 
 
 @part
-def follow_chain(c, w, _gauss, area, transitions, person, _direction):
+def follow_chain(constants, world, sea, person, _direction):
     """Move a person by a step of the chain, or not at all."""
     x, y = person.x, person.y
-    left = draw_unit(w)
+    left = draw_unit(world)
     for step in range(STEPS):
-        left -= chance_of_move(c, area, transitions, x, y, step)
+        left -= chance_of_move(constants, sea.area, sea.transitions, x, y, step)
         if left < 0.0:
             person.x, person.y = x + step % 3 - 1, y + step // 3 - 1
             return
 
 
 @part
-def chain_chances(c, area, transitions, x, y, _window, out, _scratch):
+def chain_chances(constants, sea, x, y, _window, out, _scratch):
     """Write the probabilities of the steps of `follow_chain`."""
     out[:] = 0.0
     moves = 0.0
     for step in range(STEPS):
-        out[step] = chance_of_move(c, area, transitions, x, y, step)
+        out[step] = chance_of_move(constants, sea.area, sea.transitions, x, y, step)
         moves += out[step]
     # Rounding may put a sum of probabilities above 1.
     out[NO_STEP] = max(1.0 - moves, 0.0)

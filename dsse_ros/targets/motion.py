@@ -4,7 +4,7 @@
 
 A motion is two functions on the 3 x 3 window around a person. One draws a step, for the search; the
 other writes the probability of each step, for a belief. A step has the number 3 (dy + 1) + dx + 1,
-0 to 8. `transitions` is a field of `kernels.Sea`; the other arguments are as in `sea_map`.
+0 to 8. Arguments are as in `sea_map`.
 """
 
 from __future__ import annotations
@@ -48,11 +48,12 @@ class PersonMotion(NamedTuple):
 
     Attributes:
         doc: Motion of a person, as a phrase without a subject.
-        move: move(c, w, gauss, area, transitions, person, direction) draws a step and does it,
-            using only the random draws of `draws`.
-        chances: chances(c, area, transitions, x, y, window, out, scratch) writes the probability of
-            each step of a person in the cell (x, y) to out (`CHANCES`,), and last the addition to
-            that of `direction`, within the limits of `step_within`. `window` (9,) has the
+        move: move(constants, world, sea, person, direction) draws a step and does it, using only
+            the random draws of `draws`.
+        chances: chances(constants, sea, x, y, window, out, scratch) writes the probability of each
+            step of a person in the cell (x, y) to out (`CHANCES`,), and last the addition to that
+            of `direction`, within the limits of `step_within`; of the sea it may use `area` and
+            `transitions`. `window` (9,) has the
             probabilities of the cells that the steps lead to; `scratch` (`SCRATCH`,) is free to
             use.
         own_drift: Whether each person has its own drift, drawn at reset, and steps only when it has

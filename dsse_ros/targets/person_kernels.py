@@ -21,18 +21,18 @@ from dsse_ros.targets.sea_map import drift_per_step, is_masked, less_one
 
 
 def of_motion(functions: Iterable[Any], number: int = 0) -> Any:
-    """Return a compiled function that calls the function with the number `c.motion`."""
+    """Return a compiled function that calls the function with the number `constants.motion`."""
     first, *others = functions
     if not others:
         return first
     rest = of_motion(others, number + 1)
 
     @inlined
-    def call(c, *arguments):
-        if c.motion == number:
-            first(c, *arguments)
+    def call(constants, *arguments):
+        if constants.motion == number:
+            first(constants, *arguments)
         else:
-            rest(c, *arguments)
+            rest(constants, *arguments)
 
     return call
 
@@ -42,15 +42,15 @@ step_chances = of_motion(motion.chances for motion in MOTIONS.values())
 
 
 @kernel
-def persons_step(c, w, gauss, area, transitions, persons):
+def persons_step(constants, world, sea, persons):
     """Move every person not found yet."""
     for p in range(len(persons)):
         person = persons[p]
-        if person.found and not c.found_persons_stay:
+        if person.found and not constants.found_persons_stay:
             continue
-        direction = gathered_step(person) if c.own_drift else NO_STEP
+        direction = gathered_step(person) if constants.own_drift else NO_STEP
         if direction != STAND_STILL:
-            move_person(c, w, gauss, area, transitions, person, direction)
+            move_person(constants, world, sea, person, direction)
 
 
 @part
@@ -76,7 +76,7 @@ DRIFT_RANGES = 4
 
 
 @part
-def own_drift(c, w, k, share):
+def own_drift(constants, world, k, share):
     """Return the drift (x, y) of a person whose angle is `share` of the way along range k of 4.
 
     It is the mean of the vector and a rotated and scaled copy of it. The scale decreases with the
@@ -86,36 +86,38 @@ def own_drift(c, w, k, share):
     high = (45.0, 55.0, 360.0, 360.0)[k]
     angle = np.radians(low + share * (high - low))
     scale = 0.5 + np.exp(-abs(angle - np.pi / 2) / np.pi)
-    turned_x = scale * (np.cos(angle) * w.vector_x - np.sin(angle) * w.vector_y)
-    turned_y = scale * (np.sin(angle) * w.vector_x + np.cos(angle) * w.vector_y)
-    return drift_per_step(c, (w.vector_x + turned_x) / 2, (w.vector_y + turned_y) / 2)
+    turned_x = scale * (np.cos(angle) * world.vector_x - np.sin(angle) * world.vector_y)
+    turned_y = scale * (np.sin(angle) * world.vector_x + np.cos(angle) * world.vector_y)
+    return drift_per_step(
+        constants, (world.vector_x + turned_x) / 2, (world.vector_y + turned_y) / 2
+    )
 
 
 @part
-def draw_own_drift(c, w, person):
+def draw_own_drift(constants, world, person):
     """Draw a person's drift: all ranges, and all angles in a range, are equally likely."""
-    k = draw_below(w, DRIFT_RANGES)
-    person.drift_x, person.drift_y = own_drift(c, w, k, draw_unit(w))
+    k = draw_below(world, DRIFT_RANGES)
+    person.drift_x, person.drift_y = own_drift(constants, world, k, draw_unit(world))
 
 
 @part
-def scatter_persons(c, w, area, persons, cells):
+def scatter_persons(constants, world, area, persons, cells):
     """Put all but the first person in different cells within `person_scatter` of the start."""
-    g, s = c.grid_size, c.person_scatter
-    x0, y0 = max(w.start_x - s, 0), max(w.start_y - s, 0)
-    width = min(w.start_x + s, g - 1) - x0 + 1
-    height = min(w.start_y + s, g - 1) - y0 + 1
+    g, s = constants.grid_size, constants.person_scatter
+    x0, y0 = max(world.start_x - s, 0), max(world.start_y - s, 0)
+    width = min(world.start_x + s, g - 1) - x0 + 1
+    height = min(world.start_y + s, g - 1) - y0 + 1
     count = start = 0
     for k in range(width * height):
         x, y = x0 + k % width, y0 + k // width
         if is_masked(area, g, x, y):
             continue
-        if x == w.start_x and y == w.start_y:
+        if x == world.start_x and y == world.start_y:
             start = count
         cells[count] = k
         count += 1
     cells[0], cells[start] = cells[start], cells[0]
     for p in range(1, len(persons)):
-        k = p + draw_below(w, count - p)
+        k = p + draw_below(world, count - p)
         cells[p], cells[k] = cells[k], cells[p]
         persons[p].x, persons[p].y = x0 + cells[p] % width, y0 + cells[p] // width

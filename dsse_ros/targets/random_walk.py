@@ -12,41 +12,43 @@ from dsse_ros.targets.sea_map import is_open
 
 
 @part
-def share_of_step(c, area, x, y, step):
+def share_of_step(constants, area, x, y, step):
     """Return the share of a step among those that leave the cell, 0 if it leads out."""
-    if step == NO_STEP or not is_open(area, c.grid_size, x + step % 3 - 1, y + step // 3 - 1):
+    if step == NO_STEP or not is_open(
+        area, constants.grid_size, x + step % 3 - 1, y + step // 3 - 1
+    ):
         return 0.0
-    return c.person_steps[step]
+    return constants.person_steps[step]
 
 
 @part
-def scale_of_steps(c, area, x, y):
+def scale_of_steps(constants, area, x, y):
     """Return the factor that makes the shares probabilities, 0 if no step is possible."""
     total = 0.0
     for step in range(STEPS):
-        total += share_of_step(c, area, x, y, step)
-    return (1.0 - c.person_steps[NO_STEP]) / total if total > 0.0 else 0.0
+        total += share_of_step(constants, area, x, y, step)
+    return (1.0 - constants.person_steps[NO_STEP]) / total if total > 0.0 else 0.0
 
 
 @part
-def walk(c, w, _gauss, area, _transitions, person, _direction):
+def walk(constants, world, sea, person, _direction):
     """Move a person by a random step, or not at all."""
     x, y = person.x, person.y
-    left, scale = draw_unit(w), scale_of_steps(c, area, x, y)
+    left, scale = draw_unit(world), scale_of_steps(constants, sea.area, x, y)
     for step in range(STEPS):
-        left -= scale * share_of_step(c, area, x, y, step)
+        left -= scale * share_of_step(constants, sea.area, x, y, step)
         if left < 0.0:
             person.x, person.y = x + step % 3 - 1, y + step // 3 - 1
             return
 
 
 @part
-def walk_chances(c, area, _transitions, x, y, _window, out, _scratch):
+def walk_chances(constants, sea, x, y, _window, out, _scratch):
     """Write the probabilities of the steps of `walk`."""
     out[:] = 0.0
-    scale, moves = scale_of_steps(c, area, x, y), 0.0
+    scale, moves = scale_of_steps(constants, sea.area, x, y), 0.0
     for step in range(STEPS):
-        out[step] = scale * share_of_step(c, area, x, y, step)
+        out[step] = scale * share_of_step(constants, sea.area, x, y, step)
         moves += out[step]
     out[NO_STEP] = 1.0 - moves
 

@@ -24,7 +24,7 @@ MOTIONS: dict[str, PersonMotion] = {
     "random_walk": RANDOM_WALK,
     "markov_chain": MARKOV_CHAIN,
 }
-"""The motions by name; `c.motion` is the number of the one in use."""
+"""The motions by name; `constants.motion` is the number of the one in use."""
 
 TARGET_MODELS: dict[str, TargetModel] = {
     **MOTIONS,

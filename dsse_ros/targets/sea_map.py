@@ -6,17 +6,40 @@
 The map is a closed form of (datum, circle, spread): two tables of exponentials, one per axis, and
 a normaliser from their tail sums. A cell costs two look-ups, a whole map one streaming write.
 
-Arguments with the same names mean the same everywhere: `c` is an element of `constants.CONSTANTS`,
-`w` one of `kernels.WORLDS`, the others are the fields of `kernels.Sea` and `kernels.Scratch` for
-one world.
+Arguments with the same names mean the same everywhere: `constants` is an element of
+`constants.CONSTANTS`, `world` one of `kernels.WORLDS`, `sea` the `Sea` of one world; the others are
+fields of `Sea` and of `kernels.Scratch`. The compiler removes a branch on a field that is None only
+where the field is an argument of its own.
 """
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
+from numpy.typing import NDArray
 
 from dsse_ros.compiled.jit import inlined, kernel, part
 from dsse_ros.compiled.streaming import LANES, stream_product
+
+
+class Sea(NamedTuple):
+    """The sea of B worlds, or of one: then there is no first axis B.
+
+    Attributes:
+        gauss: (1 or B, 2, 2 G + 1) float64, exponentials along x and y.
+        tails: (1 or B, 2, G + 2) float64, their tail sums.
+        area: (G, G) bool [row, col], the searched cells; None for all.
+        runs: (R, 3) int64, the same by row, first and last column; None for all.
+        transitions: (G, G, 9) float64, the probabilities of the steps of a `markov_chain` from each
+            cell [row, col], read-only; None if they are the same in all cells.
+    """
+
+    gauss: NDArray[np.float64]
+    tails: NDArray[np.float64]
+    area: NDArray[np.bool_] | None
+    runs: NDArray[np.int64] | None
+    transitions: NDArray[np.float64] | None = None
 
 
 @part
@@ -45,15 +68,15 @@ def span_sum(tails, lo, hi):
 
 
 @part
-def diameter(w):
+def diameter(world):
     """Return the diameter of the circle in cells: 2, 2, 3, 4, ... from the first map step on."""
-    return 2 + max(w.map_steps - 2, 0)
+    return 2 + max(world.map_steps - 2, 0)
 
 
 @kernel
-def radius(w):
+def radius(world):
     """Return the radius of the circle in cells."""
-    return diameter(w) / 2.0
+    return diameter(world) / 2.0
 
 
 @part
@@ -107,42 +130,42 @@ def step_within(area, g, x, y, dx, dy):
 
 
 @part
-def cell_probability(c, w, gauss, area, x, y):
+def cell_probability(constants, world, gauss, area, x, y):
     """Return the probability of the cell (x, y), 0 outside the grid and the area."""
-    g = c.grid_size
+    g = constants.grid_size
     if x < 0 or y < 0 or x >= g or y >= g or is_masked(area, g, x, y):
         return 0.0
-    adx, ady = abs(x - w.circle_x), abs(y - w.circle_y)
-    if w.scale == 0.0:
+    adx, ady = abs(x - world.circle_x), abs(y - world.circle_y)
+    if world.scale == 0.0:
         return 1.0 if adx == 0 and ady == 0 else 0.0
-    if c.circle and not inside_circle(adx, ady, diameter(w) ** 2):
+    if constants.circle and not inside_circle(adx, ady, diameter(world) ** 2):
         return 0.0
-    return (w.scale * gauss[1, g + y - w.datum_y]) * gauss[0, g + x - w.datum_x]
+    return (world.scale * gauss[1, g + y - world.datum_y]) * gauss[0, g + x - world.datum_x]
 
 
 @part
-def rows_covered(w, g, d2):
+def rows_covered(world, g, d2):
     """Return the number of rows fully covered on each side of the circle's centre, -1 for none."""
-    far = max(w.circle_x, g - 1 - w.circle_x)
+    far = max(world.circle_x, g - 1 - world.circle_x)
     rest = d2 - (2 * far + 1) * (2 * far + 1)
     if rest < 0:
         return -1
-    rows = min(np.int64(np.sqrt(rest) / 2), max(w.circle_y, g - 1 - w.circle_y))
+    rows = min(np.int64(np.sqrt(rest) / 2), max(world.circle_y, g - 1 - world.circle_y))
     while rows >= 0 and not inside_circle(far, rows, d2):
         rows -= 1
     return rows
 
 
 @part
-def update_circle(w, circle):
+def update_circle(world, circle):
     """Write the half width of the world's circle in the rows at distance 0, 1, ... of its centre.
 
     Args:
-        w: The world.
+        world: The world.
         circle: (G + 1,) int64 out, -1 for none and at most G, as no cell is farther; the last
             element is the diameter, so that consecutive worlds with equal circles share the work.
     """
-    d = diameter(w)
+    d = diameter(world)
     rows = len(circle) - 1
     if circle[rows] == d:
         return
@@ -157,15 +180,16 @@ def update_circle(w, circle):
 
 
 @part
-def circle_sum(w, gauss, tails, circle, g):
+def circle_sum(constants, world, sea, circle):
     """Return the sum of the Gaussian over the cells of the circle."""
-    x, y, d2 = w.circle_x, w.circle_y, diameter(w) ** 2
-    along_x = span_sum(tails[0], -w.datum_x, g - 1 - w.datum_x)
-    rows = rows_covered(w, g, d2)
+    gauss, tails, g = sea.gauss, sea.tails, constants.grid_size
+    x, y, d2 = world.circle_x, world.circle_y, diameter(world) ** 2
+    along_x = span_sum(tails[0], -world.datum_x, g - 1 - world.datum_x)
+    rows = rows_covered(world, g, d2)
     total = 0.0
     if rows >= 0:
         low, high = max(y - rows, 0), min(y + rows, g - 1)
-        total = along_x * span_sum(tails[1], low - w.datum_y, high - w.datum_y)
+        total = along_x * span_sum(tails[1], low - world.datum_y, high - world.datum_y)
     for ady in range(rows + 1, max(y, g - 1 - y) + 1):
         half_width = circle[ady]
         if half_width < 0:
@@ -173,70 +197,78 @@ def circle_sum(w, gauss, tails, circle, g):
         low, high = max(x - half_width, 0), min(x + half_width, g - 1)
         along_y = 0.0
         if y - ady >= 0:
-            along_y += gauss[1, g + y - ady - w.datum_y]
+            along_y += gauss[1, g + y - ady - world.datum_y]
         if ady > 0 and y + ady < g:
-            along_y += gauss[1, g + y + ady - w.datum_y]
-        total += along_y * span_sum(tails[0], low - w.datum_x, high - w.datum_x)
+            along_y += gauss[1, g + y + ady - world.datum_y]
+        total += along_y * span_sum(tails[0], low - world.datum_x, high - world.datum_x)
     return total
 
 
 @part
-def area_sum(c, w, gauss, tails, runs, circle, g):
+def area_sum(constants, world, sea, circle):
     """Return the sum of the Gaussian over the cells of the area, and of the circle if any."""
+    gauss, tails, runs, g = sea.gauss, sea.tails, sea.runs, constants.grid_size
     total = 0.0
     for r in range(len(runs)):
         row, low, high = runs[r, 0], runs[r, 1], runs[r, 2]
-        if c.circle:
-            half_width = circle[abs(row - w.circle_y)]
-            low, high = max(low, w.circle_x - half_width), min(high, w.circle_x + half_width)
+        if constants.circle:
+            half_width = circle[abs(row - world.circle_y)]
+            low, high = (
+                max(low, world.circle_x - half_width),
+                min(high, world.circle_x + half_width),
+            )
         if low <= high:
-            along_x = span_sum(tails[0], low - w.datum_x, high - w.datum_x)
-            total += gauss[1, g + row - w.datum_y] * along_x
+            along_x = span_sum(tails[0], low - world.datum_x, high - world.datum_x)
+            total += gauss[1, g + row - world.datum_y] * along_x
     return total
 
 
 @part
-def normalise(c, w, gauss, tails, runs, circle):
-    """Set the scale that makes the probabilities sum to 1."""
-    g = c.grid_size
-    if c.circle:
-        update_circle(w, circle)
+def gaussian_sum(constants, world, sea, runs, circle):
+    """Return the sum of the Gaussian over the possible cells; `runs` are those of the sea."""
     if runs is not None:
-        total = area_sum(c, w, gauss, tails, runs, circle, g)
-    elif c.circle:
-        total = circle_sum(w, gauss, tails, circle, g)
-    else:
-        total = span_sum(tails[0], -w.datum_x, g - 1 - w.datum_x) * span_sum(
-            tails[1], -w.datum_y, g - 1 - w.datum_y
-        )
+        return area_sum(constants, world, sea, circle)
+    if constants.circle:
+        return circle_sum(constants, world, sea, circle)
+    last = constants.grid_size - 1
+    along_x = span_sum(sea.tails[0], -world.datum_x, last - world.datum_x)
+    return along_x * span_sum(sea.tails[1], -world.datum_y, last - world.datum_y)
+
+
+@part
+def normalise(constants, world, sea, circle):
+    """Set the scale that makes the probabilities sum to 1."""
+    if constants.circle:
+        update_circle(world, circle)
+    total = gaussian_sum(constants, world, sea, sea.runs, circle)
     # If the Gaussian underflows in the circle, the circle's centre has all the probability.
-    w.scale = 1.0 / total if total > 1e-300 else 0.0
+    world.scale = 1.0 / total if total > 1e-300 else 0.0
 
 
 # Without inlining, writing large maps takes a third longer.
 @inlined
-def write_map(c, w, gauss, area, circle, span, stream, out):
+def write_map(constants, world, sea, scratch, stream, out):
     """Write the map (G, G) float32, out[y, x], row by row in memory order.
 
-    `circle` and `span` (G,) float64 are scratch; `stream` is whether to write past the caches.
+    `stream` is whether to write past the caches.
     """
-    g = c.grid_size
-    if w.scale == 0.0:
+    g, gauss, circle, span = constants.grid_size, sea.gauss, scratch.circle, scratch.span
+    if world.scale == 0.0:
         out[:] = 0
-        out[w.circle_y, w.circle_x] = 1
+        out[world.circle_y, world.circle_x] = 1
         return
-    x, y = w.circle_x, w.circle_y
+    x, y = world.circle_x, world.circle_y
     # Slices that start at 0 compile to vector code.
-    weights = gauss[0, g - w.datum_x : 2 * g - w.datum_x]
-    rows = gauss[1, g - w.datum_y : 2 * g - w.datum_y]
+    weights = gauss[0, g - world.datum_x : 2 * g - world.datum_x]
+    rows = gauss[1, g - world.datum_y : 2 * g - world.datum_y]
     for i in range(g):
-        span[i] = 0.0 if c.circle else weights[i]
-    if c.circle:
-        update_circle(w, circle)
+        span[i] = 0.0 if constants.circle else weights[i]
+    if constants.circle:
+        update_circle(world, circle)
     half_width = -1
     for j in range(g):
         # Between rows, only the ends of the circle's span of weights change.
-        wanted = circle[abs(j - y)] if c.circle else -1
+        wanted = circle[abs(j - y)] if constants.circle else -1
         while half_width < wanted:
             half_width += 1
             if half_width <= x:
@@ -249,20 +281,21 @@ def write_map(c, w, gauss, area, circle, span, stream, out):
             if half_width < g - x:
                 span[x + half_width] = 0.0
             half_width -= 1
-        row, k = out[j], w.scale * rows[j]
+        row, k = out[j], world.scale * rows[j]
         if stream:
             for i in range(0, g, LANES):
                 stream_product(row, i, k, span)
         else:
             for i in range(g):
                 row[i] = k * span[i]
-    if area is not None:
-        cut_map(area, out)
+    cut_map(sea.area, out)
 
 
 @part
 def cut_map(area, out):
     """Set the cells of a map outside the area to 0."""
+    if area is None:
+        return
     for j in range(len(area)):
         for i in range(len(area)):
             out[j, i] = out[j, i] if area[j, i] else 0.0
@@ -275,66 +308,70 @@ def less_one(remainder):
 
 
 @part
-def drift(c, w, area):
+def drift(constants, world, area):
     """Move the datum by the drift of one step; it stays in the area."""
-    g = c.grid_size
-    if c.drift_remainder_dropped:
-        if abs(w.remainder_x) >= 1:
-            w.remainder_x = 0.0
-        if abs(w.remainder_y) >= 1:
-            w.remainder_y = 0.0
-    w.remainder_x += w.drift_x
-    w.remainder_y += w.drift_y
-    dx, dy = np.int64(w.remainder_x), np.int64(w.remainder_y)
-    if c.drift_remainder_less_one:
-        w.remainder_x, w.remainder_y = less_one(w.remainder_x), less_one(w.remainder_y)
-    elif not c.drift_remainder_dropped:
-        w.remainder_x -= dx
-        w.remainder_y -= dy
-    if c.drift_axes_independent:
-        w.datum_x, w.datum_y = step_within(area, g, w.datum_x, w.datum_y, dx, dy)
-    elif is_open(area, g, w.datum_x + dx, w.datum_y + dy):
-        w.datum_x += dx
-        w.datum_y += dy
+    g = constants.grid_size
+    if constants.drift_remainder_dropped:
+        if abs(world.remainder_x) >= 1:
+            world.remainder_x = 0.0
+        if abs(world.remainder_y) >= 1:
+            world.remainder_y = 0.0
+    world.remainder_x += world.drift_x
+    world.remainder_y += world.drift_y
+    dx, dy = np.int64(world.remainder_x), np.int64(world.remainder_y)
+    if constants.drift_remainder_less_one:
+        world.remainder_x, world.remainder_y = (
+            less_one(world.remainder_x),
+            less_one(world.remainder_y),
+        )
+    elif not constants.drift_remainder_dropped:
+        world.remainder_x -= dx
+        world.remainder_y -= dy
+    if constants.drift_axes_independent:
+        world.datum_x, world.datum_y = step_within(area, g, world.datum_x, world.datum_y, dx, dy)
+    elif is_open(area, g, world.datum_x + dx, world.datum_y + dy):
+        world.datum_x += dx
+        world.datum_y += dy
 
 
-@part
-def disperse(c, w, gauss, tails):
+@kernel
+def disperse(constants, world, sea):
     """Write the tables for the map's present spread; the first map has the initial spread."""
-    grown = max(w.map_steps - 1, 0) * c.dispersion_inc
-    fill_axis(gauss[0], tails[0], c.grid_size, c.sigma_x + grown)
-    if c.sigma_x == c.sigma_y:
+    gauss, tails = sea.gauss, sea.tails
+    grown = max(world.map_steps - 1, 0) * constants.dispersion_inc
+    fill_axis(gauss[0], tails[0], constants.grid_size, constants.sigma_x + grown)
+    if constants.sigma_x == constants.sigma_y:
         # Assign element by element: a slice costs three seconds of compilation.
         for d in range(gauss.shape[1]):
             gauss[1, d] = gauss[0, d]
         for d in range(tails.shape[1]):
             tails[1, d] = tails[0, d]
     else:
-        fill_axis(gauss[1], tails[1], c.grid_size, c.sigma_y + grown)
+        fill_axis(gauss[1], tails[1], constants.grid_size, constants.sigma_y + grown)
 
 
 @part
-def map_step(c, w, gauss, tails, area, runs, circle):
+def map_step(constants, world, sea, circle):
     """Advance the map by one step: drift, dispersion, circle, normaliser."""
-    previous_x, previous_y = w.datum_x, w.datum_y
-    drift(c, w, area)
-    w.map_steps += 1
-    if c.dispersion_inc > 0:
-        disperse(c, w, gauss, tails)
-    w.circle_x, w.circle_y = w.datum_x, w.datum_y
-    if c.circle_on_previous_datum:
-        w.circle_x, w.circle_y = previous_x, previous_y
-    normalise(c, w, gauss, tails, runs, circle)
+    previous_x, previous_y = world.datum_x, world.datum_y
+    drift(constants, world, sea.area)
+    world.map_steps += 1
+    if constants.dispersion_inc > 0:
+        disperse(constants, world, sea)
+    world.circle_x, world.circle_y = world.datum_x, world.datum_y
+    if constants.circle_on_previous_datum:
+        world.circle_x, world.circle_y = previous_x, previous_y
+    normalise(constants, world, sea, circle)
 
 
 @kernel
-def drift_per_step(c, x, y):
+def drift_per_step(constants, x, y):
     """Return the drift (x, y) in cells per step of a vector."""
     norm = np.sqrt(x * x + y * y)
-    if not c.drift_by_speed or norm == 0.0:
+    if not constants.drift_by_speed or norm == 0.0:
         return x, y
     # Keep the order of operations of DSSE 1.1.9: the last bit can decide when a cell is reached.
-    steps = c.cell_size / norm / c.step_duration_s
+    steps = constants.cell_size / norm / constants.step_duration_s
     return x / steps, y / steps
 
 
@@ -345,14 +382,13 @@ def read_cells(constants, worlds, gauss, area, x, y, out):
     Args:
         constants: (1,) of `constants.CONSTANTS`.
         worlds: (B,) of `kernels.WORLDS`.
-        gauss: (1 or B, 2, 2 G + 1) float64.
-        area: Of `kernels.Sea`.
+        gauss: Of `Sea`.
+        area: Of `Sea`.
         x: (B, K) int64.
         y: (B, K) int64.
         out: (B, K) float32 out.
     """
-    c = constants[0]
     for b in range(len(worlds)):
         table = gauss[min(b, len(gauss) - 1)]
         for k in range(x.shape[1]):
-            out[b, k] = cell_probability(c, worlds[b], table, area, x[b, k], y[b, k])
+            out[b, k] = cell_probability(constants[0], worlds[b], table, area, x[b, k], y[b, k])

@@ -5,12 +5,14 @@
 from __future__ import annotations
 
 import functools
+import pickle
 from typing import Any
 
 import numpy as np
 from numba import njit
 
-from dsse_ros.compiled.overloads import specialized
+from dsse_ros.compiled.overloads import Specialized, overload_of
+from dsse_ros.step.kernels import refresh_worlds
 
 
 @functools.cache
@@ -21,12 +23,21 @@ def summed() -> Any:
 
 def test_a_specialized_function_looks_up_no_types() -> None:
     values = np.arange(3.0)
-    double = specialized(summed(), (values,), (1,))
-    assert double(2) == summed()(values, 2) == 6.0
+    call = Specialized(summed())
+    assert call(values, 2) == summed()(values, 2) == 6.0
     values[0] = 1.0
-    assert double(2) == 8.0
-    assert double.func is summed().get_overload(summed().signatures[0])
+    assert call(values, 2) == 8.0
+    assert call._overload is overload_of(summed(), values, 3)
+    assert call._overload is summed().get_overload(summed().signatures[0])
 
 
 def test_what_has_no_overloads_is_called_as_it_is() -> None:
-    assert specialized(max, (3,), (1,))(5) == 5
+    assert overload_of(max, 3, 1) is max
+    assert Specialized(max)(3, 5) == 5
+
+
+def test_a_specialized_function_can_be_pickled_before_and_after_a_call() -> None:
+    call = Specialized(max)
+    for _ in range(2):
+        assert pickle.loads(pickle.dumps(call))(3, 5) == call(3, 5) == 5
+    pickle.loads(pickle.dumps(Specialized(refresh_worlds)))

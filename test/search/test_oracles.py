@@ -220,9 +220,8 @@ def test_a_person_moves_as_often_where_as_in_the_package(
         if version == "v2":
             person["remainder_x"], person["remainder_y"] = situation["accumulator"]
             person["drift_x"], person["drift_y"] = situation["increment"]
-        person_kernels.persons_step(
-            world.constants[0], world.worlds[0], world.gauss[0], world.area, None, world.persons[0]
-        )
+        sea = world.batch.sea._replace(gauss=world.gauss[0], tails=world.tails[0])
+        person_kernels.persons_step(world.constants[0], world.worlds[0], sea, world.persons[0])
         counts[person["y"] - y + 1, person["x"] - x + 1] += 1
     if version == "v2":
         after = (person["remainder_x"], person["remainder_y"])
