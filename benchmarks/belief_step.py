@@ -176,7 +176,7 @@ class _Search:
     def _tables(self, step: int) -> list[NDArray[np.float64] | None]:
         """Return `tables` of `numpy_step`."""
         slot = self.forecast.look(self.forecast.first_step + step)
-        directions = self.forecast.directions[slot].tolist()
+        directions = self.forecast.steps.directions[slot].tolist()
         return [
             None if direction == belief_kernels.STAND_STILL else self.table(slot, direction)
             for direction in directions
@@ -188,9 +188,9 @@ class _Search:
         # Each row is a person in one cell, and its distribution after the step.
         after = np.eye(side * side)
         scratch = np.empty(side * side + belief_kernels.ROW)
+        step = forecast.steps.at(slot)._replace(directions=np.array([direction]))
         belief_kernels.predict(
-            forecast.constants, forecast.sea, after, forecast.chances[slot],
-            forecast.tables[slot], np.array([direction]), scratch,
+            forecast.constants, forecast.sea, after, step, scratch
         )  # fmt: skip
         table = np.zeros((belief_kernels.STEPS, side * side))
         for step in range(belief_kernels.STEPS):

@@ -14,6 +14,9 @@ from numpy.typing import NDArray
 
 from dsse_ros.belief import search_outcomes
 from dsse_ros.belief.belief_kernels import MARGIN
+from dsse_ros.belief.look_kernels import LooksDone
+from dsse_ros.belief.protocol import LooksToCome
+from dsse_ros.belief.search_outcomes import Persons
 from dsse_ros.scenario.actions import Cell
 from dsse_ros.scenario.rules import Rules
 from dsse_ros.scenario.scenario import Scenario
@@ -136,17 +139,21 @@ class BeliefBase:
     def _learn(self, looks: Sequence[Looked], *, failed: int) -> None:
         """Update with looks, of which the first `failed` found nobody."""
         if looks:
-            self.pos = self._updated(
-                self.class_of, self.missing, self.unfound, self.pos, self._numbers,
-                np.empty_like(self.missing), np.array([look.cell for look in looks], np.int64),
-                np.arange(len(looks)), np.array([look.pods[self.examples] for look in looks]),
-                failed, len(looks),
+            done = LooksDone(
+                np.array([look.cell for look in looks], np.int64), np.arange(len(looks)),
+                np.array([look.pods[self.examples] for look in looks]), failed, len(looks),
             )  # fmt: skip
+            self.pos = self._updated(done)
+
+    def _persons(self) -> Persons:
+        """Return what is known of the persons."""
+        hazard = np.empty_like(self.missing)
+        return Persons(self.class_of, self.missing, self.unfound, self._numbers, hazard)
+
+    def _by_class(self, looks: LooksToCome) -> LooksToCome:
+        """Return looks with PODs by detection class."""
+        return looks._replace(pods=np.ascontiguousarray(looks.pods[:, self.examples]))
 
     @abstractmethod
-    def _updated(self, *arguments: Any) -> float:
-        """Update the density with looks, and return the POS.
-
-        Args:
-            arguments: `class_of` and all that follow of the kernels `learn`.
-        """
+    def _updated(self, looks: LooksDone) -> float:
+        """Update the density with looks, and return the POS."""

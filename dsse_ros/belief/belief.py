@@ -15,13 +15,13 @@ persons see `search_outcomes`.
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 from numpy.typing import NDArray
 
 from dsse_ros.belief import belief_kernels, follow_kernels, future_kernels
 from dsse_ros.belief.base import BeliefBase, ForecastBase
+from dsse_ros.belief.belief_kernels import Steps
+from dsse_ros.belief.look_kernels import LooksDone
 from dsse_ros.belief.protocol import Expected, Futures, LooksToCome, TargetChain
 from dsse_ros.scenario.actions import Cell
 from dsse_ros.scenario.probable_cells import most_probable
@@ -52,10 +52,7 @@ class Forecast(ForecastBase):
 
     Attributes:
         sea: The map, and what limits the persons' steps.
-        chances: (R, S S) float64, see `belief_kernels.forecast_step`; step s is at s % R.
-        tables: (R, 10, S S) float64, see `belief_kernels.complete`.
-        directions: (R, K) int64, see `belief_kernels.forecast_step`.
-        apart: (R, K) bool, see `belief_kernels.forecast_step`.
+        steps: What sets the persons' steps, R steps of the sea; step s is at s % R.
     """
 
     def __init__(
@@ -77,10 +74,10 @@ class Forecast(ForecastBase):
         gauss, tails = np.zeros((2, 2 * g + 1)), np.zeros((2, g + 2))
         self.sea = sea_map.Sea(gauss, tails, self.area, self.runs, transitions_of(resolved))
         self._circle = np.zeros(g + 1, np.int64)
-        self.chances = np.zeros((steps, cells))
-        self.tables = np.zeros((steps, CHANCES, cells))
-        self.directions = np.zeros((steps, drifts), np.int64)
-        self.apart = np.zeros((steps, drifts), np.bool_)
+        self.steps = Steps(
+            np.zeros((steps, cells)), np.zeros((steps, CHANCES, cells)),
+            np.zeros((steps, drifts), np.int64), np.zeros((steps, drifts), np.bool_),
+        )  # fmt: skip
         self._still = np.zeros(drifts, np.bool_)
         self._start()
 
@@ -92,21 +89,22 @@ class Forecast(ForecastBase):
 
     def look(self, step: int) -> int:
         """Prepare a step of the sea and the `horizon` steps after it; return its index."""
-        slots = len(self.directions)
+        chances, tables, *_ = self.steps
+        slots = len(chances)
         if step < self._ready - slots:
             self._start()
         while self._ready <= step + self.horizon:
             slot, before = self._ready % slots, (self._ready - 1) % slots
             belief_kernels.forecast_step(
                 self.constants, self._world, self.sea, self._circle, self._drifts,
-                self.chances[slot], self.directions[slot], self.apart[slot], self._still,
+                self.steps.at(slot), self._still,
             )  # fmt: skip
             # If the map does not change, the tables of the previous step remain valid.
-            stays = self._ready > 0 and np.array_equal(self.chances[slot], self.chances[before])
+            stays = self._ready > 0 and np.array_equal(chances[slot], chances[before])
             if stays:
-                self.tables[slot] = self.tables[before]
+                tables[slot] = tables[before]
             else:
-                self.tables[slot, 0] = -1.0
+                tables[slot, 0] = -1.0
             self._ready += 1
         return step % slots
 
@@ -118,11 +116,12 @@ class Forecast(ForecastBase):
                 steps.
         """
         steps = other._ready
-        if steps > len(self.directions):
+        if steps > len(self.steps.chances):
             return
         self.look(steps - 1 - self.horizon)
-        same = (self.chances[:steps] == other.chances[:steps]).all(axis=1)
-        self.tables[:steps][same] = other.tables[:steps][same]
+        (chances, tables, *_), theirs = self.steps, other.steps
+        same = (chances[:steps] == theirs.chances[:steps]).all(axis=1)
+        tables[:steps][same] = theirs.tables[:steps][same]
 
     def belief(self) -> Belief:
         """Return a belief at the start of a mission."""
@@ -136,7 +135,7 @@ class Forecast(ForecastBase):
         """
         # If persons move first, they look at the map of the previous step.
         drawn = steps if self.rules.person_first else steps - 1
-        chances = self.chances[self.look(drawn)].reshape(self.side, self.side)
+        chances = self.steps.chances[self.look(drawn)].reshape(self.side, self.side)
         inner = slice(belief_kernels.MARGIN, -belief_kernels.MARGIN)
         return most_probable(chances[inner, inner].astype(np.float32), 1)[0]
 
@@ -162,7 +161,7 @@ class Belief(BeliefBase):
         scattered = np.zeros(scenario.person_amount, np.bool_)
         scattered[1:] = forecast.rules.person_scatter > 0
         alike = np.stack([scattered, scenario.person_pod_multipliers], axis=1)
-        super().__init__(alike, (forecast.directions.shape[1], cells))
+        super().__init__(alike, (forecast.steps.directions.shape[1], cells))
 
     def reset(self) -> None:
         """Start a new mission with the prior of the rules at its first observation."""
@@ -197,19 +196,16 @@ class Belief(BeliefBase):
         forecast = self.forecast
         slot = forecast.look(self.step + forecast.first_step)
         belief_kernels.predict(
-            forecast.constants, forecast.sea, self.density,
-            forecast.chances[slot], forecast.tables[slot], forecast.directions[slot],
-            self._scratch,
-        )  # fmt: skip
+            forecast.constants, forecast.sea, self.density, forecast.steps.at(slot), self._scratch
+        )
         self.step += 1
 
-    def _updated(self, *arguments: Any) -> float:
+    def _updated(self, looks: LooksDone) -> float:
         forecast = self.forecast
-        slot = forecast.look(self.step + forecast.first_step)
+        step = forecast.steps.at(forecast.look(self.step + forecast.first_step))
         pos: float = follow_kernels.learn(
-            forecast.constants, self.density, forecast.apart[slot], forecast.chances[slot],
-            *arguments,
-        )  # fmt: skip
+            forecast.constants, self.density, step, self._persons(), looks, self.pos
+        )
         return pos
 
     def futures(self, count: int, horizon: int, rng: np.random.Generator) -> Futures:
@@ -230,9 +226,8 @@ class Belief(BeliefBase):
         cells = np.empty((horizon + 1, count), np.int64)
         future_kernels.sample(self.of_missing(), count, offset, rows, cells[0])
         future_kernels.roll(
-            forecast.constants, forecast.sea, forecast.chances,
-            forecast.tables, forecast.directions, slots, np.array(offsets), rows, cells,
-        )  # fmt: skip
+            forecast.constants, forecast.sea, forecast.steps, slots, np.array(offsets), rows, cells
+        )
         return Futures(cells, self.examples[rows // self._drifts])
 
     def expect(self, looks: LooksToCome, horizon: int, gamma: float) -> Expected:
@@ -244,14 +239,12 @@ class Belief(BeliefBase):
             gamma: Discount of a find per step.
         """
         forecast, slots = self.forecast, self._slots(horizon)
-        left = np.empty(self.density.shape[1])
+        left = self.of_missing().copy()
         finds = future_kernels.expect(
-            forecast.constants, forecast.sea, self.of_missing(),
-            forecast.chances, forecast.tables, forecast.directions, slots, looks.steps,
-            looks.columns, np.ascontiguousarray(looks.pods[:, self.examples]), gamma,
-            forecast.side, np.empty_like(self.density), self._scratch, left,
+            forecast.constants, forecast.sea, left, forecast.steps, slots, self._by_class(looks),
+            gamma, self._scratch,
         )  # fmt: skip
-        return Expected(float(finds), left)
+        return Expected(float(finds), left.sum(axis=0))
 
     def chain(self, horizon: int) -> TargetChain:
         """Return the missing persons' motion as a Markov chain, without negligible cells.
@@ -266,18 +259,14 @@ class Belief(BeliefBase):
         numbers, rows = future_kernels.number_states(density, starts[0])
         layers = []
         for h, slot in enumerate(self._slots(horizon)):
-            belief_kernels.predict(
-                forecast.constants, forecast.sea, density,
-                forecast.chances[slot], forecast.tables[slot], forecast.directions[slot],
-                self._scratch,
-            )  # fmt: skip
+            step = forecast.steps.at(slot)
+            belief_kernels.predict(forecast.constants, forecast.sea, density, step, self._scratch)
             density[density <= belief_kernels.NEGLIGIBLE] = 0.0
             before, starts[h + 1, 0] = rows, starts[h, -1]
             numbers, rows = future_kernels.number_states(density, starts[h + 1])
             steps = future_kernels.chain_layer(
-                forecast.constants, forecast.sea, forecast.chances[slot],
-                forecast.tables[slot], forecast.directions[slot], starts[h], before, numbers,
-            )  # fmt: skip
+                forecast.constants, forecast.sea, step, starts[h], before, numbers
+            )
             layers.append((before, *steps))
         layers.append((rows, np.zeros(len(rows), np.int64), *np.empty((2, 0))))
         of_rows, counts, to, chance = (
@@ -291,7 +280,7 @@ class Belief(BeliefBase):
         """Return the indices of the next steps in the forecast, (H,)."""
         first = self.step + self.forecast.first_step
         self.forecast.look(first)
-        return np.arange(first, first + horizon) % len(self.forecast.directions)
+        return np.arange(first, first + horizon) % len(self.forecast.steps.directions)
 
     @property
     def outside(self) -> float:

@@ -14,7 +14,12 @@ beliefs.
 
 from __future__ import annotations
 
-from dsse_ros.compiled.jit import inlined, kernel, part
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dsse_ros.compiled.jit import expanded, inlined, kernel, part
 from dsse_ros.targets.motion import CHANCES, NO_STEP, SCRATCH, STAND_STILL, STEPS
 from dsse_ros.targets.person_kernels import DRIFT_RANGES, gathered_step, own_drift, step_chances
 from dsse_ros.targets.sea_map import cell_probability, drift_per_step, map_step, step_within
@@ -35,22 +40,50 @@ NOTHING_LEFT = 1e-9
 """Remaining share of a belief below which it is impossible: nobody can be in its cells."""
 
 
+class Steps(NamedTuple):
+    """What sets the persons' steps in R steps of the sea, or in one: then there is no axis R.
+
+    Attributes:
+        chances: (R, S S) float64, the probability of every cell that persons look at.
+        tables: (R, `CHANCES`, S S) float64, the probabilities of the steps from each cell, see
+            `complete`; the first row is negative in columns not known yet.
+        directions: (R, K) int64, the direction of each drift, see `PersonMotion`, or `STAND_STILL`.
+        apart: (R, K) bool, the drifts whose persons are still where they were scattered to, each in
+            a separate cell.
+    """
+
+    chances: NDArray[np.float64]
+    tables: NDArray[np.float64]
+    directions: NDArray[np.int64]
+    apart: NDArray[np.bool_]
+
+    def at(self, slot: int) -> Steps:
+        """Return one of the R steps."""
+        return Steps(*(array[slot] for array in self))
+
+
+@expanded
+def step_at(steps, slot):
+    """Return one of the R steps."""
+    return Steps(steps.chances[slot], steps.tables[slot], steps.directions[slot], steps.apart[slot])
+
+
 @part
-def index_of(c, x, y):
+def index_of(constants, x, y):
     """Return the column of a belief for a cell."""
-    return (y + MARGIN) * (c.grid_size + 2 * MARGIN) + x + MARGIN
+    return (y + MARGIN) * (constants.grid_size + 2 * MARGIN) + x + MARGIN
 
 
 @part
-def offset_of(c, step):
+def offset_of(constants, step):
     """Return the offset from the column of a cell to that of its neighbour."""
-    return (step // 3 - 1) * (c.grid_size + 2 * MARGIN) + step % 3 - 1
+    return (step // 3 - 1) * (constants.grid_size + 2 * MARGIN) + step % 3 - 1
 
 
 @part
-def is_lost(c, i):
+def is_lost(constants, i):
     """Return whether a column is so far off the grid that no window reaches it."""
-    side = c.grid_size + 2 * MARGIN
+    side = constants.grid_size + 2 * MARGIN
     x, y = i % side, i // side
     return x <= 1 or y <= 1 or x >= side - 2 or y >= side - 2
 
@@ -65,23 +98,25 @@ def start_sea(constants, worlds, drifts):
         drifts: (K,) of `motion.PERSONS` out. If each person has an own drift, these are the middles
             of K equally probable ranges of its angle.
     """
-    c, w, count = constants[0], worlds[0], len(drifts)
-    w.t = w.map_steps = 0
-    w.datum_x = w.circle_x = w.start_x
-    w.datum_y = w.circle_y = w.start_y
-    w.remainder_x = w.remainder_y = 0.0
-    w.drift_x, w.drift_y = drift_per_step(c, w.vector_x, w.vector_y)
-    w.scale = 0.0
+    world, count = worlds[0], len(drifts)
+    world.t = world.map_steps = 0
+    world.datum_x = world.circle_x = world.start_x
+    world.datum_y = world.circle_y = world.start_y
+    world.remainder_x = world.remainder_y = 0.0
+    world.drift_x, world.drift_y = drift_per_step(constants[0], world.vector_x, world.vector_y)
+    world.scale = 0.0
     for k in range(count):
         drifts[k].remainder_x = drifts[k].remainder_y = 0.0
-        if c.own_drift:
+        if constants[0].own_drift:
             place = DRIFT_RANGES * (k + 0.5) / count
             number = int(place)
-            drifts[k].drift_x, drifts[k].drift_y = own_drift(c, w, number, place - number)
+            drifts[k].drift_x, drifts[k].drift_y = own_drift(
+                constants[0], world, number, place - number
+            )
 
 
 @kernel
-def forecast_step(constants, worlds, sea, circle, drifts, chances, directions, apart, still):
+def forecast_step(constants, worlds, sea, circle, drifts, step, still):
     """Advance map and drifts by one step and write the values that set the persons' next step.
 
     Args:
@@ -90,110 +125,108 @@ def forecast_step(constants, worlds, sea, circle, drifts, chances, directions, a
         sea: Of the world.
         circle: (G + 1,) int64 scratch.
         drifts: (K,) of `motion.PERSONS`.
-        chances: (S S,) float64 out, the probability of every cell that persons look at.
-        directions: (K,) int64 out, the direction of each drift, see `PersonMotion`, or
-            `STAND_STILL`.
-        apart: (K,) bool out, the drifts whose persons are still where they were scattered to, each
-            in a separate cell.
-        still: (K,) bool in and out, the same before the next step.
+        step: Out, but for its table.
+        still: (K,) bool in and out, the drifts that are apart before the next step.
     """
-    c, w = constants[0], worlds[0]
-    if not c.person_first:
-        map_step(c, w, sea, circle)
-    chances[:] = 0.0
-    for y in range(c.grid_size):
-        for x in range(c.grid_size):
-            chances[index_of(c, x, y)] = cell_probability(c, w, sea.gauss, sea.area, x, y)
+    world, grid_size = worlds[0], constants[0].grid_size
+    if not constants[0].person_first:
+        map_step(constants[0], world, sea, circle)
+    step.chances[:] = 0.0
+    for y in range(grid_size):
+        for x in range(grid_size):
+            probability = cell_probability(constants[0], world, sea.gauss, sea.area, x, y)
+            step.chances[index_of(constants[0], x, y)] = probability
     for k in range(len(drifts)):
-        directions[k] = gathered_step(drifts[k]) if c.own_drift else NO_STEP
-        apart[k] = still[k]
-        still[k] = still[k] and directions[k] == STAND_STILL
-    if c.person_first:
-        map_step(c, w, sea, circle)
+        step.directions[k] = gathered_step(drifts[k]) if constants[0].own_drift else NO_STEP
+        step.apart[k] = still[k]
+        still[k] = still[k] and step.directions[k] == STAND_STILL
+    if constants[0].person_first:
+        map_step(constants[0], world, sea, circle)
 
 
 @part
-def step_of_drift(c, area, x, y, direction):
+def step_of_drift(constants, area, x, y, direction):
     """Return the step from a cell of the grid whose probability a drift in this direction raises.
 
     It stays within the grid and the area.
     """
     dx, dy = direction % 3 - 1, direction // 3 - 1
-    to_x, to_y = step_within(area, c.grid_size, x, y, dx, dy)
+    to_x, to_y = step_within(area, constants.grid_size, x, y, dx, dy)
     return 3 * (to_y - y + 1) + to_x - x + 1
 
 
 @part
-def transition(c, sea, chances, i, row):
+def transition(constants, sea, chances, i, row):
     """Write the table column of a cell, from the persons' motion.
 
     Args:
-        c: The constants.
+        constants: The constants.
         sea: Of the scenario.
-        chances: (S S,) of `forecast_step`.
+        chances: (S S,) of `Steps`.
         i: Column of the cell.
         row: (`ROW`,) float64; the first `CHANCES` are out, the rest is scratch.
     """
-    if is_lost(c, i):
+    if is_lost(constants, i):
         row[:CHANCES] = 0.0
         row[NO_STEP] = 1.0
         return
-    side = c.grid_size + 2 * MARGIN
+    side = constants.grid_size + 2 * MARGIN
     window, scratch = row[CHANCES : CHANCES + STEPS], row[CHANCES + STEPS :]
     for step in range(STEPS):
-        window[step] = chances[i + offset_of(c, step)]
+        window[step] = chances[i + offset_of(constants, step)]
     x, y = i % side - MARGIN, i // side - MARGIN
-    step_chances(c, sea, x, y, window, row[:CHANCES], scratch)
+    step_chances(constants, sea, x, y, window, row[:CHANCES], scratch)
 
 
 @part
-def complete(c, sea, chances, table, i, row):
-    """Compute the column of a cell in a table, if it is not known yet.
+def complete(constants, sea, step, i, row):
+    """Compute the column of a cell in the table of a step, if it is not known yet.
 
     Args:
-        c: The constants.
+        constants: The constants.
         sea: Of the scenario.
-        chances: (S S,) of `forecast_step`.
-        table: (`CHANCES`, S S) float64; the first row is negative in columns not known yet.
+        step: One of `Steps`.
         i: Column of the cell.
         row: (`ROW`,) float64 scratch.
     """
-    if table[0, i] < 0.0:
-        transition(c, sea, chances, i, row)
+    if step.tables[0, i] < 0.0:
+        transition(constants, sea, step.chances, i, row)
         for k in range(CHANCES):
-            table[k, i] = row[k]
+            step.tables[k, i] = row[k]
 
 
 @part
-def look_up(c, sea, chances, table, i, direction, row):
+def look_up(constants, sea, step, i, direction, row):
     """Write the probabilities (9,) of the steps from a cell.
 
     Args:
-        c: The constants.
+        constants: The constants.
         sea: Of the scenario.
-        chances: (S S,) of `forecast_step`.
-        table: Of `complete`.
+        step: One of `Steps`.
         i: Column of the cell.
-        direction: Of `forecast_step`.
+        direction: One of the step's directions.
         row: (`ROW`,) float64 out, the rest is scratch.
     """
-    complete(c, sea, chances, table, i, row)
-    for step in range(STEPS):
-        row[step] = table[step, i]
+    complete(constants, sea, step, i, row)
+    table = step.tables
+    for number in range(STEPS):
+        row[number] = table[number, i]
     if table[STEPS, i] > 0.0:
-        side = c.grid_size + 2 * MARGIN
+        side = constants.grid_size + 2 * MARGIN
         x, y = i % side - MARGIN, i // side - MARGIN
-        row[step_of_drift(c, sea.area, x, y, direction)] += table[STEPS, i]
+        row[step_of_drift(constants, sea.area, x, y, direction)] += table[STEPS, i]
 
 
 @inlined
-def add_products(out, a, ta, b, tb, c, tc, d, td, e, te, f, tf, g, tg, h, th, i, ti):
+def add_products(out, a, b):
     """Write the sum of nine products of equally long arrays; the compiler vectorizes this form."""
+    a0, a1, a2, a3, a4, a5, a6, a7, a8 = a
+    b0, b1, b2, b3, b4, b5, b6, b7, b8 = b
     for j in range(len(out)):
         out[j] = (
-            a[j] * ta[j] + b[j] * tb[j] + c[j] * tc[j]
-            + d[j] * td[j] + e[j] * te[j] + f[j] * tf[j]
-            + g[j] * tg[j] + h[j] * th[j] + i[j] * ti[j]
+            a0[j] * b0[j] + a1[j] * b1[j] + a2[j] * b2[j]
+            + a3[j] * b3[j] + a4[j] * b4[j] + a5[j] * b5[j]
+            + a6[j] * b6[j] + a7[j] * b7[j] + a8[j] * b8[j]
         )  # fmt: skip
 
 
@@ -207,11 +240,15 @@ def gather(now, table, after, low, high, side):
     n = high - low
     add_products(
         after[low:high],
-        now[a : a + n], table[8, a : a + n], now[b : b + n], table[7, b : b + n],
-        now[c : c + n], table[6, c : c + n], now[d : d + n], table[5, d : d + n],
-        now[e : e + n], table[4, e : e + n], now[f : f + n], table[3, f : f + n],
-        now[g : g + n], table[2, g : g + n], now[h : h + n], table[1, h : h + n],
-        now[i : i + n], table[0, i : i + n],
+        (
+            now[a : a + n], now[b : b + n], now[c : c + n], now[d : d + n], now[e : e + n],
+            now[f : f + n], now[g : g + n], now[h : h + n], now[i : i + n],
+        ),
+        (
+            table[8, a : a + n], table[7, b : b + n], table[6, c : c + n], table[5, d : d + n],
+            table[4, e : e + n], table[3, f : f + n], table[2, g : g + n], table[1, h : h + n],
+            table[0, i : i + n],
+        ),
     )  # fmt: skip
 
 
@@ -227,29 +264,29 @@ def drop_negligible(now, known):
 
 
 @part
-def add_drift(c, area, y, now, added, direction, after):
+def add_drift(constants, area, y, now, added, direction, after):
     """Add the drift's contribution to a step from the cells of grid row y, see `complete`."""
-    start, end = index_of(c, 0, y), index_of(c, c.grid_size, y)
+    start, end = index_of(constants, 0, y), index_of(constants, constants.grid_size, y)
     inner = 0
-    if area is None and 0 < y < c.grid_size - 1:
+    if area is None and 0 < y < constants.grid_size - 1:
         # All cells but the first and the last allow the drift's step.
-        inner = c.grid_size - 2
-        low = start + offset_of(c, direction) + 1
+        inner = constants.grid_size - 2
+        low = start + offset_of(constants, direction) + 1
         out, shares = after[low : low + inner], now[start + 1 : end - 1]
         chances = added[start + 1 : end - 1]
         for j in range(inner):
             out[j] += shares[j] * chances[j]
     for i in range(start, end, inner + 1):
         if now[i] > 0.0:
-            step = step_of_drift(c, area, i - start, y, direction)
-            after[i + offset_of(c, step)] += now[i] * added[i]
+            step = step_of_drift(constants, area, i - start, y, direction)
+            after[i + offset_of(constants, step)] += now[i] * added[i]
 
 
 @part
-def move_row(c, sea, now, chances, table, direction, after, row):
+def move_row(constants, sea, now, step, direction, after, row):
     """Advance one row of a belief by the persons' step, see `predict`."""
-    count, side = len(now), c.grid_size + 2 * MARGIN
-    unknown = drop_negligible(now, table[0])
+    count, side = len(now), constants.grid_size + 2 * MARGIN
+    unknown = drop_negligible(now, step.tables[0])
     first, last = 0, count
     while first < count and now[first] == 0.0:
         first += 1
@@ -258,55 +295,49 @@ def move_row(c, sea, now, chances, table, direction, after, row):
     if unknown > 0:
         for i in range(first, last):
             if now[i] > 0.0:
-                complete(c, sea, chances, table, i, row)
+                complete(constants, sea, step, i, row)
     low, high = max(first - side - 1, side + 1), min(last + side + 1, count - side - 1)
-    gather(now, table, after, low, high, side)
-    if c.own_drift:
+    gather(now, step.tables, after, low, high, side)
+    if constants.own_drift:
         for y in range(first // side - MARGIN, (last - 1) // side - MARGIN + 1):
-            add_drift(c, sea.area, y, now, table[STEPS], direction, after)
+            add_drift(constants, sea.area, y, now, step.tables[STEPS], direction, after)
     for i in range(low, high):
         now[i] = after[i]
 
 
 @kernel
-def predict(constants, sea, belief, chances, table, directions, scratch):
+def predict(constants, sea, belief, step, scratch):
     """Advance a belief by the persons' step; its sum does not change.
 
     Args:
         constants: (1,) of `constants.CONSTANTS`.
         sea: Of the scenario.
         belief: (C K, S S) float64.
-        chances: (S S,) of `forecast_step`.
-        directions: (K,) of `forecast_step`.
-        table: Of `complete`.
+        step: One of `Steps`; its table is completed.
         scratch: (S S + `ROW`,) float64.
     """
-    c, count = constants[0], belief.shape[1]
+    count = belief.shape[1]
     after, row = scratch[:count], scratch[count:]
     for k in range(len(belief)):
-        direction = directions[k % len(directions)]
+        direction = step.directions[k % len(step.directions)]
         if direction != STAND_STILL:
-            move_row(c, sea, belief[k], chances, table, direction, after, row)
+            move_row(constants[0], sea, belief[k], step, direction, after, row)
 
 
-@kernel
+@part
 def search(constants, belief, pods, x, y):
-    """Update a belief with a failed search of a cell.
+    """Update a belief with a failed search of a cell; return the probability removed.
 
     Args:
-        constants: (1,) of `constants.CONSTANTS`.
+        constants: The constants.
         belief: (C K, S S) float64.
         pods: (C,) float64, probability of detection.
         x: Column of the cell; a search off the grid has no effect.
         y: Row of the cell.
-
-    Returns:
-        The probability removed.
     """
-    c = constants[0]
-    if not (0 <= x < c.grid_size and 0 <= y < c.grid_size):
+    if not (0 <= x < constants.grid_size and 0 <= y < constants.grid_size):
         return 0.0
-    i = index_of(c, x, y)
+    i = index_of(constants, x, y)
     drifts = len(belief) // len(pods)
     taken = 0.0
     for k in range(len(belief)):
@@ -353,11 +384,11 @@ def normalise(belief):
 
 
 @part
-def detectable(c, belief, pods, x, y):
+def detectable(constants, belief, pods, x, y):
     """Return the probability that `search` would remove, 0 off the grid."""
-    if not (0 <= x < c.grid_size and 0 <= y < c.grid_size):
+    if not (0 <= x < constants.grid_size and 0 <= y < constants.grid_size):
         return 0.0
-    i, drifts, share = index_of(c, x, y), len(belief) // len(pods), 0.0
+    i, drifts, share = index_of(constants, x, y), len(belief) // len(pods), 0.0
     for k in range(len(belief)):
         share += belief[k, i] * pods[k // drifts]
     return share

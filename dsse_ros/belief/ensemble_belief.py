@@ -10,7 +10,6 @@ its only error is that M particles approximate the model.
 from __future__ import annotations
 
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +18,8 @@ from dsse_ros.belief import particle_kernels
 from dsse_ros.belief.base import BeliefBase, ForecastBase
 from dsse_ros.belief.belief_kernels import MARGIN, NEGLIGIBLE
 from dsse_ros.belief.future_kernels import index
+from dsse_ros.belief.look_kernels import LooksDone
+from dsse_ros.belief.particle_kernels import Particles
 from dsse_ros.belief.protocol import Expected, Futures, LooksToCome, TargetChain
 from dsse_ros.scenario.actions import Cell
 from dsse_ros.scenario.probable_cells import most_probable
@@ -100,10 +101,11 @@ class EnsembleForecast(ForecastBase):
         index(self.columns, starts, members)
         return starts, members
 
-    def links(self) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
-        """Return the scratch memory `heads` and `links` of `particle_kernels`."""
+    def particles(self) -> Particles:
+        """Return the particles by step of the sea, with scratch memory of their own."""
         heads = np.zeros(self.scenario.grid_size**2 + 1, np.int32)
-        return heads, np.empty(len(self.weights), np.int32)
+        links = np.empty(len(self.weights), np.int32)
+        return Particles(self.area, self.cells, self.weights, heads, links)
 
     def row(self, step: int) -> int:
         """Return the index of a step of the sea in the tracks."""
@@ -162,10 +164,14 @@ class EnsembleBelief(BeliefBase):
         """Advance the sea by one step, after the update with this step's looks."""
         self.step += 1
 
-    def _updated(self, *arguments: Any) -> float:
+    def _particles(self) -> Particles:
+        """Return the particles at the present step."""
+        return self.forecast.particles().at(self.forecast.row(self._sea_step))
+
+    def _updated(self, looks: LooksDone) -> float:
         pos: float = particle_kernels.learn(
-            self.forecast.constants, self.forecast.area, self._cells(), self.density,
-            self.forecast.weights, *self.forecast.links(), *arguments,
+            self.forecast.constants, self._particles(), self.density, self._persons(), looks,
+            self.pos,
         )  # fmt: skip
         return pos
 
@@ -177,8 +183,8 @@ class EnsembleBelief(BeliefBase):
         g = self.forecast.scenario.grid_size
         out = np.empty((g, g))
         particle_kernels.write_poc(
-            self.forecast.constants, self.forecast.area, self._cells(), self.density,
-            self.class_of, self.missing, self._weights, out,
+            self.forecast.constants, self._particles(), self.density, self.class_of,
+            self.missing, self._weights, out,
         )  # fmt: skip
         return out
 
@@ -225,9 +231,8 @@ class EnsembleBelief(BeliefBase):
         forecast = self.forecast
         left = np.empty(forecast.side**2)
         finds = particle_kernels.expect_particles(
-            *forecast.by_column, self.of_missing(), looks.steps, looks.columns,
-            np.ascontiguousarray(looks.pods[:, self.examples]), self._sea_step, horizon, gamma,
-            forecast.scenario.grid_size, left,
+            forecast.by_column, self.of_missing(), self._by_class(looks), self._sea_step, horizon,
+            gamma, forecast.scenario.grid_size, left,
         )  # fmt: skip
         return Expected(float(finds), left)
 

@@ -5,7 +5,7 @@
 from __future__ import annotations
 
 from collections import deque
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,8 +14,11 @@ from dsse_ros.belief import belief_kernels, follow_kernels, particle_kernels
 from dsse_ros.belief.belief import Belief, Forecast
 from dsse_ros.belief.beliefs import is_ensemble
 from dsse_ros.belief.ensemble_belief import EnsembleBelief, EnsembleForecast
-from dsse_ros.belief.follow_kernels import Beliefs, Followed, Scratch, Tables
+from dsse_ros.belief.follow_kernels import Beliefs, Scratch, Tables
+from dsse_ros.belief.look_kernels import Followed
+from dsse_ros.belief.particle_kernels import ParticleTables
 from dsse_ros.belief.search_outcomes import OF_CLASS
+from dsse_ros.compiled.overloads import Specialized
 from dsse_ros.scenario.fields import FieldError
 from dsse_ros.scenario.rules import Rules
 from dsse_ros.scenario.scenario import ResolvedScenario
@@ -74,17 +77,14 @@ def follower_of(scenario: ResolvedScenario, rules: Rules, num_worlds: int) -> Fo
     return MotionFollower(scenario, rules, num_worlds)
 
 
-def _scratch(
-    followed: Followed, class_of: NDArray[np.int64], examples: NDArray[np.int64]
-) -> tuple[NDArray[Any], ...]:
-    """Return `numbers`, `hazard`, `seen` and `rows` of `follow_kernels.Scratch`."""
-    most = followed.drones.shape[1] * int(np.diff(followed.looks, axis=1).max())
-    return (
-        np.empty((OF_CLASS, len(examples))),
-        np.empty(len(class_of)),
-        np.empty((most, 2), np.int64),
-        np.empty(most, np.int64),
-    )
+def _scratch(follower: Follower, followed: Followed, motion: int) -> Scratch:
+    """Return memory for a thread; `motion` is the length of `Scratch.motion`."""
+    crew = followed.batch.crew
+    most = crew.drones.shape[1] * int(np.diff(crew.looks, axis=1).max())
+    return Scratch(
+        np.empty((OF_CLASS, len(follower.examples))), np.empty(len(follower.class_of)),
+        np.empty((most, 2), np.int64), np.empty(most, np.int64), np.empty(motion),
+    )  # fmt: skip
 
 
 class MotionFollower:
@@ -103,6 +103,8 @@ class MotionFollower:
         self._scenario = scenario
         self._rules = rules
         self._num_worlds = num_worlds
+        self._follow = Specialized(follow_kernels.follow_worlds)
+        self._write = Specialized(follow_kernels.write_beliefs)
         belief = Belief(forecast := self._new_forecast())
         # One forecast per thread: another thread would change its tables during a read.
         self._forecasts = deque([forecast])
@@ -117,7 +119,7 @@ class MotionFollower:
         scenario, rules = self._scenario, self._rules
         forecast = Forecast(scenario, rules, drift_samples=DRIFT_SAMPLES)
         steps = forecast.first_step + rules.last_step(scenario.timestep_limit)
-        if self._num_worlds > 1 and len(forecast.directions) <= steps:
+        if self._num_worlds > 1 and len(forecast.steps.directions) <= steps:
             raise FieldError(
                 f"grid_size must be smaller, or the steps fewer, with beliefs for "
                 f"{self._num_worlds} worlds and {scenario.timestep_limit} steps, "
@@ -129,7 +131,7 @@ class MotionFollower:
         """Compute the persons' motion for a whole mission, if that is not too large to keep."""
         forecast = self._take_forecast()
         steps = self._rules.last_step(self._scenario.timestep_limit)
-        if len(forecast.directions) > forecast.first_step + steps:
+        if len(forecast.steps.directions) > forecast.first_step + steps:
             belief = Belief(forecast)
             for _ in range(steps):
                 belief.advance()
@@ -148,24 +150,22 @@ class MotionFollower:
         """See `Follower`."""
         forecast = self._take_forecast()
         # A world that was just reset is at step 0.
-        steps = max(int(followed.worlds["t"][first:last].max()) - 1, 0)
+        steps = max(int(followed.batch.worlds["t"][first:last].max()) - 1, 0)
         forecast.look(forecast.first_step + steps)
         tables = Tables(
-            self.start, pods, self.class_of, forecast.sea, forecast.chances,
-            forecast.tables, forecast.directions, forecast.apart, forecast.first_step,
-        )  # fmt: skip
-        motion = np.empty(self.start.shape[1] + belief_kernels.ROW)
-        scratch = Scratch(motion, *_scratch(followed, self.class_of, self.examples))
-        follow_kernels.follow_worlds(*followed, *tables, *beliefs, *scratch, first, last)
+            self.start, pods, self.class_of, forecast.sea, forecast.steps, forecast.first_step
+        )
+        scratch = _scratch(self, followed, self.start.shape[1] + belief_kernels.ROW)
+        self._follow(followed, tables, beliefs, scratch, first, last)
         self._forecasts.append(forecast)
 
     def write(
         self, followed: Followed, beliefs: Beliefs, maps: NDArray[np.float32], first: int, last: int
     ) -> None:
         """See `Follower`."""
-        follow_kernels.write_beliefs(
-            followed.constants, beliefs.beliefs, self.class_of, beliefs.missing,
-            np.empty(len(self.examples)), np.empty(maps.shape[1:]), maps, first, last,
+        self._write(
+            followed.batch.constants, beliefs, self.class_of, np.empty(len(self.examples)),
+            np.empty(maps.shape[1:]), maps, first, last,
         )  # fmt: skip
 
 
@@ -181,6 +181,8 @@ class EnsembleFollower:
         self._made_of = scenario, rules
         belief = EnsembleBelief(EnsembleForecast(scenario, rules))
         self._forecast = belief.forecast
+        self._follow = Specialized(particle_kernels.follow_particles)
+        self._write = Specialized(particle_kernels.write_particles)
         self.start = belief.density
         self.class_of, self.examples = belief.class_of, belief.examples
 
@@ -210,20 +212,17 @@ class EnsembleFollower:
         self, followed: Followed, pods: NDArray[np.float64], beliefs: Beliefs, first: int, last: int
     ) -> None:
         """See `Follower`."""
-        forecast = self._forecast
-        particle_kernels.follow_particles(
-            *followed, forecast.cells, forecast.weights, pods, self.class_of, forecast.first_step,
-            *beliefs, *_scratch(followed, self.class_of, self.examples), *forecast.links(), first,
-            last,
-        )  # fmt: skip
+        scratch = _scratch(self, followed, 0)
+        self._follow(followed, self._tables(pods), beliefs, scratch, first, last)
 
     def write(
         self, followed: Followed, beliefs: Beliefs, maps: NDArray[np.float32], first: int, last: int
     ) -> None:
         """See `Follower`."""
-        forecast = self._forecast
-        particle_kernels.write_particles(
-            followed.constants, followed.area, followed.worlds, forecast.cells,
-            forecast.first_step, beliefs.beliefs, self.class_of, beliefs.missing,
-            np.empty(len(self.examples)), maps, first, last,
-        )  # fmt: skip
+        tables = self._tables(np.empty((0, len(self.examples))))
+        scale = np.empty(len(self.examples))
+        self._write(followed, tables, beliefs, scale, maps, first, last)
+
+    def _tables(self, pods: NDArray[np.float64]) -> ParticleTables:
+        particles = self._forecast.particles()
+        return ParticleTables(particles, pods, self.class_of, self._forecast.first_step)

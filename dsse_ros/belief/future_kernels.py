@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from dsse_ros.belief.belief_kernels import MARGIN, ROW, look_up, offset_of, predict, search
+from dsse_ros.belief.belief_kernels import MARGIN, ROW, look_up, offset_of, predict, search, step_at
 from dsse_ros.compiled.jit import compiled
 from dsse_ros.targets.motion import NO_STEP, STAND_STILL, STEPS
 
@@ -64,85 +64,62 @@ def sample(density, count, offset, rows, cells):
 
 
 @compiled()
-def roll(constants, sea, chances, tables, directions, slots, offsets, rows, cells):
+def roll(constants, sea, steps, slots, offsets, rows, cells):
     """Advance the persons of all scenarios by their steps.
 
     Args:
         constants: (1,) of `constants.CONSTANTS`.
         sea: Of a `Forecast`.
-        chances: (R, S S), of a `Forecast`.
-        tables: (R, 10, S S), of a `Forecast`.
-        directions: (R, K), of a `Forecast`.
+        steps: Of a `Forecast`.
         slots: (H,) int64, indices of the steps in the forecast.
         offsets: (H,) float64 in [0, 1), offsets of the draws.
         rows: (M,) of `sample`.
         cells: (H + 1, M) int64; the first row is in, the others are out.
     """
-    c = constants[0]
     row = np.empty(ROW)
     for h in range(len(slots)):
-        slot = slots[h]
+        step, directions = step_at(steps, slots[h]), steps.directions[slots[h]]
         now, after = cells[h], cells[h + 1]
         seen_cell, seen_direction = -1, -1
         for s in range(len(rows)):
-            i, direction = now[s], directions[slot, rows[s] % directions.shape[1]]
+            i, direction = now[s], directions[rows[s] % len(directions)]
             if direction == STAND_STILL:
                 after[s] = i
                 continue
             if i != seen_cell or direction != seen_direction:
-                look_up(c, sea, chances[slot], tables[slot], i, direction, row)
+                look_up(constants[0], sea, step, i, direction, row)
                 seen_cell, seen_direction = i, direction
             left = (offsets[h] + s * GOLDEN) % 1.0
-            step = 0
-            while step < STEPS - 1 and left >= row[step]:
-                left -= row[step]
-                step += 1
-            after[s] = i + offset_of(c, step)
+            number = 0
+            while number < STEPS - 1 and left >= row[number]:
+                left -= row[number]
+                number += 1
+            after[s] = i + offset_of(constants[0], number)
 
 
 @compiled()
-def expect(
-    constants, sea, density, chances, tables, directions, slots, steps, columns,
-    pods, gamma, side, belief, scratch, left,
-):  # fmt: skip
+def expect(constants, sea, belief, steps, slots, looks, gamma, scratch):
     """Return the discounted finds of future looks, by the exact filter.
 
     Args:
         constants: (1,) of `constants.CONSTANTS`.
         sea: Of a `Forecast`.
-        density: (C K, S S), of a `Belief`.
-        chances: (R, S S), of a `Forecast`.
-        tables: (R, 10, S S), of a `Forecast`.
-        directions: (R, K), of a `Forecast`.
+        belief: (C K, S S) float64; afterwards the final distribution of the persons not found.
+        steps: Of a `Forecast`.
         slots: (H,) int64, indices of the steps in the forecast.
-        steps: (Q,) int64 of `LooksToCome`.
-        columns: (Q,) int64 of `LooksToCome`.
-        pods: (Q, C) float64, POD of each look by detection class.
+        looks: A `LooksToCome` with PODs (Q, C) by detection class.
         gamma: Discount per step.
-        side: S.
-        belief: (C K, S S) float64 scratch.
         scratch: Of `belief_kernels.predict`.
-        left: (S S,) float64 out, final distribution of the persons not found.
     """
-    belief[:] = density
+    side = constants[0].grid_size + 2 * MARGIN
     worth, value, q = 1.0, 0.0, 0
     for h in range(len(slots)):
-        while q < len(steps) and steps[q] == h:
-            value += worth * search(
-                constants, belief, pods[q], columns[q] % side - MARGIN, columns[q] // side - MARGIN
-            )
+        while q < len(looks.steps) and looks.steps[q] == h:
+            y, x = divmod(looks.columns[q], side)
+            value += worth * search(constants[0], belief, looks.pods[q], x - MARGIN, y - MARGIN)
             q += 1
-        slot = slots[h]
-        predict(
-            constants, sea, belief, chances[slot], tables[slot], directions[slot],
-            scratch,
-        )  # fmt: skip
+        predict(constants, sea, belief, step_at(steps, slots[h]), scratch)
         worth *= gamma
-    for i in range(len(left)):
-        total = 0.0
-        for k in range(len(belief)):
-            total += belief[k, i]
-        left[i] = total
     return value
 
 
@@ -172,15 +149,13 @@ def number_states(density, starts):
 
 
 @compiled()
-def chain_layer(constants, sea, chances, table, directions, starts, rows, numbers):
+def chain_layer(constants, sea, step, starts, rows, numbers):
     """Return the steps from the states of a layer.
 
     Args:
         constants: (1,) of `constants.CONSTANTS`.
         sea: Of a `Forecast`.
-        chances: (S S,), of a `Forecast`.
-        table: (10, S S), of a `Forecast`.
-        directions: (K,), of a `Forecast`.
+        step: One step of a `Forecast`.
         starts: (S S + 1,) of `number_states`.
         rows: (N,) of `number_states`.
         numbers: (C K, S S) of `number_states`, for the next layer.
@@ -189,7 +164,7 @@ def chain_layer(constants, sea, chances, table, directions, starts, rows, number
         (N,) int64, the number of steps from each state; (E,) int64, the states that they lead to;
         (E,) float64, their probabilities.
     """
-    c, count, base = constants[0], 0, starts[0]
+    directions, count, base = step.directions, 0, starts[0]
     row = np.empty(ROW)
     counts = np.zeros(len(rows), np.int64)
     to, chance = np.empty(STEPS * len(rows), np.int64), np.empty(STEPS * len(rows))
@@ -201,12 +176,12 @@ def chain_layer(constants, sea, chances, table, directions, starts, rows, number
                 row[:STEPS] = 0.0
                 row[NO_STEP] = 1.0
             else:
-                look_up(c, sea, chances, table, i, direction, row)
-            for step in range(STEPS):
-                if row[step] > 0.0:
-                    n = numbers[k, i + offset_of(c, step)]
+                look_up(constants[0], sea, step, i, direction, row)
+            for number in range(STEPS):
+                if row[number] > 0.0:
+                    n = numbers[k, i + offset_of(constants[0], number)]
                     if n >= 0:
-                        to[count], chance[count] = n, row[step]
+                        to[count], chance[count] = n, row[number]
                         counts[s] += 1
                         count += 1
     return counts, to[:count].copy(), chance[:count].copy()

@@ -5,41 +5,76 @@
 
 from __future__ import annotations
 
+from typing import Any, NamedTuple
+
 import numpy as np
+from numpy.typing import NDArray
 
 from dsse_ros.compiled.jit import part
 
 
+class Followed(NamedTuple):
+    """Worlds after a step, and the actions of the step.
+
+    Attributes:
+        batch: A `kernels.Batch` of B worlds, after the step.
+        actions: (B, N) int8 of the step.
+        live: (B, N) bool, the drones in the search before the step.
+        done: (B,) bool, the worlds whose search had ended before the step.
+    """
+
+    batch: Any
+    actions: NDArray[np.int8]
+    live: NDArray[np.bool_]
+    done: NDArray[np.bool_]
+
+
+class LooksDone(NamedTuple):
+    """The looks of a step of one mission, first those that found nobody.
+
+    Attributes:
+        seen: (Q, 2) int64, columns and rows of the cells, on the grid or off it.
+        rows: (Q,) int64, the row of `pods` of each look.
+        pods: (L, C) float64, POD by detection class.
+        failed: Number of looks that found nobody.
+        number: Number of looks, at most Q.
+    """
+
+    seen: NDArray[np.int64]
+    rows: NDArray[np.int64]
+    pods: NDArray[np.float64]
+    failed: int
+    number: int
+
+
 @part
-def list_looks(c, drones, finds, kinds, looks, offsets, actions, live, seen, rows):
-    """Write the looks of a world's drones: first those that found nobody, then the finds.
+def list_looks(followed, b, seen, rows):
+    """Write the looks of world b: first those that found nobody, then the finds.
 
     Args:
-        c: The constants.
-        drones: (N,) of `kernels.DRONES`, after the step.
-        finds: (N,) of `kernels.Crew`.
-        kinds: (N,) of `kernels.Crew`.
-        looks: (K, A + 1) of `kernels.Crew`.
-        offsets: (L, 2) of `kernels.Crew`.
-        actions: (N,) int8 of the step.
-        live: (N,) bool, the drones in the search before the step.
-        seen: (Q, 2) int64 out, columns and rows, on the grid or off it.
-        rows: (Q,) int64 out, the number of each look.
+        followed: The worlds.
+        b: Number of the world.
+        seen: (Q, 2) int64 out, of `LooksDone`.
+        rows: (Q,) int64 out, of `LooksDone`.
 
     Returns:
         Number of looks that found nobody, and number of looks.
     """
+    crew, actions = followed.batch.crew, followed.actions[b]
     failed = count = 0
     for turn in range(2):
-        for n in range(len(drones)):
-            if not live[n] or not 0 <= actions[n] < c.num_actions:
+        for n in range(len(actions)):
+            acts = 0 <= actions[n] < followed.batch.constants[0].num_actions
+            if not followed.live[b, n] or not acts:
                 continue
-            d = drones[n]
-            first, last = looks[kinds[n], actions[n]], looks[kinds[n], actions[n] + 1]
+            drone, kind = crew.drones[b, n], crew.kinds[n]
+            first, last = crew.looks[kind, actions[n]], crew.looks[kind, actions[n] + 1]
             for k in range(first, last):
-                found = d.found and (finds[n] >> np.uint64(k - first)) & np.uint64(1) > 0
+                bit = (crew.finds[b, n] >> np.uint64(k - first)) & np.uint64(1)
+                found = drone.found and bit > 0
                 if found == (turn == 1):
-                    seen[count, 0], seen[count, 1] = d.x + offsets[k, 0], d.y + offsets[k, 1]
+                    seen[count, 0] = drone.x + crew.offsets[k, 0]
+                    seen[count, 1] = drone.y + crew.offsets[k, 1]
                     rows[count] = k
                     count += 1
         if turn == 0:

@@ -4,21 +4,20 @@
 """The compiled filter of an ensemble: searches change the weights of its particles.
 
 Weights are (C, M) float64: row m is for the persons of detection class m, and sums to their share
-of all persons. `cells` (M, 2) int16 are the present cells of the particles, or (T, M, 2) the cells
-by step of the sea. Persons move independently: nobody is `APART`. Other arguments are as in
+of all persons. Persons move independently: nobody is `APART`. Other arguments are as in
 `search_outcomes`.
-
-A pass over the particles links those of the cells that the looks of a step see, so that a look
-visits no others. `heads` (G G + 1,) int32, zeros in and out, has the first particle of each such
-cell plus one, or -1; `links` (M,) int32 has the next one of the same cell plus one, or -1.
 """
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
+from numpy.typing import NDArray
 
 from dsse_ros.belief.belief_kernels import MARGIN, NOTHING_LEFT, total_of
-from dsse_ros.belief.look_kernels import list_looks
+from dsse_ros.belief.follow_kernels import forget, persons_of
+from dsse_ros.belief.look_kernels import LooksDone, list_looks
 from dsse_ros.belief.search_outcomes import (
     APART,
     LEFT_MIXED,
@@ -29,25 +28,50 @@ from dsse_ros.belief.search_outcomes import (
     open_classes,
     weigh_classes,
 )
-from dsse_ros.compiled.jit import compiled, kernel, part
+from dsse_ros.compiled.jit import compiled, inlined, kernel, part
+from dsse_ros.step.recipe import acts_at
 from dsse_ros.targets.sea_map import is_inside, is_open
 
 
-@part
-def link(c, area, cells, seen, count, heads, links):
-    """Link the particles of each cell that the looks see, in their order.
+class Particles(NamedTuple):
+    """The particles of an ensemble by step of the sea, or at one: then there is no axis T.
 
-    Args:
-        c: The constants.
+    A pass over the particles links those of the cells that the looks of a step see, so that a look
+    visits no others.
+
+    Attributes:
         area: Of `sea_map.Sea`.
-        cells: (M, 2) int16.
-        seen: (Q, 2) int64, columns and rows of the cells looked at.
-        count: Number of looks.
-        heads: As in the module, out.
-        links: As in the module, out.
+        cells: (T, M, 2) int16, (col, row); after the last step nothing moves.
+        prior: (M,) float64, the weights of the ensemble, which sum to 1.
+        heads: (G G + 1,) int32 scratch, zeros in and out: the first particle of each cell plus one,
+            or -1.
+        links: (M,) int32 scratch: the next particle of the same cell plus one, or -1.
     """
-    g = c.grid_size
-    for q in range(count):
+
+    area: NDArray[np.bool_] | None
+    cells: NDArray[np.int16]
+    prior: NDArray[np.float64]
+    heads: NDArray[np.int32]
+    links: NDArray[np.int32]
+
+    def at(self, row: int) -> Particles:
+        """Return the particles at one step."""
+        return self._replace(cells=self.cells[row])
+
+
+@inlined
+def particles_at(particles, step):
+    """Return the particles at a step of the sea."""
+    cells = particles.cells[min(step, len(particles.cells) - 1)]
+    return Particles(particles.area, cells, particles.prior, particles.heads, particles.links)
+
+
+@part
+def link(constants, particles, looks):
+    """Link the particles of each cell that the looks see, in their order."""
+    g, area, seen = constants.grid_size, particles.area, looks.seen
+    heads, links, cells = particles.heads, particles.links, particles.cells
+    for q in range(looks.number):
         if is_open(area, g, seen[q, 0], seen[q, 1]):
             heads[seen[q, 1] * g + seen[q, 0]] = -1
     for k in range(len(cells) - 1, -1, -1):
@@ -61,40 +85,34 @@ def link(c, area, cells, seen, count, heads, links):
 
 
 @part
-def unlink(c, area, seen, count, heads):
-    """Set `heads` to zeros again; arguments as in `link`."""
-    for q in range(count):
-        if is_open(area, c.grid_size, seen[q, 0], seen[q, 1]):
-            heads[seen[q, 1] * c.grid_size + seen[q, 0]] = 0
+def unlink(constants, particles, looks):
+    """Set `heads` to zeros again."""
+    g, seen = constants.grid_size, looks.seen
+    for q in range(looks.number):
+        if is_open(particles.area, g, seen[q, 0], seen[q, 1]):
+            particles.heads[seen[q, 1] * g + seen[q, 0]] = 0
 
 
 @part
-def learn_look(
-    c, area, weights, pods, class_of, missing, unfound, numbers, hazard, heads, links, x, y, found
-):  # fmt: skip
-    """Update the weights with the outcome of the search of a cell.
+def learn_look(constants, particles, weights, persons, looks, q):
+    """Update the weights with the outcome of look q.
 
-    Call it for all searches of a step between `open_classes` and `close_weights`.
+    Call it for all looks of a step between `open_classes` and `close_weights`. A look off the grid
+    or outside the area has no effect.
 
     Args:
-        c: The constants.
-        area: Of `sea_map.Sea`.
+        constants: As in `search_outcomes`.
+        particles: Now, linked.
         weights: (C, M) float64, in and out.
-        pods: (C,) float64, POD of this search.
-        class_of: (n,) int64.
-        missing: (n,) float64, in and out.
-        unfound: (n,) float64, in and out.
-        numbers: (`OF_CLASS`, C) float64.
-        hazard: (n,) float64 scratch.
-        heads: Of `link`.
-        links: Of `link`.
-        x: Column of the cell; a search off the grid or outside the area has no effect.
-        y: Row of the cell.
-        found: Whether the search found somebody.
+        persons: As in `search_outcomes`.
+        looks: A `look_kernels.LooksDone`.
+        q: Number of the look.
     """
-    if not is_open(area, c.grid_size, x, y):
+    x, y, pods = looks.seen[q, 0], looks.seen[q, 1], looks.pods[looks.rows[q]]
+    if not is_open(particles.area, constants.grid_size, x, y):
         return
-    first = heads[y * c.grid_size + x]
+    numbers, links = persons.numbers, particles.links
+    first = particles.heads[y * constants.grid_size + x]
     for m in range(len(pods)):
         here, k = 0.0, first
         while k > 0:
@@ -102,11 +120,11 @@ def learn_look(
             k = links[k - 1]
         numbers[APART, m] = 0.0
         numbers[MIXED, m] = here / numbers[TOTAL, m] if numbers[TOTAL, m] > 0.0 else 0.0
-    if not conclude(c, pods, class_of, missing, unfound, numbers, hazard, found):
+    if not conclude(constants, pods, persons, q >= looks.failed):
         return
-    if len(missing) == 1:
+    if len(persons.missing) == 1:
         # A single person counts as missing until the mission is over.
-        missing[0] = 1.0
+        persons.missing[0] = 1.0
     for m in range(len(pods)):
         k = first
         while k > 0:
@@ -115,18 +133,11 @@ def learn_look(
 
 
 @part
-def close_weights(weights, class_of, numbers, prior):
-    """Scale each class to its share of all persons; an empty class restarts from `prior`.
-
-    Args:
-        weights: (C, M) float64, in and out.
-        class_of: (n,) int64.
-        numbers: (`OF_CLASS`, C) float64.
-        prior: (M,) float64, the weights of the ensemble, which sum to 1.
-    """
-    open_classes(class_of, numbers)
+def close_weights(weights, persons, prior):
+    """Scale each class to its share of all persons; an empty class restarts from `prior`."""
+    open_classes(persons)
     for m in range(len(weights)):
-        share, total = numbers[TOTAL, m], total_of(weights[m])
+        share, total = persons.numbers[TOTAL, m], total_of(weights[m])
         if total < NOTHING_LEFT * share:
             for k in range(len(prior)):
                 weights[m, k] = prior[k]
@@ -137,176 +148,136 @@ def close_weights(weights, class_of, numbers, prior):
 
 
 @kernel
-def learn(
-    constants, area, cells, weights, prior, heads, links, class_of, missing, unfound, pos, numbers,
-    hazard, seen, rows, pods, failed, count,
-):  # fmt: skip
+def learn(constants, particles, weights, persons, looks, pos):
     """Update the weights with the looks of a step; return the new POS.
 
     Args:
         constants: (1,) of `constants.CONSTANTS`.
-        area: Of `sea_map.Sea`.
-        cells: (M, 2) int16.
+        particles: At the step.
         weights: (C, M) float64, in and out.
-        prior: (M,) of `close_weights`.
-        heads: (G G + 1,) int32 scratch, zeros in and out.
-        links: (M,) int32 scratch.
-        class_of: (n,) int64.
-        missing: (n,) float64, in and out.
-        unfound: (n,) float64, in and out.
+        persons: As in `search_outcomes`, in and out.
+        looks: A `look_kernels.LooksDone`.
         pos: The POS before the step.
-        numbers: (`OF_CLASS`, C) float64 scratch.
-        hazard: (n,) float64 scratch.
-        seen: (Q, 2) int64, columns and rows of the cells looked at.
-        rows: (Q,) int64, the row of `pods` of each look.
-        pods: (L, C) float64.
-        failed: Number of looks that found nobody; they come first.
-        count: Number of looks.
     """
-    if count == 0:
+    if looks.number == 0:
         return pos
-    c = constants[0]
-    open_classes(class_of, numbers)
-    link(c, area, cells, seen, count, heads, links)
-    for q in range(count):
-        learn_look(
-            c, area, weights, pods[rows[q]], class_of, missing, unfound, numbers, hazard, heads,
-            links, seen[q, 0], seen[q, 1], q >= failed,
-        )  # fmt: skip
-    unlink(c, area, seen, count, heads)
-    close_weights(weights, class_of, numbers, prior)
-    return mean_found(unfound)
+    open_classes(persons)
+    link(constants[0], particles, looks)
+    for q in range(looks.number):
+        learn_look(constants[0], particles, weights, persons, looks, q)
+    unlink(constants[0], particles, looks)
+    close_weights(weights, persons, particles.prior)
+    return mean_found(persons)
 
 
 @kernel
-def write_poc(constants, area, cells, weights, class_of, missing, scale, out):
+def write_poc(constants, particles, weights, class_of, missing, scale, out):
     """Write the missing persons' probability of every cell, out (G, G) as [y, x].
 
     Args:
         constants: (1,) of `constants.CONSTANTS`.
-        area: Of `sea_map.Sea`; outside it nothing is written.
-        cells: (M, 2) int16.
+        particles: At one step; outside the area nothing is written.
         weights: (C, M) float64.
         class_of: (n,) int64.
         missing: (n,) float64.
         scale: (C,) float64 scratch.
         out: Out.
     """
-    c = constants[0]
+    g, cells = constants[0].grid_size, particles.cells
     weigh_classes(class_of, missing, scale)
-    for y in range(c.grid_size):
-        for x in range(c.grid_size):
+    for y in range(g):
+        for x in range(g):
             out[y, x] = 0.0
     for m in range(len(weights)):
         for k in range(len(cells)):
             col, row = np.int64(cells[k, 0]), np.int64(cells[k, 1])
-            if is_open(area, c.grid_size, col, row):
+            if is_open(particles.area, g, col, row):
                 out[row, col] += scale[m] * weights[m, k]
 
 
+class ParticleTables(NamedTuple):
+    """Tables computed once for all missions of a scenario.
+
+    Attributes:
+        particles: By step of the sea.
+        pods: (L, C) float64, POD of each look by detection class.
+        class_of: (n,) int64, see `search_outcomes`.
+        first_step: Steps of the sea before a mission's first observation.
+    """
+
+    particles: Particles
+    pods: NDArray[np.float64]
+    class_of: NDArray[np.int64]
+    first_step: int
+
+
 @kernel
-def follow_particles(
-    constants, area, worlds, drones, finds, kinds, looks, offsets, actions, live, done,
-    cells, prior, pods, class_of, first_step,
-    weights, missing, unfound, pos,
-    numbers, hazard, seen, rows, heads, links,
-    first, last,
-):  # fmt: skip
+def follow_particles(followed, tables, beliefs, scratch, first, last):
     """Update the beliefs of the worlds first..last - 1 after a step.
 
     Args:
-        constants: See `follow_kernels.Followed`.
-        area: See `Followed`.
-        worlds: See `Followed`.
-        drones: See `Followed`.
-        finds: See `Followed`.
-        kinds: See `Followed`.
-        looks: See `Followed`.
-        offsets: See `Followed`.
-        actions: See `Followed`.
-        live: See `Followed`.
-        done: See `Followed`.
-        cells: (T, M, 2) int16.
-        prior: (M,) of `close_weights`.
-        pods: (L, C) float64.
-        class_of: (n,) int64.
-        first_step: Steps of the sea before a mission's first observation.
-        weights: (B, C, M) float64, in and out.
-        missing: (B, n) float64, in and out.
-        unfound: (B, n) float64, in and out.
-        pos: (B,) float64, in and out.
-        numbers: (`OF_CLASS`, C) float64 scratch.
-        hazard: (n,) float64 scratch.
-        seen: (Q, 2) int64 scratch, of `list_looks`.
-        rows: (Q,) int64 scratch, of `list_looks`.
-        heads: As in `learn`.
-        links: As in `learn`.
+        followed: A `look_kernels.Followed`.
+        tables: Of the scenario.
+        beliefs: A `follow_kernels.Beliefs`, in and out.
+        scratch: A `follow_kernels.Scratch`.
         first: Number of the first world.
         last: Number of the last world, plus one.
     """
-    c = constants[0]
+    constants, prior = followed.batch.constants, tables.particles.prior
     for b in range(first, last):
-        of_world = weights[b]
-        if c.auto_reset and done[b]:
-            open_classes(class_of, numbers)
-            for m in range(len(of_world)):
+        weights = beliefs.beliefs[b]
+        persons = persons_of(beliefs, tables.class_of, scratch, b)
+        if constants[0].auto_reset and followed.done[b]:
+            open_classes(persons)
+            for m in range(len(weights)):
                 for k in range(len(prior)):
-                    of_world[m, k] = numbers[TOTAL, m] * prior[k]
-            missing[b, :] = 1.0
-            unfound[b, :] = 1.0
-            pos[b] = 0.0
+                    weights[m, k] = persons.numbers[TOTAL, m] * prior[k]
+            forget(beliefs, b)
             continue
-        step = worlds[b].t - 1
-        if not (c.time_out_acts or step < c.timestep_limit + c.time_out_grace):
+        t = followed.batch.worlds[b].t - 1
+        if not acts_at(constants[0], t):
             continue
-        now = cells[min(first_step + step, len(cells) - 1)]
-        failed, count = list_looks(
-            c, drones[b], finds[b], kinds, looks, offsets, actions[b], live[b], seen, rows
-        )
-        pos[b] = learn(
-            constants, area, now, of_world, prior, heads, links, class_of, missing[b], unfound[b],
-            pos[b], numbers, hazard, seen, rows, pods, failed, count,
-        )  # fmt: skip
+        particles = particles_at(tables.particles, tables.first_step + t)
+        failed, count = list_looks(followed, b, scratch.seen, scratch.rows)
+        looks = LooksDone(scratch.seen, scratch.rows, tables.pods, failed, count)
+        beliefs.pos[b] = learn(constants, particles, weights, persons, looks, beliefs.pos[b])
 
 
 @kernel
-def write_particles(
-    constants, area, worlds, cells, first_step, weights, class_of, missing, scale, maps, first, last
-):  # fmt: skip
+def write_particles(followed, tables, beliefs, scale, maps, first, last):
     """Write the probability of every cell of the worlds first..last - 1, (B, G, G) as [y, x].
 
     The arguments are those of `follow_particles` and `write_poc`.
     """
-    c = constants[0]
+    constants = followed.batch.constants
     for b in range(first, last):
-        now = cells[min(first_step + worlds[b].t, len(cells) - 1)]
-        write_poc(constants, area, now, weights[b], class_of, missing[b], scale, maps[b])
-        for y in range(c.grid_size):
-            for x in range(c.grid_size):
+        t = tables.first_step + followed.batch.worlds[b].t
+        particles = particles_at(tables.particles, t)
+        weights, missing = beliefs.beliefs[b], beliefs.missing[b]
+        write_poc(constants, particles, weights, tables.class_of, missing, scale, maps[b])
+        for y in range(constants[0].grid_size):
+            for x in range(constants[0].grid_size):
                 # Rounding may put a sum of shares above 1.
                 maps[b, y, x] = min(maps[b, y, x], 1.0)
 
 
 @compiled()
-def expect_particles(
-    starts, members, weights, steps, looked, pods, first, horizon, gamma, grid_size, left
-):  # fmt: skip
+def expect_particles(by_column, weights, looks, first, horizon, gamma, grid_size, left):
     """Return the discounted finds of future looks, exactly for the particles.
 
     Args:
-        starts: (T, S S + 1) int32, see `members`.
-        members: (T, M) int32, the particles sorted by column, see `future_kernels.index`; after the
-            last step of the sea nothing moves.
+        by_column: (T, S S + 1) int32 and (T, M) int32, the particles sorted by column, see
+            `future_kernels.index`; after the last step of the sea nothing moves.
         weights: (C, M) float64, of the missing persons.
-        steps: (Q,) of `LooksToCome`.
-        looked: (Q,) int64, the columns of `LooksToCome`.
-        pods: (Q, C) float64.
+        looks: A `LooksToCome` with PODs (Q, C) by detection class.
         first: Step of the sea now.
         horizon: H.
         gamma: Discount per step.
         grid_size: G.
         left: (S S,) float64 out, final distribution of the persons not found.
     """
+    starts, members = by_column
+    steps, looked, pods = looks
     kept = weights.copy()
     side = grid_size + 2 * MARGIN
     last = len(members) - 1

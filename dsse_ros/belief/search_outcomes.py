@@ -18,17 +18,18 @@ Each search has a hazard for each person: the probability of finding them, given
 so far. The product of one minus the hazards is the probability that missions with the same searches
 have not found the person. Its mean over the persons is one minus the POS.
 
-Arguments with the same names mean the same everywhere, with n persons in C classes:
-
-    one_find: Whether a search looks for the first person in its cell only.
-    pods: (C,) float64, probability of detection.
-    class_of: (n,) int64, the class of each person.
-    missing: (n,) float64, probability that each person is missing.
-    hazard: (n,) float64, probability that a search detects each person if it is missing.
-    numbers: (`OF_CLASS`, C) float64 of the classes.
+Arguments with the same names mean the same everywhere, with n persons in C classes: `constants` is
+an element of `constants.CONSTANTS`, `one_find` whether a search looks for the first person in its
+cell only, `pods` (C,) float64 the probability of detection by class, `persons` a `Persons`, `found`
+whether the search found somebody, `total` how probable a find was.
 """
 
 from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
 
 from dsse_ros.belief.belief_kernels import NOTHING_LEFT, index_of, total_of
 from dsse_ros.compiled.jit import kernel, part
@@ -44,9 +45,30 @@ SURE = 1e-9
 """A probability closer to 0 or 1 than this counts as certain."""
 
 
+class Persons(NamedTuple):
+    """What is known of the persons of a mission.
+
+    Attributes:
+        class_of: (n,) int64, the detection class of each person.
+        missing: (n,) float64, probability that each person is missing.
+        unfound: (n,) float64, the same, regardless of the outcomes of the searches.
+        numbers: (`OF_CLASS`, C) float64 scratch, the numbers of the classes.
+        hazard: (n,) float64 scratch, probability that a search detects each person if it is
+            missing.
+    """
+
+    class_of: NDArray[np.int64]
+    missing: NDArray[np.float64]
+    unfound: NDArray[np.float64]
+    numbers: NDArray[np.float64]
+    hazard: NDArray[np.float64]
+
+
 @part
-def hazards(one_find, pods, class_of, missing, numbers, hazard):
+def hazards(one_find, pods, persons):
     """Write the hazards of a search; return the probability that it finds anyone."""
+    class_of, missing = persons.class_of, persons.missing
+    numbers, hazard = persons.numbers, persons.hazard
     total, nobody, none, occupied = 0.0, 1.0, 1.0, 0.0
     for p in range(len(missing)):
         m = class_of[p]
@@ -63,24 +85,29 @@ def hazards(one_find, pods, class_of, missing, numbers, hazard):
 
 
 @part
-def what_is_left(one_find, pods, class_of, missing, hazard, found, total, numbers):
-    """Write `LEFT_APART` and `LEFT_MIXED`: the remaining shares of the classes in the cell.
-
-    Args:
-        one_find: As in the module.
-        pods: As in the module.
-        class_of: As in the module.
-        missing: As in the module.
-        hazard: As in the module.
-        found: Whether the search has found anyone.
-        total: How probable that was.
-        numbers: As in the module, in and out.
-    """
+def what_is_left(one_find, pods, persons, found, total):
+    """Write `LEFT_APART` and `LEFT_MIXED`: the remaining shares of the classes in the cell."""
+    numbers = persons.numbers
     for m in range(len(pods)):
         numbers[LEFT_APART, m] = numbers[LEFT_MIXED, m] = 0.0 if one_find else 1.0 - pods[m]
         numbers[ELSEWHERE, m] = 0.0
     if not one_find:
         return
+    add_what_is_left(pods, persons, found, total)
+    for m in range(len(pods)):
+        if numbers[ELSEWHERE, m] > 0.0:
+            numbers[LEFT_APART, m] /= numbers[ELSEWHERE, m]
+            numbers[LEFT_MIXED, m] /= numbers[ELSEWHERE, m]
+        else:
+            # All persons of the class are found: write where one would be if it were missing.
+            numbers[LEFT_APART, m] = numbers[LEFT_MIXED, m] = 1.0 - pods[m]
+
+
+@part
+def add_what_is_left(pods, persons, found, total):
+    """Add up `LEFT_APART`, `LEFT_MIXED` and `ELSEWHERE` of a search for the first person."""
+    class_of, missing = persons.class_of, persons.missing
+    numbers, hazard = persons.numbers, persons.hazard
     # Probabilities that persons before this one leave it to be looked for, or are detected.
     none, occupied, before, before_mixed = 1.0, 0.0, 0.0, 0.0
     for p in range(len(missing)):
@@ -105,31 +132,18 @@ def what_is_left(one_find, pods, class_of, missing, hazard, found, total, number
         before_mixed += none * mixed * pods[m]
         none *= 1.0 - mixed
         occupied += alone
-    for m in range(len(pods)):
-        if numbers[ELSEWHERE, m] > 0.0:
-            numbers[LEFT_APART, m] /= numbers[ELSEWHERE, m]
-            numbers[LEFT_MIXED, m] /= numbers[ELSEWHERE, m]
-        else:
-            # All persons of the class are found: write where one would be if it were missing.
-            numbers[LEFT_APART, m] = numbers[LEFT_MIXED, m] = 1.0 - pods[m]
 
 
 @part
-def update_missing(one_find, missing, hazard, found, total):
+def update_missing(one_find, persons, found, total):
     """Update the probabilities of being missing with the outcome of a search.
 
     A find reduces the expected number of missing persons by the expected number of finds, which is
     one in a search for one person. At least one stays missing, because the search continues. A
     failed search keeps their number, but persons whom it would have detected are less likely to be
     missing. With two persons this is exact.
-
-    Args:
-        one_find: As in the module.
-        missing: As in the module, in and out.
-        hazard: As in the module.
-        found: Whether the search has found anyone.
-        total: How probable that was.
     """
+    missing, hazard = persons.missing, persons.hazard
     count, expected = 0.0, 0.0
     for p in range(len(missing)):
         detected = missing[p] * hazard[p]
@@ -186,36 +200,30 @@ def weigh_classes(class_of, missing, weights):
 
 
 @part
-def open_classes(class_of, numbers):
+def open_classes(persons):
     """Write the sum of each class of a belief: its share of all persons."""
+    class_of, numbers = persons.class_of, persons.numbers
     numbers[TOTAL, :] = 0.0
     for p in range(len(class_of)):
         numbers[TOTAL, class_of[p]] += 1.0 / len(class_of)
 
 
 @part
-def conclude(c, pods, class_of, missing, unfound, numbers, hazard, found):
+def conclude(constants, pods, persons, found):
     """Compute the effect of a search's outcome; return whether it has any.
 
-    Args:
-        c: The constants.
-        pods: See the module, like all that follow.
-        class_of: (n,) int64.
-        missing: (n,) float64, in and out.
-        unfound: (n,) float64, in and out.
-        numbers: (`OF_CLASS`, C) float64: `TOTAL`, `APART` and `MIXED` in, `TOTAL`, `LEFT_APART` and
-            `LEFT_MIXED` out, the factors for the classes in the cell.
-        hazard: (n,) float64 scratch.
-        found: Whether the search found somebody.
+    Of `persons.numbers`, `TOTAL`, `APART` and `MIXED` are in, and `TOTAL`, `LEFT_APART` and
+    `LEFT_MIXED` are out, the factors for the classes in the cell.
     """
-    total = hazards(c.one_find_per_search, pods, class_of, missing, numbers, hazard)
-    for p in range(len(unfound)):
-        unfound[p] *= 1.0 - hazard[p]
+    one_find, numbers = constants.one_find_per_search, persons.numbers
+    total = hazards(one_find, pods, persons)
+    for p in range(len(persons.unfound)):
+        persons.unfound[p] *= 1.0 - persons.hazard[p]
     if found and total <= 0.0:
         return False
-    what_is_left(c.one_find_per_search, pods, class_of, missing, hazard, found, total, numbers)
-    if not (found and c.found_persons_stay):
-        update_missing(c.one_find_per_search, missing, hazard, found, total)
+    what_is_left(one_find, pods, persons, found, total)
+    if not (found and constants.found_persons_stay):
+        update_missing(one_find, persons, found, total)
     for m in range(len(pods)):
         alone, mixed = numbers[LEFT_APART, m], numbers[LEFT_MIXED, m]
         numbers[TOTAL, m] *= (
@@ -225,30 +233,25 @@ def conclude(c, pods, class_of, missing, unfound, numbers, hazard, found):
 
 
 @part
-def learn_outcome(
-    c, belief, pods, class_of, missing, unfound, apart, numbers, hazard, x, y, found
-):  # fmt: skip
-    """Update the belief about several persons with the outcome of the search of a cell.
+def learn_outcome(constants, belief, apart, persons, looks, q):
+    """Update the belief about several persons with the outcome of look q.
 
-    Call it for all searches of a step between `open_classes` and `close_classes`.
+    Call it for all looks of a step between `open_classes` and `close_classes`. A look off the grid
+    has no effect.
 
     Args:
-        c: The constants.
+        constants: As in the module.
         belief: (C K, S S) float64.
-        pods: See the module, like all that follow.
-        class_of: (n,) int64.
-        missing: (n,) float64.
-        unfound: (n,) float64.
-        apart: (K,) of `forecast_step`.
-        numbers: (`OF_CLASS`, C) float64.
-        hazard: (n,) float64 scratch.
-        x: Column of the cell; a search off the grid has no effect.
-        y: Row of the cell.
-        found: Whether the search found somebody.
+        apart: (K,) of `belief_kernels.Steps`.
+        persons: As in the module.
+        looks: A `look_kernels.LooksDone`.
+        q: Number of the look.
     """
-    if not (0 <= x < c.grid_size and 0 <= y < c.grid_size):
+    x, y, pods = looks.seen[q, 0], looks.seen[q, 1], looks.pods[looks.rows[q]]
+    if not (0 <= x < constants.grid_size and 0 <= y < constants.grid_size):
         return
-    i, drifts = index_of(c, x, y), len(belief) // len(pods)
+    numbers = persons.numbers
+    i, drifts = index_of(constants, x, y), len(belief) // len(pods)
     for m in range(len(pods)):
         alone = mixed = 0.0
         for k in range(drifts):
@@ -258,7 +261,7 @@ def learn_outcome(
                 mixed += belief[m * drifts + k, i]
         scale = 1.0 / numbers[TOTAL, m] if numbers[TOTAL, m] > 0.0 else 0.0
         numbers[APART, m], numbers[MIXED, m] = alone * scale, mixed * scale
-    if not conclude(c, pods, class_of, missing, unfound, numbers, hazard, found):
+    if not conclude(constants, pods, persons, q >= looks.failed):
         return
     for m in range(len(pods)):
         alone, mixed = numbers[LEFT_APART, m], numbers[LEFT_MIXED, m]
@@ -267,15 +270,15 @@ def learn_outcome(
 
 
 @part
-def close_classes(belief, class_of, missing, numbers, chances):
+def close_classes(belief, persons, chances):
     """Scale each class of a belief to its share of all persons.
 
     If no probability is left of a class, because its persons cannot be anywhere by the rules, the
     class restarts from the present map.
     """
-    classes = numbers.shape[1]
+    numbers, classes = persons.numbers, persons.numbers.shape[1]
     drifts = len(belief) // classes
-    open_classes(class_of, numbers)
+    open_classes(persons)
     for m in range(classes):
         share, total = numbers[TOTAL, m], 0.0
         rows = belief[m * drifts : (m + 1) * drifts]
@@ -293,8 +296,9 @@ def close_classes(belief, class_of, missing, numbers, chances):
 
 
 @part
-def mean_found(unfound):
+def mean_found(persons):
     """Return the POS: the expected share of the persons that the searches have found."""
+    unfound = persons.unfound
     total = 0.0
     for p in range(len(unfound)):
         total += 1.0 - unfound[p]

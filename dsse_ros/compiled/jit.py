@@ -121,4 +121,7 @@ part = compiled(**_PART)
 inlined = compiled(**_PART, forceinline=True)
 """Inlines a function into its callers if calls would be slow."""
 expanded = compiled(**_PART, inline="always")
-"""Writes a function into its callers, for those that return tuples of records: Numba cannot."""
+"""Writes a function into its callers.
+
+A function needs this if it returns a tuple with records, which Numba cannot return, or returns
+arrays to a function with NRT, which would count references that nobody has counted before."""

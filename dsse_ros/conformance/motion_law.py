@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from dsse_ros.belief import belief_kernels
 from dsse_ros.belief.belief_kernels import (
     MARGIN,
+    Steps,
     forecast_step,
     index_of,
     is_lost,
@@ -110,9 +111,10 @@ def _played(
     now[(y + MARGIN) * side + x + MARGIN] = 1.0
     map_now, direction = np.zeros(side**2), np.zeros(1, np.int64)
     apart, still = np.zeros((2, 1), np.bool_)
+    now_step = Steps(map_now, np.zeros((0, side**2)), direction, apart)
     for step in range(1, steps + 1):
         before = persons.copy()
-        forecast_step(*known, drifts, map_now, direction, apart, still)
+        forecast_step(*known, drifts, now_step, still)
         after = now if direction[0] == STAND_STILL else np.zeros_like(now)
         steps_of = np.zeros((side**2, STEPS))
         row = np.zeros(CHANCES + STEPS + SCRATCH)

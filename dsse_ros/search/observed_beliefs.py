@@ -7,7 +7,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from dsse_ros.belief.follow_kernels import Followed
+from dsse_ros.belief.look_kernels import Followed
 from dsse_ros.search.world import World
 from dsse_ros.search.world_beliefs import WorldBeliefs
 
@@ -51,4 +51,6 @@ class _ObservedBeliefs(WorldBeliefs):
         super().after_step(first, last)
 
     def _followed(self) -> Followed:
-        return super()._followed()._replace(drones=self._drones)
+        followed = super()._followed()
+        crew = followed.batch.crew._replace(drones=self._drones)
+        return followed._replace(batch=followed.batch._replace(crew=crew))

@@ -10,8 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dsse_ros.belief.ensemble_belief import EnsembleBelief
-from dsse_ros.belief.follow_kernels import Beliefs, Followed
+from dsse_ros.belief.follow_kernels import Beliefs
 from dsse_ros.belief.followers import DRIFT_SAMPLES, EnsembleFollower, Follower, follower_of
+from dsse_ros.belief.look_kernels import Followed
 from dsse_ros.scenario.fields import FieldError
 from dsse_ros.scenario.scenario import ResolvedScenario
 from dsse_ros.search.snapshot import Snapshot, SnapshotError
@@ -120,10 +121,7 @@ class WorldBeliefs:
     def _followed(self) -> Followed:
         world = self._world
         actions = self._actions if world.faults is None else world.faults.applied
-        return Followed(
-            world.constants, world.area, world.worlds, world.drones, world.finds, world.looks.kind,
-            world.looks.first, world.looks.offsets, actions, self._live, self._done,
-        )  # fmt: skip
+        return Followed(world.batch, actions, self._live, self._done)
 
     def _beliefs(self) -> Beliefs:
         return Beliefs(self.density, self.missing, self.unfound, self.pos)

@@ -27,7 +27,8 @@ from dsse_ros.compiled.jit import expanded, kernel, part
 from dsse_ros.scenario.battery_fields import FULL
 from dsse_ros.scenario.fault_fields import MAX_DELAY
 from dsse_ros.step.constants import MAX_ACTIONS
-from dsse_ros.targets.sea_map import is_inside, is_open
+from dsse_ros.step.recipe import end_of
+from dsse_ros.targets.sea_map import is_inside
 
 STATUSES = ("searching", "stuck", "identifying", "returning", "home", "lost", "under_way")
 """Drone status codes; the index is the number."""
@@ -133,12 +134,9 @@ class Flyer(NamedTuple):
 def flyer_of(drones, fleet, b, n):
     """Return drone n of world b."""
     return Flyer(
-        drones[b, n],
-        fleet.conditions[b, n],
-        fleet.abilities[n],
-        fleet.home_steps[n],
-        fleet.home_actions[n],
-    )
+        drones[b, n], fleet.conditions[b, n], fleet.abilities[n],
+        fleet.home_steps[n], fleet.home_actions[n],
+    )  # fmt: skip
 
 
 @part
@@ -180,8 +178,9 @@ def can_do(constants, faults, area, flyer, action):
         energy = faults.battery_hover
     else:
         energy = faults.battery_move
-        if is_open(area, constants.grid_size, x + constants.dx[action], y + constants.dy[action]):
-            to_x, to_y = x + constants.dx[action], y + constants.dy[action]
+        to_x, to_y, inside = end_of(constants, area, x, y, action)
+        if not inside:
+            to_x, to_y = x, y
         if ability.pace[action] >= 1.0:
             x, y = to_x, to_y
         elif ability.slower:
@@ -200,10 +199,8 @@ def can_go_on(constants, faults, area, flyer):
     if is_between(flyer):
         return can_do(constants, faults, area, flyer, flyer.condition.heading)
     for action in range(constants.num_actions):
-        to_x, to_y = flyer.drone.x + constants.dx[action], flyer.drone.y + constants.dy[action]
-        is_possible = flyer.ability.pace[action] > 0.0 and is_open(
-            area, constants.grid_size, to_x, to_y
-        )
+        _, _, inside = end_of(constants, area, flyer.drone.x, flyer.drone.y, action)
+        is_possible = flyer.ability.pace[action] > 0.0 and inside
         if is_possible and can_do(constants, faults, area, flyer, action):
             return True
     return False

@@ -18,8 +18,8 @@ from dsse_ros.compiled.jit import inlined, kernel, part
 from dsse_ros.compiled.streaming import ALIGNMENT, LANES
 from dsse_ros.step.coverage_kernels import CoverageTask, coverage_of, write_left
 from dsse_ros.step.ensemble_kernels import SeaEnsemble, ensemble_of, write_present
-from dsse_ros.step.recipe import start_world, step_world
-from dsse_ros.targets.sea_map import Sea, disperse, is_inside, is_open, write_map
+from dsse_ros.step.recipe import end_of, start_world, step_world
+from dsse_ros.targets.sea_map import Sea, disperse, is_inside, write_map
 
 WORLDS = np.dtype(
     [
@@ -166,28 +166,16 @@ def is_streamed(maps):
 def sea_of(sea, b):
     """Return the sea of world b."""
     table = min(b, len(sea.gauss) - 1)
-    return Sea(
-        sea.gauss[table],
-        sea.tails[table],
-        sea.area,
-        sea.runs,
-        sea.transitions,
-    )
+    return Sea(sea.gauss[table], sea.tails[table], sea.area, sea.runs, sea.transitions)
 
 
 @inlined
 def crew_of(crew, b):
     """Return the drones and persons of world b."""
     return Crew(
-        crew.starts[b],
-        crew.drones[b],
-        crew.finds[b],
-        crew.persons[b],
-        crew.kinds,
-        crew.looks,
-        crew.offsets,
-        crew.pods,
-    )
+        crew.starts[b], crew.drones[b], crew.finds[b], crew.persons[b],
+        crew.kinds, crew.looks, crew.offsets, crew.pods,
+    )  # fmt: skip
 
 
 @inlined
@@ -297,7 +285,7 @@ def mask_moves(constants, area, x, y, mask):
     inner = np.uint64(max(edge - 1, 0))
     if area is not None and is_inside(constants.grid_size, x, y):
         for a in range(len(mask)):
-            mask[a] = is_open(area, constants.grid_size, x + constants.dx[a], y + constants.dy[a])
+            _, _, mask[a] = end_of(constants, area, x, y, a)
     elif (np.uint64(x - 1) >= inner) | (np.uint64(y - 1) >= inner):
         for a in range(len(mask)):
             dx, dy = constants.dx[a], constants.dy[a]

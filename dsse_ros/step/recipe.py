@@ -56,33 +56,25 @@ class Turn(NamedTuple):
 def turn_of(constants):
     """Return the constants of a drone's action."""
     return Turn(
-        constants.grid_size,
-        constants.dx,
-        constants.dy,
-        constants.num_actions,
-        constants.search_action,
-        constants.moves_look,
-        constants.leave_flies_on,
-        constants.leave_terminates,
-        constants.probability_of_detection,
-        constants.collisions,
+        constants.grid_size, constants.dx, constants.dy, constants.num_actions,
+        constants.search_action, constants.moves_look, constants.leave_flies_on,
+        constants.leave_terminates, constants.probability_of_detection, constants.collisions,
         constants.ends_together,
-    )
+    )  # fmt: skip
 
 
 @inlined
 def step_world(constants, world, sea, crew, task, scratch, actions, coverage):
     """Advance one world by one step.
 
-    Drones act in index order against the map of the last observation, then the sea drifts, and only
-    then does it count which drones share a cell. `actions` are (N,) int8; a number that is not an
+    Drones act in index order against the map of the last observation, and the sea drifts. Drones
+    that share a cell collide when all have moved. `actions` are (N,) int8; a number that is not an
     action does nothing.
     """
     drones, turn = crew.drones, turn_of(constants)
     eventful = begin(constants, world, drones, crew.persons)
-    out_of_time = world.t >= constants.timestep_limit + constants.time_out_grace
+    acts, out_of_time = acts_at(constants, world.t), is_out_of_time(constants, world.t)
     stamp, shared = next_stamp(scratch.occupied), False
-    acts = constants.time_out_acts or not out_of_time
     for n in range(len(drones)):
         drone, action = drones[n], actions[n]
         drone.found = False
@@ -117,6 +109,18 @@ def step_world(constants, world, sea, crew, task, scratch, actions, coverage):
 
 
 @inlined
+def is_out_of_time(constants, t):
+    """Return whether the time of a mission is over after t steps."""
+    return t >= constants.timestep_limit + constants.time_out_grace
+
+
+@inlined
+def acts_at(constants, t):
+    """Return whether drones do their actions after t steps."""
+    return constants.time_out_acts or not is_out_of_time(constants, t)
+
+
+@inlined
 def begin(constants, world, drones, persons):
     """Clear what counts for a single step; return whether the flags need a look at its end."""
     if constants.ends_together:
@@ -137,8 +141,7 @@ def move(turn, world, sea, drone, action, coverage):
     """
     if coverage is None and action == turn.search_action:
         return SEARCHED, 0.0
-    x, y = drone.x + turn.dx[action], drone.y + turn.dy[action]
-    inside = is_open(sea.area, turn.grid_size, x, y)
+    x, y, inside = end_of(turn, sea.area, drone.x, drone.y, action)
     # Drones may fly on outside the grid, but not outside the area within it.
     if inside or (turn.leave_flies_on and not is_inside(turn.grid_size, x, y)):
         drone.x, drone.y = x, y
@@ -147,6 +150,13 @@ def move(turn, world, sea, drone, action, coverage):
         return LEFT, 0.0
     probability = cover(turn, world, coverage, x, y)
     return COVERED if probability > 0.0 else MOVED, probability
+
+
+@inlined
+def end_of(constants, area, x, y, action):
+    """Return the cell in which an action from (x, y) ends, and whether it may be entered."""
+    to_x, to_y = x + constants.dx[action], y + constants.dy[action]
+    return to_x, to_y, is_open(area, constants.grid_size, to_x, to_y)
 
 
 @inlined
