@@ -367,11 +367,20 @@ def play_missions(
     groups = list(
         _groups(lambda one: factory(search, seed=one, **(options or {})), of_planners, threads)
     )
+    _play(batch, groups, withdraw_at, threads)
+    world.close()
+    batch.results.path_length_m[:] *= world.scenario.cell_size
+    return batch.results
+
+
+def _play(batch: _Batch, groups: Sequence[_Group], withdraw_at: int | None, threads: int) -> None:
+    """Play the missions of a batch to their ends; the arguments are those of `play_missions`."""
+    world = batch.world
     if world.faults is not None:
         # Drones may observe different positions from the start.
         groups = [part for group in groups for part in group.split(world)]
     with ThreadPoolExecutor(threads) as pool:
-        for step in range(1, chosen_rules.last_acting_step(world.scenario.timestep_limit) + 1):
+        for step in range(1, world.rules.last_acting_step(world.scenario.timestep_limit) + 1):
             batch.look()
             groups = _each(pool, lambda group: group.decide(batch), groups)
             batch.step(_joint(batch, groups))
@@ -380,9 +389,6 @@ def play_missions(
             groups = [part for group in groups for part in group.split(world)]
             if not groups:
                 break
-    world.close()
-    batch.results.path_length_m[:] *= world.scenario.cell_size
-    return batch.results
 
 
 def _joint(batch: _Batch, groups: Sequence[_Group]) -> NDArray[np.int8]:

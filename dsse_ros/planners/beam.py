@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from dsse_ros.belief.belief_kernels import MARGIN
 from dsse_ros.compiled.jit import compiled, inlined, part
-from dsse_ros.planners.plan_kernels import cell_seen, detects
+from dsse_ros.planners.plan_kernels import Moves, Scenarios, cell_seen, detects
 
 CAP = 4
 """Nodes kept at each step in one cell."""
@@ -68,6 +68,36 @@ class Left(NamedTuple):
     y: NDArray[np.int64]
 
 
+class Values(NamedTuple):
+    """What plans are worth.
+
+    Attributes:
+        gamma: Discount per step.
+        kappa: Weight of the scenarios left at the end.
+    """
+
+    gamma: float
+    kappa: float
+
+
+class Problem(NamedTuple):
+    """What a drone plans for.
+
+    Attributes:
+        moves: Of the drone's kind.
+        scenarios: The scenarios.
+        left: What the others leave of them.
+        blocked: (H, S S) bool, cells that the drone must not be in after step h + 1.
+        kappa: Weight of the scenarios left at the end.
+    """
+
+    moves: Moves
+    scenarios: Scenarios
+    left: Left
+    blocked: NDArray[np.bool_]
+    kappa: float
+
+
 class Candidates(NamedTuple):
     """Moves from the nodes of a step.
 
@@ -87,20 +117,18 @@ class Candidates(NamedTuple):
 
 
 @compiled()
-def left_by_others(scenarios, side, credits, drone):
+def left_by_others(scenarios, side, others):
     """Return the scenarios that the plans of the others leave.
 
     Args:
         scenarios: The scenarios.
         side: S.
-        credits: (N, M) float64, of all plans; the drone's own does not count.
-        drone: Number of the drone.
+        others: (N - 1, M) float64, credits of their plans.
     """
     base, counts = np.zeros(len(scenarios.ends)), np.zeros(side * side)
-    for n in range(len(credits)):
-        if n != drone:
-            for s in range(len(base)):
-                base[s] = max(base[s], credits[n, s])
+    for n in range(len(others)):
+        for s in range(len(base)):
+            base[s] = max(base[s], others[n, s])
     for s in range(len(base)):
         if base[s] == 0.0:
             counts[scenarios.ends[s]] += 1.0
@@ -129,13 +157,11 @@ def worth_from(moves, left, cell):
 
 
 @inlined
-def gain_of_move(moves, scenarios, left, alive, h, a, cell, gain, discount):
+def gain_of_move(problem, alive, h, a, cell, gain, discount):
     """Return a node's gain with one more move, and its finds among the scenarios left.
 
     Args:
-        moves: Of the drone's kind.
-        scenarios: The scenarios.
-        left: What the others leave.
+        problem: The problem.
         alive: (M / 64,) of the node, as in `Level`.
         h: Step of the move.
         a: Number of the move.
@@ -143,6 +169,7 @@ def gain_of_move(moves, scenarios, left, alive, h, a, cell, gain, discount):
         gain: Of the node.
         discount: gamma ** h.
     """
+    moves, scenarios, base = problem.moves, problem.scenarios, problem.left.base
     hits = 0.0
     for k in range(moves.first[a], moves.first[a + 1]):
         there = cell_seen(moves, cell, k)
@@ -152,28 +179,25 @@ def gain_of_move(moves, scenarios, left, alive, h, a, cell, gain, discount):
             s = scenarios.members[h, j]
             is_alive = alive[s >> 6] >> np.uint64(s & 63) & np.uint64(1)
             if is_alive and detects(moves, scenarios, h, k, s):
-                gain += max(0.0, discount - left.base[s])
-                hits += left.base[s] == 0.0
+                gain += max(0.0, discount - base[s])
+                hits += base[s] == 0.0
     return gain, hits
 
 
 @part
-def expand(moves, scenarios, left, tree, level, h, nodes, discount, kappa, blocked, tried):
+def expand(problem, tree, level, tried, h, nodes, discount):
     """Write the moves from the nodes of a step to `tried`, and return their number.
 
     Args:
-        moves: Of the drone's kind.
-        scenarios: The scenarios.
-        left: What the others leave.
+        problem: The problem.
         tree: The nodes.
         level: Of the step.
+        tried: `Candidates` out.
         h: The step.
         nodes: Number of its nodes.
         discount: gamma ** h.
-        kappa: Weight of the scenarios left at the end.
-        blocked: (H, S S) bool, cells that the drone must not be in after step h + 1.
-        tried: `Candidates` out.
     """
+    moves, left = problem.moves, problem.left
     side, found = len(moves.nearness), 0
     for node in range(nodes):
         for a in range(len(moves.steps)):
@@ -181,10 +205,10 @@ def expand(moves, scenarios, left, tree, level, h, nodes, discount, kappa, block
             x, y = left.x[cell], left.y[cell]
             if min(x, y) < MARGIN or max(x, y) >= side - MARGIN:
                 continue
-            if blocked[h, cell] or not moves.able[a]:
+            if problem.blocked[h, cell] or not moves.able[a]:
                 continue
             gain, hits = gain_of_move(
-                moves, scenarios, left, level.alive[node], h, a, cell, level.gains[node], discount
+                problem, level.alive[node], h, a, cell, level.gains[node], discount
             )
             rank = worth_from(moves, left, cell) - hits
             at, back = node, h
@@ -196,53 +220,49 @@ def expand(moves, scenarios, left, tree, level, h, nodes, discount, kappa, block
                 at = tree.parents[back, at]
                 back -= 1
             tried.cells[found], tried.parents[found], tried.moves[found] = cell, node, a
-            tried.gains[found], tried.ranks[found] = gain, gain + kappa * rank
+            tried.gains[found], tried.ranks[found] = gain, gain + problem.kappa * rank
             found += 1
     return found
 
 
 @inlined
-def take(moves, scenarios, left, level, h, node, a, cell, after, kept):
+def take(problem, tried, k, level, h, after, kept):
     """Write to a node of the next level what the path to it has found.
 
     Args:
-        moves: Of the drone's kind.
-        scenarios: The scenarios.
-        left: What the others leave.
+        problem: The problem.
+        tried: The moves.
+        k: Number of the move.
         level: Of the step before.
         h: Step of the move.
-        node: Its node.
-        a: Number of the move.
-        cell: The cell after it.
         after: `Level` out.
         kept: Number of the new node.
     """
+    moves, scenarios, node, a = problem.moves, problem.scenarios, tried.parents[k], tried.moves[k]
     for word in range(level.alive.shape[1]):
         after.alive[kept, word] = level.alive[node, word]
     for back in range(h):
         after.finds[kept, back] = level.finds[node, back]
     hits = 0.0
-    for k in range(moves.first[a], moves.first[a + 1]):
-        there = cell_seen(moves, cell, k)
+    for look in range(moves.first[a], moves.first[a + 1]):
+        there = cell_seen(moves, tried.cells[k], look)
         if there < 0:
             continue
         for j in range(scenarios.starts[h, there], scenarios.starts[h, there + 1]):
             s = scenarios.members[h, j]
             bit = np.uint64(1) << np.uint64(s & 63)
-            if after.alive[kept, s >> 6] & bit and detects(moves, scenarios, h, k, s):
+            if after.alive[kept, s >> 6] & bit and detects(moves, scenarios, h, look, s):
                 after.alive[kept, s >> 6] ^= bit
-                hits += left.base[s] == 0.0
+                hits += problem.left.base[s] == 0.0
     after.finds[kept, h] = hits
 
 
 @part
-def keep_best(moves, scenarios, left, tree, level, h, tried, order, after, in_cell):
+def keep_best(problem, tree, level, h, tried, order, after, in_cell):
     """Keep the moves of the highest rank as the nodes of the next step, and return their number.
 
     Args:
-        moves: Of the drone's kind.
-        scenarios: The scenarios.
-        left: What the others leave.
+        problem: The problem.
         tree: The nodes, in and out.
         level: Of the step.
         h: The step.
@@ -253,7 +273,7 @@ def keep_best(moves, scenarios, left, tree, level, h, tried, order, after, in_ce
     """
     kept, width = 0, tree.cells.shape[1]
     for k in order:
-        cell, node = tried.cells[k], tried.parents[k]
+        cell = tried.cells[k]
         if in_cell[cell] >= CAP:
             continue
         same = False
@@ -264,9 +284,9 @@ def keep_best(moves, scenarios, left, tree, level, h, tried, order, after, in_ce
         if same:
             continue
         in_cell[cell] += 1
-        tree.cells[h + 1, kept], tree.parents[h + 1, kept] = cell, node
+        tree.cells[h + 1, kept], tree.parents[h + 1, kept] = cell, tried.parents[k]
         after.gains[kept] = tried.gains[k]
-        take(moves, scenarios, left, level, h, node, tried.moves[k], cell, after, kept)
+        take(problem, tried, k, level, h, after, kept)
         kept += 1
         if kept == width:
             break
@@ -276,19 +296,17 @@ def keep_best(moves, scenarios, left, tree, level, h, tried, order, after, in_ce
 
 
 @part
-def write_values(moves, scenarios, left, tree, level, depth, kappa, values):
+def write_values(problem, tree, level, depth, values):
     """Write the value of the path to each of the last nodes.
 
     Args:
-        moves: Of the drone's kind.
-        scenarios: The scenarios.
-        left: What the others leave.
+        problem: The problem.
         tree: The nodes.
         level: Of the last step.
         depth: The last step.
-        kappa: Weight of the scenarios left at the end.
         values: (nodes,) float64 out.
     """
+    moves, left = problem.moves, problem.left
     full = ~np.uint64(0)
     for node in range(len(values)):
         cell = tree.cells[depth, node]
@@ -299,8 +317,8 @@ def write_values(moves, scenarios, left, tree, level, depth, kappa, values):
                 continue
             for s in range(64 * word, min(64 * word + 64, len(left.base))):
                 if left.base[s] == 0.0 and not alive >> np.uint64(s & 63) & np.uint64(1):
-                    value -= seen_from(moves, left, cell, scenarios.ends[s])
-        values[node] = level.gains[node] + kappa * value
+                    value -= seen_from(moves, left, cell, problem.scenarios.ends[s])
+        values[node] = level.gains[node] + problem.kappa * value
 
 
 @compiled()
@@ -310,18 +328,16 @@ def new_level(width, words, horizon):
 
 
 @compiled()
-def plan_drone(moves, scenarios, width, gamma, kappa, credits, drone, blocked, paths):
+def plan_drone(moves, scenarios, values, width, others, blocked, paths):
     """Search for a drone's best plans, given those of the others.
 
     Args:
         moves: Of the drone's kind.
         scenarios: The scenarios.
+        values: What plans are worth.
         width: Nodes kept at each step.
-        gamma: Discount per step.
-        kappa: Weight of the scenarios left at the end.
-        credits: (N, M) float64, of all plans; the function ignores the drone's own.
-        drone: Number of the drone.
-        blocked: (H, S S) bool, cells that the drone must not be in after step h + 1.
+        others: (N - 1, M) float64, credits of the plans of the other drones.
+        blocked: Of `Problem`.
         paths: (V, H + 1) int64 out, the best plans, the best one first; the caller sets the first
             cells.
 
@@ -331,7 +347,8 @@ def plan_drone(moves, scenarios, width, gamma, kappa, credits, drone, blocked, p
     """
     side, horizon = len(moves.nearness), paths.shape[1] - 1
     words, most = (len(scenarios.ends) + 63) >> 6, width * len(moves.steps)
-    left = left_by_others(scenarios, side, credits, drone)
+    left = left_by_others(scenarios, side, others)
+    problem = Problem(moves, scenarios, left, blocked, values.kappa)
     tree = Tree(np.empty((horizon + 1, width), np.int64), np.empty((horizon + 1, width), np.int64))
     now, after = new_level(width, words, horizon), new_level(width, words, horizon)
     tried = Candidates(
@@ -343,21 +360,27 @@ def plan_drone(moves, scenarios, width, gamma, kappa, credits, drone, blocked, p
     tree.cells[0, 0] = paths[0, 0]
     nodes, depth, discount = 1, 0, 1.0
     for h in range(horizon):
-        found = expand(moves, scenarios, left, tree, now, h, nodes, discount, kappa, blocked, tried)
+        found = expand(problem, tree, now, tried, h, nodes, discount)
         if found == 0:
             break
         order = np.argsort(-tried.ranks[:found])
-        nodes = keep_best(moves, scenarios, left, tree, now, h, tried, order, after, in_cell)
+        nodes = keep_best(problem, tree, now, h, tried, order, after, in_cell)
         now, after, depth = after, now, h + 1
-        discount *= gamma
-    values = np.empty(nodes)
-    write_values(moves, scenarios, left, tree, now, depth, kappa, values)
-    found, order = min(nodes, len(paths)), np.argsort(-values)
+        discount *= values.gamma
+    worth = np.empty(nodes)
+    write_values(problem, tree, now, depth, worth)
+    return write_paths(tree, depth, np.argsort(-worth), paths), depth
+
+
+@compiled()
+def write_paths(tree, depth, order, paths):
+    """Write the paths to the last nodes in this order, (V, H + 1), and return their number."""
+    found = min(len(order), len(paths))
     for k in range(found):
         node = order[k]
         for h in range(depth, 0, -1):
             paths[k, h] = tree.cells[h, node]
             node = tree.parents[h, node]
-        for h in range(depth, horizon):
+        for h in range(depth, paths.shape[1] - 1):
             paths[k, h + 1] = paths[k, h]
-    return found, depth
+    return found

@@ -20,7 +20,7 @@ from dsse_ros.belief.belief_kernels import MARGIN
 from dsse_ros.belief.future_kernels import index
 from dsse_ros.belief.protocol import LooksToCome, TargetBelief, TargetForecast
 from dsse_ros.planners import plan_kernels
-from dsse_ros.planners.beam import plan_drone
+from dsse_ros.planners.beam import Values, plan_drone
 from dsse_ros.planners.options import BeamOptions
 from dsse_ros.planners.planner import DecisionPoint
 from dsse_ros.planners.reach import Reach
@@ -148,8 +148,8 @@ class BeamSearch:
             if beyond:
                 blocked |= beyond[n]
             found, length = plan_drone(
-                self._kinds[kinds[n]], scenarios, options.width, options.gamma, options.kappa,
-                credits, n, blocked, paths,
+                self._kinds[kinds[n]], scenarios, Values(options.gamma, options.kappa),
+                options.width, np.delete(credits, n, axis=0), blocked, paths,
             )  # fmt: skip
             candidates = [PlannedPath(path, length) for path in paths[:found]]
             if plans[n].length and not blocked[np.arange(horizon), plans[n].path[1:]].any():
@@ -179,15 +179,13 @@ class BeamSearch:
         lengths = np.array([p.length if n in counted else 0 for n, p in enumerate(plans)])
 
         horizon = together.shape[1] - 1
-        steps, columns, rows = np.empty((3, together.size * self._most_looks), np.int64)
+        looks = np.empty((3, together.size * self._most_looks), np.int64)
 
         def value(candidate: PlannedPath) -> float:
             together[drone], lengths[drone] = candidate.path, candidate.length
-            count = plan_kernels.looks_of_plans(
-                together, lengths, kinds, moves.steps, self._first, moves.offsets,
-                self._forecast.side, steps, columns, rows,
-            )  # fmt: skip
-            to_come = LooksToCome(steps[:count], columns[:count], moves.pods[rows[:count]])
+            count = plan_kernels.looks_of_plans(together, lengths, kinds, moves, self._first, looks)
+            steps, columns, rows = looks[:, :count]
+            to_come = LooksToCome(steps, columns, moves.pods[rows])
             expected = belief.expect(to_come, horizon, options.gamma)
             left = plan_kernels.worth_of_left(expected.left, moves.nearness, candidate.path[-1])
             return expected.finds + options.kappa * float(left)

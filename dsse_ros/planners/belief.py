@@ -362,8 +362,7 @@ class BeliefPlanner:
             action = info.get("action", actions.action(before, end))
             if not 0 <= action < len(actions):
                 continue
-            dx, dy = actions.moves[action]
-            if cell != (before[0] + dx, before[1] + dy):
+            if cell != actions.end(before, action):
                 continue
             finds = int(info.get("finds", info.get("found_person", False)))
             looks = self._looks.done(number_of(agent), action, cell)

@@ -96,9 +96,8 @@ def keep_apart(
     bound = {agent for agent in agents if is_under_way(infos.get(agent, {}))}
     kept |= {agent: int(np.argmax(infos[agent]["action_mask"])) for agent in bound}
     for agent in sorted(agents, key=lambda one: one not in bound):
-        (col, row), (dx, dy) = present[agent], action_set.moves[kept[agent]]
-        end = (col + dx, row + dy)
-        if end in taken and (dx, dy) != (0, 0) and agent not in bound:
+        end = action_set.end(present[agent], kept[agent])
+        if end in taken and end != present[agent] and agent not in bound:
             kept[agent] = action_set.search
         taken.add(end)
     return kept

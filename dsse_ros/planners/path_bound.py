@@ -9,6 +9,7 @@ import math
 import numpy as np
 
 from dsse_ros.planners import path_kernels
+from dsse_ros.planners.path_kernels import PathTask
 from dsse_ros.planners.path_problem import PathProblem, Plan, Plans
 
 
@@ -36,7 +37,11 @@ def upper_bound(problem: PathProblem, cuts: int, rng: np.random.Generator) -> fl
         worth = problem.worth(plans)
         path_kernels.forward(problem.chain, miss, reach)
         path_kernels.backward(problem.chain, problem.gains, worth, miss, later)
-        path_kernels.look_values(problem.chain, graph, problem.gains, miss, later, reach, values)
+        task = PathTask(
+            problem.chain, graph, problem.gains, np.empty(0), miss, later,
+            np.empty((0, 0), np.bool_), np.empty((0, 0)),
+        )  # fmt: skip
+        path_kernels.look_values(task, reach, values)
         value = problem.value(plans)
         for n, plan in enumerate(plans):
             if plan is not None:

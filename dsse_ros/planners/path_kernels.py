@@ -13,14 +13,121 @@ Arguments with the same names mean the same everywhere:
     miss: (N,) float64, probability that the planned looks of a step miss a person in each state.
     later: (N,) float64 of `backward`.
     reach: (N,) float64 of `forward`.
-    blocked: (H, C) bool, columns that the searcher must not be in after step h.
+    task: A `PathTask`.
 """
 
 from __future__ import annotations
 
-import numpy as np
+from typing import Any, NamedTuple
 
-from dsse_ros.compiled.jit import compiled
+import numpy as np
+from numpy.typing import NDArray
+
+from dsse_ros.compiled.jit import compiled, inlined
+
+
+class PathTask(NamedTuple):
+    """What the path of a searcher adds to: the plans of the others.
+
+    Attributes:
+        chain: As in the module.
+        graph: Of the searcher.
+        gains: As in the module.
+        ends: (C,) float64, value of ending in each column.
+        miss: Of the other searchers.
+        later: With the looks of the other searchers.
+        blocked: (H, C) bool, columns that the searcher must not be in after step h.
+        weights: (H, C) float64, factors on what a look in a column adds; (0, 0) for none, as
+            factors make no bounds.
+    """
+
+    chain: Any
+    graph: Any
+    gains: NDArray[np.float64]
+    ends: NDArray[np.float64]
+    miss: NDArray[np.float64]
+    later: NDArray[np.float64]
+    blocked: NDArray[np.bool_]
+    weights: NDArray[np.float64]
+
+
+class PathOptions(NamedTuple):
+    """What is asked of a path.
+
+    Attributes:
+        width: Paths kept at each step.
+        threshold: Only paths that add more than this count.
+        revisits: Whether a path may be in a cell twice, including its start.
+        given: Its first moves, int64, at most H.
+    """
+
+    width: int
+    threshold: float
+    revisits: bool
+    given: NDArray[np.int64]
+
+
+class Bounds(NamedTuple):
+    """Memory of the bounds on what the looks of the steps from h0 on add.
+
+    Attributes:
+        reach: (N,) float64; layer h0 is in.
+        cone: (H + 1, C) int64, the columns in which the searcher can be.
+        counts: (H + 1,) int64, their number.
+        marks: (C,) bool, False before and after each use.
+        own: (Q, C) float64, what a look adds alone.
+        best: (H, Q, C) float64, the bounds, by step, looks of the previous move and column before
+            the step.
+    """
+
+    reach: NDArray[np.float64]
+    cone: NDArray[np.int64]
+    counts: NDArray[np.int64]
+    marks: NDArray[np.bool_]
+    own: NDArray[np.float64]
+    best: NDArray[np.float64]
+
+
+class Paths(NamedTuple):
+    """The kept paths, W at each step.
+
+    Attributes:
+        cells: (H + 1, W) int64.
+        parents: (H + 1, W) int64, number of the path at the step before.
+        moves: (H + 1, W) int64, the last move.
+    """
+
+    cells: NDArray[np.int64]
+    parents: NDArray[np.int64]
+    moves: NDArray[np.int64]
+
+
+class Level(NamedTuple):
+    """The kept paths to one step.
+
+    Attributes:
+        reach: (W, states of a layer) float64, the part of `reach` that each path's looks leave.
+        added: (W,) float64, what each path adds.
+    """
+
+    reach: NDArray[np.float64]
+    added: NDArray[np.float64]
+
+
+class Tried(NamedTuple):
+    """Moves from the kept paths.
+
+    Attributes:
+        paths: (W A,) int64.
+        moves: (W A,) int64.
+        added: (W A,) float64, what the longer path adds.
+        bounds: (W A,) float64, a bound on what it can add, weighted.
+    """
+
+    paths: NDArray[np.int64]
+    moves: NDArray[np.int64]
+    added: NDArray[np.float64]
+    bounds: NDArray[np.float64]
 
 
 @compiled()
@@ -100,39 +207,33 @@ def multiply_miss(chain, graph, start, moves, miss):
 
 
 @compiled()
-def gain_of(chain, graph, gain, miss, later, reach, h, a, cell):
+def gain_of(task, reach, h, a, cell):
     """Return what the looks of move a add to a plan if the searcher looks no more later.
 
     Args:
-        chain: As in the module.
-        graph: As in the module.
-        gain: Value of a detection in this step.
-        miss: Of the other searchers.
-        later: As in the module.
+        task: As in the module.
         reach: As in the module, only layer h is read.
         h: The step.
         a: The move.
         cell: The searcher's column after it.
     """
+    chain, graph, gain = task.chain, task.graph, task.gains[h]
     total = 0.0
     for k in range(graph.first[a], graph.first[a + 1]):
         there = graph.there[k, cell]
         if there >= 0:
             for s in range(chain.starts[h, there], chain.starts[h, there + 1]):
-                total += reach[s] * miss[s] * graph.pods[k, chain.persons[s]] * (gain - later[s])
+                pod = graph.pods[k, chain.persons[s]]
+                total += reach[s] * task.miss[s] * pod * (gain - task.later[s])
     return total
 
 
 @compiled()
-def counted_twice(chain, graph, gain, miss, later, reach, h, a, cell, before, cell_before):
+def counted_twice(task, reach, h, a, cell, before, cell_before):
     """Return the part of `gain_of` of persons whom the searcher's previous looks detect.
 
     Args:
-        chain: This and the following arguments are those of `gain_of`.
-        graph: As there.
-        gain: As there.
-        miss: As there.
-        later: As there.
+        task: This and the following arguments are those of `gain_of`.
         reach: As there, layer h - 1 is read.
         h: As there.
         a: As there.
@@ -140,6 +241,7 @@ def counted_twice(chain, graph, gain, miss, later, reach, h, a, cell, before, ce
         before: A move with the looks of the previous step.
         cell_before: The column after it.
     """
+    chain, graph = task.chain, task.graph
     total = 0.0
     for k in range(graph.first[a], graph.first[a + 1]):
         there = graph.there[k, cell]
@@ -151,87 +253,99 @@ def counted_twice(chain, graph, gain, miss, later, reach, h, a, cell, before, ce
             if from_cell < 0:
                 continue
             for s in range(chain.starts[h - 1, from_cell], chain.starts[h - 1, from_cell + 1]):
-                here = reach[s] * miss[s] * graph.pods[j, chain.persons[s]]
-                if here <= 0.0:
-                    continue
-                for e in range(chain.first[s], chain.first[s + 1]):
-                    n = chain.to[e]
-                    if low <= n < high:
-                        pod = graph.pods[k, chain.persons[n]]
-                        total += here * chain.chance[e] * miss[n] * pod * (gain - later[n])
+                here = reach[s] * task.miss[s] * graph.pods[j, chain.persons[s]]
+                if here > 0.0:
+                    total = add_steps(task, total, here, h, s, k, low, high)
+    return total
+
+
+@inlined
+def add_steps(task, total, here, h, s, k, low, high):
+    """Add to a sum what look k of step h adds of persons who come from state s.
+
+    Args:
+        task: As in the module.
+        total: The sum.
+        here: Probability that a person is in state s, and detected there.
+        h: The step.
+        s: A state of the layer before.
+        k: The look.
+        low: First state that the look sees.
+        high: Last state that it sees, plus one.
+    """
+    chain, graph = task.chain, task.graph
+    for e in range(chain.first[s], chain.first[s + 1]):
+        n = chain.to[e]
+        if low <= n < high:
+            pod = graph.pods[k, chain.persons[n]]
+            gain = task.gains[h] - task.later[n]
+            total += here * chain.chance[e] * task.miss[n] * pod * gain
     return total
 
 
 @compiled()
-def bound_rest(
-    chain, graph, gains, ends, miss, later, blocked, weights, h0, start, reach, cone, counts,
-    marks, own, best,
-):  # fmt: skip
+def bound_rest(task, bounds, h0, start):
     """Write bounds on what a searcher's looks from step h0 on add to the other searchers' plans.
 
-    The sum of what each look adds alone counts a person several times whom several looks detect;
+    The sum of what each look adds alone counts persons whom several looks detect more than once;
     this leaves out persons whom the look before detects (the bounds MEAN, Martins 1993, and DMEAN,
     Lau et al. 2008). The best path by this sum follows by dynamic programming.
 
     Args:
-        chain: As in the module.
-        graph: As in the module.
-        gains: As in the module.
-        ends: (C,) float64, value of ending in each column.
-        miss: Of the other searchers.
-        later: With the looks of the other searchers.
-        blocked: As in the module.
-        weights: (H, C) float64, factors on what a look in a column adds; (0, 0) for none, as
-            factors make no bounds.
+        task: As in the module.
+        bounds: In and out.
         h0: First step.
         start: The searcher's column before it.
-        reach: In and out: layer h0 is in, the later ones are out.
-        cone: (H + 1, C) int64 scratch.
-        counts: (H + 1,) int64 scratch.
-        marks: (C,) bool scratch, False in and out.
-        own: (Q, C) float64 scratch.
-        best: (H, Q, C) float64 out, by step, looks of the previous move and column before the step.
     """
-    steps, num_moves = len(gains), len(graph.ahead)
-    reach[chain.starts[h0 + 1, 0] :] = 0.0
-    spread(chain, miss, reach, h0)
+    bounds.reach[task.chain.starts[h0 + 1, 0] :] = 0.0
+    spread(task.chain, task.miss, bounds.reach, h0)
+    open_cone(task, bounds, h0, start)
+    for h in range(len(task.gains) - 1, h0 - 1, -1):
+        for i in range(bounds.counts[h + 1]):
+            cell = bounds.cone[h + 1, i]
+            for q in range(len(task.graph.examples)):
+                a = task.graph.examples[q]
+                bounds.own[q, cell] = gain_of(task, bounds.reach, h, a, cell)
+        for i in range(bounds.counts[h]):
+            bound_cell(task, bounds, h0, h, bounds.cone[h, i])
+
+
+@compiled()
+def open_cone(task, bounds, h0, start):
+    """Write the columns in which the searcher can be after each step from h0 on."""
+    cone, counts, marks = bounds.cone, bounds.counts, bounds.marks
     cone[h0, 0], counts[h0] = start, 1
-    for h in range(h0, steps):
+    for h in range(h0, len(task.gains)):
         count = 0
         for i in range(counts[h]):
-            for a in range(num_moves):
-                cell = graph.ahead[a, cone[h, i]]
-                if cell >= 0 and not blocked[h, cell] and not marks[cell]:
+            for a in range(len(task.graph.ahead)):
+                cell = task.graph.ahead[a, cone[h, i]]
+                if cell >= 0 and not task.blocked[h, cell] and not marks[cell]:
                     marks[cell] = True
                     cone[h + 1, count] = cell
                     count += 1
         counts[h + 1] = count
         for i in range(count):
             marks[cone[h + 1, i]] = False
-    for h in range(steps - 1, h0 - 1, -1):
-        for i in range(counts[h + 1]):
-            cell = cone[h + 1, i]
-            for q in range(len(graph.examples)):
-                a = graph.examples[q]
-                own[q, cell] = gain_of(chain, graph, gains[h], miss, later, reach, h, a, cell)
-        for i in range(counts[h]):
-            cell = cone[h, i]
-            best[h, :, cell] = -np.inf
-            for a in range(num_moves):
-                after = graph.ahead[a, cell]
-                if after < 0 or blocked[h, after]:
-                    continue
-                gain = own[graph.alike[a], after]
-                weight = weights[h, after] if len(weights) else 1.0
-                rest = best[h + 1, graph.alike[a], after] if h < steps - 1 else ends[after]
-                for q in range(len(graph.examples)):
-                    twice = 0.0
-                    if h > h0 and gain > 0.0:
-                        twice = counted_twice(
-                            chain, graph, gains[h], miss, later, reach, h, a, after,
-                            graph.examples[q], cell,
-                        )  # fmt: skip
-                    best[h, q, cell] = max(best[h, q, cell], weight * (gain - twice) + rest)
+
+
+@compiled()
+def bound_cell(task, bounds, h0, h, cell):
+    """Write the bounds on what the looks from step h on add, from a column before the step."""
+    graph, best, last = task.graph, bounds.best, len(task.gains) - 1
+    best[h, :, cell] = -np.inf
+    for a in range(len(graph.ahead)):
+        after = graph.ahead[a, cell]
+        if after < 0 or task.blocked[h, after]:
+            continue
+        gain = bounds.own[graph.alike[a], after]
+        weight = task.weights[h, after] if len(task.weights) else 1.0
+        rest = best[h + 1, graph.alike[a], after] if h < last else task.ends[after]
+        for q in range(len(graph.examples)):
+            twice = 0.0
+            if h > h0 and gain > 0.0:
+                twice = counted_twice(task, bounds.reach, h, a, after, graph.examples[q], cell)
+            best[h, q, cell] = max(best[h, q, cell], weight * (gain - twice) + rest)
 
 
 @compiled()
@@ -291,133 +405,159 @@ def was_there(cells, parents, h, node, cell):
 
 
 @compiled()
-def best_path(
-    chain, graph, gains, worth, ends, miss, blocked, weights, start, width, threshold, revisits,
-    fixed, moves,
-):  # fmt: skip
+def best_path(task, options, start):
     """Find the path of a searcher that adds most to the plans of the others.
 
     It branches by step and keeps the paths with the greatest bounds. If it never has more than
     `width` of them, the path is optimal.
 
     Args:
-        chain: As in the module.
-        graph: As in the module.
-        gains: As in the module.
-        worth: As in the module.
-        ends: As in `bound_rest`.
-        miss: Of the other searchers.
-        blocked: As in the module.
-        weights: As in `bound_rest`.
+        task: As in the module.
+        options: What is asked of the path.
         start: The searcher's column.
-        width: Paths kept at each step.
-        threshold: Only paths that add more than this count.
-        revisits: Whether a path may be in a cell twice, including its start.
-        fixed: Number of first moves that are given.
-        moves: (H,) int64 out; the fixed moves are in.
 
     Returns:
-        What the path adds, -inf if none adds more than `threshold`, and a bound on what any path
-        adds.
+        What the path adds, -inf if none adds more than `threshold`; a bound on what any path adds;
+        the moves of the path, (H,) int64.
     """
-    steps, (num_moves, columns) = len(gains), graph.ahead.shape
-    layers = chain.starts[:, -1] - chain.starts[:, 0]
-    most = layers.max()
-    later, reach = np.empty(chain.starts[-1, -1]), np.zeros(chain.starts[-1, -1])
-    backward(chain, gains, worth, miss, later)
-    cone, counts = np.empty((steps + 1, columns), np.int64), np.empty(steps + 1, np.int64)
-    own = np.empty((len(graph.examples), columns))
-    marks = np.zeros(columns, np.bool_)
-    best = np.empty((steps, len(graph.examples), columns))
-    cells, parents = np.empty((2, steps + 1, width), np.int64)
-    taken = np.empty((steps + 1, width), np.int64)
-    now, after = np.zeros((width, most)), np.zeros((width, most))
-    added, next_added = np.zeros(width), np.zeros(width)
-    tried = width * num_moves
-    c_node, c_move = np.empty(tried, np.int64), np.empty(tried, np.int64)
-    c_added, c_bound = np.empty(tried), np.empty(tried)
-    now[0, : len(chain.prior)] = chain.prior
-    cells[0, 0] = start
-    nodes, dropped = 1, threshold
+    steps, width, dropped = len(task.gains), options.width, options.threshold
+    most = (task.chain.starts[:, -1] - task.chain.starts[:, 0]).max()
+    bounds, paths, tried = new_bounds(task), new_paths(steps, width), new_tried(task, width)
+    now, after = new_level(width, most), new_level(width, most)
+    now.reach[0, : len(task.chain.prior)] = task.chain.prior
+    paths.cells[0, 0] = start
+    moves, nodes = np.zeros(steps, np.int64), 1
     for h in range(steps):
-        low, size = chain.starts[h, 0], layers[h]
-        found = 0
-        for node in range(nodes):
-            reach[low : low + size] = now[node, :size]
-            if h >= fixed:
-                bound_rest(
-                    chain, graph, gains, ends, miss, later, blocked, weights, h, cells[h, node],
-                    reach, cone, counts, marks, own, best,
-                )  # fmt: skip
-            for a in range(num_moves):
-                if h < fixed and a != moves[h]:
-                    continue
-                cell = graph.ahead[a, cells[h, node]]
-                if cell < 0 or blocked[h, cell]:
-                    continue
-                if not revisits and was_there(cells, parents, h, node, cell):
-                    continue
-                gain = gain_of(chain, graph, gains[h], miss, later, reach, h, a, cell)
-                total = added[node] + gain
-                rest = 0.0
-                if h == steps - 1:
-                    total += ends[cell]
-                elif h >= fixed:
-                    rest = best[h + 1, graph.alike[a], cell]
-                weighted = gain * (weights[h, cell] - 1.0) if len(weights) else 0.0
-                if h >= fixed and total + rest <= threshold:
-                    continue
-                c_node[found], c_move[found] = node, a
-                c_added[found], c_bound[found] = total, total + rest + weighted
-                found += 1
+        found = extend(task, options, paths, now, bounds, tried, h, nodes)
         if found == 0:
-            return -np.inf, dropped
-        order = np.argsort(-c_bound[:found])
+            return -np.inf, dropped, moves
+        order = np.argsort(-tried.bounds[:found])
         if found > width:
-            dropped = max(dropped, c_bound[order[width]])
+            dropped = max(dropped, tried.bounds[order[width]])
         nodes = min(found, width)
-        for k in range(nodes):
-            node, a = c_node[order[k]], c_move[order[k]]
-            cell = graph.ahead[a, cells[h, node]]
-            cells[h + 1, k], taken[h + 1, k], parents[h + 1, k] = cell, a, node
-            next_added[k] = c_added[order[k]]
-            if h == steps - 1:
-                continue
-            for i in range(size):
-                reach[low + i] = now[node, i] * miss[low + i]
-            multiply_misses_of_looks(chain, graph, h, a, cell, reach)
-            after[k, : layers[h + 1]] = 0.0
-            for s in range(low, low + size):
-                if reach[s] > 0.0:
-                    for e in range(chain.first[s], chain.first[s + 1]):
-                        after[k, chain.to[e] - low - size] += reach[s] * chain.chance[e]
+        keep(task, paths, now, after, tried, order[:nodes], bounds.reach, h)
         now, after = after, now
-        added, next_added = next_added, added
-    node = int(np.argmax(added[:nodes]))
-    total = added[node]
+    node = int(np.argmax(now.added[:nodes]))
+    total = now.added[node]
     for h in range(steps, 0, -1):
-        moves[h - 1] = taken[h, node]
-        node = parents[h, node]
-    return total, max(dropped, total)
+        moves[h - 1] = paths.moves[h, node]
+        node = paths.parents[h, node]
+    return total, max(dropped, total), moves
 
 
 @compiled()
-def look_values(chain, graph, gains, miss, later, reach, values):
+def new_bounds(task):
+    """Return memory for bounds."""
+    steps, columns, looks = len(task.gains), task.graph.ahead.shape[1], len(task.graph.examples)
+    return Bounds(
+        np.zeros(task.chain.starts[-1, -1]),
+        np.empty((steps + 1, columns), np.int64),
+        np.empty(steps + 1, np.int64),
+        np.zeros(columns, np.bool_),
+        np.empty((looks, columns)),
+        np.empty((steps, looks, columns)),
+    )
+
+
+@compiled()
+def new_paths(steps, width):
+    """Return memory for W paths."""
+    cells, parents, moves = np.empty((3, steps + 1, width), np.int64)
+    return Paths(cells, parents, moves)
+
+
+@compiled()
+def new_level(width, most):
+    """Return memory for W paths to a step."""
+    return Level(np.zeros((width, most)), np.zeros(width))
+
+
+@compiled()
+def new_tried(task, width):
+    """Return memory for the moves from W paths."""
+    count = width * len(task.graph.ahead)
+    return Tried(
+        np.empty(count, np.int64), np.empty(count, np.int64), np.empty(count), np.empty(count)
+    )
+
+
+@compiled()
+def extend(task, options, paths, level, bounds, tried, h, nodes):
+    """Write the moves from the paths to step h to `tried`, and return their number."""
+    low, given, found = task.chain.starts[h, 0], len(options.given), 0
+    size = task.chain.starts[h, -1] - low
+    for node in range(nodes):
+        bounds.reach[low : low + size] = level.reach[node, :size]
+        if h >= given:
+            bound_rest(task, bounds, h, paths.cells[h, node])
+        for a in range(len(task.graph.ahead)):
+            cell = cell_after(task, options, paths, h, node, a)
+            if cell < 0:
+                continue
+            gain = gain_of(task, bounds.reach, h, a, cell)
+            total = level.added[node] + gain
+            rest = 0.0
+            if h == len(task.gains) - 1:
+                total += task.ends[cell]
+            elif h >= given:
+                rest = bounds.best[h + 1, task.graph.alike[a], cell]
+            if h >= given and total + rest <= options.threshold:
+                continue
+            weighted = gain * (task.weights[h, cell] - 1.0) if len(task.weights) else 0.0
+            tried.paths[found], tried.moves[found] = node, a
+            tried.added[found], tried.bounds[found] = total, total + rest + weighted
+            found += 1
+    return found
+
+
+@compiled()
+def cell_after(task, options, paths, h, node, a):
+    """Return the column after move a from a path, -1 if the path must not make it."""
+    if h < len(options.given) and a != options.given[h]:
+        return -1
+    cell = task.graph.ahead[a, paths.cells[h, node]]
+    if cell < 0 or task.blocked[h, cell]:
+        return -1
+    if not options.revisits and was_there(paths.cells, paths.parents, h, node, cell):
+        return -1
+    return cell
+
+
+@compiled()
+def keep(task, paths, level, after, tried, order, reach, h):
+    """Make the moves of this order the paths to the next step; `reach` is scratch."""
+    chain, graph = task.chain, task.graph
+    low, high = chain.starts[h, 0], chain.starts[h, -1]
+    for k in range(len(order)):
+        node, a = tried.paths[order[k]], tried.moves[order[k]]
+        cell = graph.ahead[a, paths.cells[h, node]]
+        paths.cells[h + 1, k], paths.moves[h + 1, k], paths.parents[h + 1, k] = cell, a, node
+        after.added[k] = tried.added[order[k]]
+        if h == len(task.gains) - 1:
+            continue
+        for s in range(low, high):
+            reach[s] = level.reach[node, s - low] * task.miss[s]
+        multiply_misses_of_looks(chain, graph, h, a, cell, reach)
+        after.reach[k, : chain.starts[h + 1, -1] - high] = 0.0
+        for s in range(low, high):
+            if reach[s] > 0.0:
+                for e in range(chain.first[s], chain.first[s + 1]):
+                    after.reach[k, chain.to[e] - high] += reach[s] * chain.chance[e]
+
+
+@compiled()
+def look_values(task, reach, values):
     """Write what the looks of each move would add.
 
     Args:
-        chain: As in the module.
-        graph: As in the module.
-        gains: As in the module.
-        miss: As in the module.
-        later: As in the module.
+        task: As in the module; of it, `ends`, `blocked` and `weights` are not read.
         reach: As in the module.
         values: (H, A, C) float64 out, by step, move and column after it.
     """
-    for h in range(len(gains)):
-        for a in range(len(graph.ahead)):
-            for cell in range(graph.ahead.shape[1]):
-                values[h, a, cell] = gain_of(chain, graph, gains[h], miss, later, reach, h, a, cell)
+    for h in range(len(task.gains)):
+        for a in range(len(task.graph.ahead)):
+            for cell in range(task.graph.ahead.shape[1]):
+                values[h, a, cell] = gain_of(task, reach, h, a, cell)
 
 
 @compiled()

@@ -22,6 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dsse_ros.planners import path_kernels
+from dsse_ros.planners.path_kernels import PathOptions, PathTask
 from dsse_ros.planners.path_problem import PathProblem, Plan, Plans
 
 TOLERANCE = 1e-9
@@ -30,6 +31,10 @@ WINDOW, WINDOW_STEP, WINDOW_WIDTH = 6, 2, 32
 """Steps of a replaced part of a path, steps between two such parts, and paths kept for each."""
 SPREADS = (0.6, 1.0, 2.0)
 """Standard deviations of the logarithm of the factors that lead a searcher to another path."""
+
+
+_NO_WEIGHTS = np.empty((0, 0))
+_NO_MOVES = np.empty(0, np.int64)
 
 
 class Improved(NamedTuple):
@@ -85,7 +90,6 @@ class _Search:
     def __init__(self, problem: PathProblem, deadline_s: float) -> None:
         self._problem = problem
         self._deadline_s = deadline_s
-        self._no_weights = np.empty((0, 0))
 
     @property
     def late(self) -> bool:
@@ -113,24 +117,25 @@ class _Search:
         Returns:
             The path, the value of the plans with it, -inf if no path counts, and a bound on it.
         """
-        given = 0 if fixed is None else len(fixed)
         problem = self._problem
         others = _without(plans, searcher)
-        miss, moves = problem.miss(others), np.zeros(len(problem.gains), np.int64)
-        if fixed is not None:
-            moves[: len(fixed)] = fixed
+        miss = problem.miss(others)
         reach, worth = np.empty_like(miss), problem.worth(others)
         path_kernels.forward(problem.chain, miss, reach)
         base = path_kernels.value_of(problem.chain, problem.gains, worth, miss, reach)
         # With a worth at the end, what `best_path` adds is no bound: what a plan leaves for its
         # own end is less.
         threshold = least - base if problem.nearness is None else -math.inf
-        added, bound = path_kernels.best_path(
-            problem.chain, problem.graphs[searcher], problem.gains, worth,
-            problem.ends(searcher, others, reach), miss, problem.blocked_for(searcher, plans),
-            self._no_weights if weights is None else weights,
-            problem.starts[searcher], width, threshold, problem.revisits, given, moves,
+        task = PathTask(
+            problem.chain, problem.graphs[searcher], problem.gains,
+            problem.ends(searcher, others, reach), miss, np.empty_like(miss),
+            problem.blocked_for(searcher, plans), _NO_WEIGHTS if weights is None else weights,
         )  # fmt: skip
+        path_kernels.backward(problem.chain, problem.gains, worth, miss, task.later)
+        options = PathOptions(
+            width, threshold, problem.revisits, _NO_MOVES if fixed is None else fixed
+        )
+        added, bound, moves = path_kernels.best_path(task, options, problem.starts[searcher])
         return moves, base + added, base + bound
 
     def passes(self, plans: Plans, searcher: int) -> _Passes:
@@ -162,13 +167,12 @@ class _Search:
             blocked[:, rest] = True
         ends = np.where((graph.ahead == rest[0]).any(axis=0), 0.0, -np.inf)
         part, gains = chain._replace(starts=chain.starts[: high + 1]), problem.gains[:high]
-        moves = old[:high].copy()
         base = path_kernels.value_of(part, gains, worth, passes.others, passes.reach)
-        added, _ = path_kernels.best_path(
-            part, graph, gains, worth, ends, passes.others, blocked, self._no_weights,
-            problem.starts[searcher], WINDOW_WIDTH, value - base + TOLERANCE, problem.revisits, low,
-            moves,
-        )  # fmt: skip
+        later = np.empty(part.starts[-1, -1])
+        path_kernels.backward(part, gains, worth, passes.others, later)
+        task = PathTask(part, graph, gains, ends, passes.others, later, blocked, _NO_WEIGHTS)
+        options = PathOptions(WINDOW_WIDTH, value - base + TOLERANCE, problem.revisits, old[:low])
+        added, _, moves = path_kernels.best_path(task, options, problem.starts[searcher])
         if added == -math.inf:
             return None
         cell = path_kernels.columns_of(graph.ahead, problem.starts[searcher], moves)[-1]

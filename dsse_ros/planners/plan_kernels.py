@@ -89,31 +89,28 @@ def move_between(steps, cell, after):
 
 
 @kernel
-def looks_of_plans(paths, lengths, kinds, steps, first, offsets, side, when, columns, rows):
+def looks_of_plans(paths, lengths, kinds, moves, first, looks):
     """Write the looks of plans, step by step, and return their number.
 
     Args:
         paths: (N, H + 1) int64.
         lengths: (N,) int64, number of planned steps of each path.
         kinds: (N,) int64, kinds of the drones.
-        steps: As in `Moves`.
+        moves: Of any kind.
         first: (K, A + 1) int64, as in `Moves`, by kind.
-        offsets: As in `Moves`.
-        side: S.
-        when: (Q,) int64 out, the step of the look.
-        columns: (Q,) int64 out.
-        rows: (Q,) int64 out, the number of the look.
+        looks: (3, Q) int64 out: the step of each look, its column and its number.
     """
+    when, columns, rows = looks[0], looks[1], looks[2]
     count = 0
     for h in range(paths.shape[1] - 1):
         for n in range(len(paths)):
             a = -1
             if h < lengths[n]:
-                a = move_between(steps, paths[n, h], paths[n, h + 1])
+                a = move_between(moves.steps, paths[n, h], paths[n, h + 1])
             if a < 0:
                 continue
             for k in range(first[kinds[n], a], first[kinds[n], a + 1]):
-                there = column_at(side, paths[n, h + 1], offsets[k, 0], offsets[k, 1])
+                there = cell_seen(moves, paths[n, h + 1], k)
                 if there >= 0:
                     when[count], columns[count], rows[count] = h, there, k
                     count += 1

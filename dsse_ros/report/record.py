@@ -345,6 +345,52 @@ def _steps(
         yield key[0], rows
 
 
+def _count_drones(steps: Sequence[Sequence[Sequence[str]]]) -> int:
+    """Return the number of drones in the rows of a mission's steps.
+
+    Raises:
+        ValueError: If there is none, or the steps have different drones or persons.
+    """
+    names = [row[3] for row in steps[0]]
+    for rows in steps:
+        if [row[3] for row in rows] != names:
+            raise ValueError(f"step {rows[0][1]} has different drones or persons from the first")
+    count = sum(name.startswith("drone") for name in names)
+    if not count:
+        raise ValueError("no drone")
+    return count
+
+
+def _increasing(steps: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Return the numbers of the steps after checking them.
+
+    Raises:
+        ValueError: If they do not increase, or one is below 0.
+    """
+    if (np.diff(steps) <= 0).any() or steps[0] < 0:
+        raise ValueError("its steps do not increase")
+    return steps
+
+
+def _check_positions(
+    scenario: ResolvedScenario,
+    metres: Sequence[NDArray[np.float64]],
+    col: NDArray[np.int64],
+    row: NDArray[np.int64],
+) -> None:
+    """Raise unless positions in metres to the east and north are those of cells of the scenario.
+
+    Raises:
+        ValueError: If they are not.
+    """
+    expected = cell_to_map(scenario_frame(scenario), col, row)
+    if not np.allclose(metres, expected, rtol=0, atol=_ROUNDING_M):
+        raise ValueError(
+            f"scenario: {scenario.grid_size} cells of {scenario.cell_size:g} m a side do not have "
+            "the recorded positions"
+        )
+
+
 def _mission(
     columns: Sequence[str],
     steps: Sequence[Sequence[Sequence[str]]],
@@ -356,13 +402,7 @@ def _mission(
     Raises:
         ValueError: If they do not fit together, or are of another search.
     """
-    names = [row[3] for row in steps[0]]
-    for rows in steps:
-        if [row[3] for row in rows] != names:
-            raise ValueError(f"step {rows[0][1]} has different drones or persons from the first")
-    count = sum(name.startswith("drone") for name in names)
-    if not count:
-        raise ValueError("no drone")
+    count = _count_drones(steps)
     definition = search(count)
     rules, scenario = definition.rules, definition.scenario.resolve(definition.rules)
     check_cells(scenario.grid_size, max_cells)
@@ -373,18 +413,11 @@ def _mission(
         return values
 
     drones, persons, everybody = slice(0, count), slice(count, None), slice(None)
-    numbers = column("step", np.int64, drones)[:, 0]
-    if (np.diff(numbers) <= 0).any() or numbers[0] < 0:
-        raise ValueError("its steps do not increase")
+    numbers = _increasing(column("step", np.int64, drones)[:, 0])
     col, row = (column(name, np.int64, everybody) for name in ("col", "row"))
-    metres = [column(name, np.float64, everybody) for name in ("east_m", "north_m")]
-    if not np.allclose(
-        metres, cell_to_map(scenario_frame(scenario), col, row), rtol=0, atol=_ROUNDING_M
-    ):
-        raise ValueError(
-            f"scenario: {scenario.grid_size} cells of {scenario.cell_size:g} m a side do not have "
-            "the recorded positions"
-        )
+    _check_positions(
+        scenario, [column(name, np.float64, everybody) for name in ("east_m", "north_m")], col, row
+    )
     cells, pos = np.stack([col, row], axis=2), table[:, 0, columns.index("pos")]
     # Not what was observed, which metres belong to.
     true = [name for name in ("true_col", "true_row") if name in columns]

@@ -130,10 +130,14 @@ class ActionSet:
         """Return the action number of the move from a cell to its neighbour, search if equal."""
         return self._number[end[0] - start[0], end[1] - start[1]]
 
+    def end(self, cell: Cell, number: int) -> Cell:
+        """Return the cell in which an action ends, on the grid or off it."""
+        (col, row), (dx, dy) = cell, self.moves[number]
+        return col + dx, row + dy
+
     def ends(self, cells: Iterable[Cell], numbers: Iterable[int]) -> list[Cell]:
-        """Return the cell that each action leads to."""
-        moves = (self.moves[number] for number in numbers)
-        return [(col + dx, row + dy) for (col, row), (dx, dy) in zip(cells, moves, strict=True)]
+        """Return the cell in which each action ends."""
+        return [self.end(cell, number) for cell, number in zip(cells, numbers, strict=True)]
 
     def towards(self, start: Cell, goal: Cell) -> Cell:
         """Return the cell one step closer to the goal, or the goal itself once there.

@@ -50,6 +50,30 @@ def wait_marker() -> Any:
     return Path([(west, low), (west, high), (east, low), (east, high)], [1, 2, 1, 2])
 
 
+def _drawn(**style: Any) -> Any:
+    from matplotlib.lines import Line2D
+
+    return Line2D([], [], **style)
+
+
+def _symbol(marker: Any, size: float, **style: Any) -> Any:
+    return _drawn(linestyle="none", **{"marker": marker, "markersize": size, **style})
+
+
+def _line(theme: Theme, **style: Any) -> Any:
+    return _drawn(**{"color": theme.soft, "linewidth": 1.8, **style})
+
+
+def _found_symbol() -> tuple[Any, ...]:
+    """Return the symbol for a person who was found: a star in a ring."""
+    ring: dict[str, Any] = {"markerfacecolor": "none"}
+    return (
+        _symbol("*", 9, **STAR | {"markerfacecolor": "white"}),
+        _symbol("o", 15, markeredgecolor="black", markeredgewidth=3.4, **ring),
+        _symbol("o", 15, markeredgecolor=FOUND, markeredgewidth=1.7, **ring),
+    )
+
+
 def legend_entries(
     theme: Theme, *, numbered: bool, shaded: bool, every: int, step_s: float | None
 ) -> dict[str, tuple[Any, str]]:
@@ -62,33 +86,20 @@ def legend_entries(
         every: Steps between two dots of a track.
         step_s: Time of one step in seconds, None if unknown.
     """
-    from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
-
-    def symbol(marker: Any, size: float, **style: Any) -> Line2D:
-        return Line2D([], [], linestyle="none", **{"marker": marker, "markersize": size, **style})
-
-    def line(**style: Any) -> Line2D:
-        return Line2D([], [], **{"color": theme.soft, "linewidth": 1.8, **style})
 
     minutes = "" if step_s is None else f" ({every * step_s / 60:.2g} min)"
     steps = "step" if every == 1 else f"{every} steps"
     outlined: dict[str, Any] = {"markeredgecolor": theme.soft, "markerfacecolor": theme.paper}
     drone: dict[str, Any] = {"color": theme.soft, "markeredgecolor": theme.paper}
-    ring: dict[str, Any] = {"markerfacecolor": "none"}
-    found = (
-        symbol("*", 9, **STAR | {"markerfacecolor": "white"}),
-        symbol("o", 15, markeredgecolor="black", markeredgewidth=3.4, **ring),
-        symbol("o", 15, markeredgecolor=FOUND, markeredgewidth=1.7, **ring),
-    )
     strokes: dict[str, Any] = {"facecolor": theme.paper, "edgecolor": theme.soft, "linewidth": 0.7}
     return {
-        "drone": (symbol("o", 10, **drone), "drone with its number" if numbered else "drone"),
-        "lost": (symbol("X", 10, **drone), "drone that is lost"),
-        "start": (symbol("s", 5, **outlined), "start of a drone"),
-        "flown": (line(linewidth=2.2), "flown by its vehicle"),
+        "drone": (_symbol("o", 10, **drone), "drone with its number" if numbered else "drone"),
+        "lost": (_symbol("X", 10, **drone), "drone that is lost"),
+        "start": (_symbol("s", 5, **outlined), "start of a drone"),
+        "flown": (_line(theme, linewidth=2.2), "flown by its vehicle"),
         "track": (
-            line(marker="o", markersize=4, **outlined),
+            _line(theme, marker="o", markersize=4, **outlined),
             f"track, stronger is newer;\ndot every {steps}{minutes}",
         ),
         "searched": (
@@ -96,23 +107,23 @@ def legend_entries(
             "searched, more ink is\nmore often" if shaded else "searched: a stroke\nfor each time",
         ),
         "waited": (
-            symbol(wait_marker(), 8, markeredgecolor=theme.ink, markeredgewidth=1.6),
+            _symbol(wait_marker(), 8, markeredgecolor=theme.ink, markeredgewidth=1.6),
             "a drone waited here",
         ),
         "datum": (
-            symbol("+", 10, **datum_style(theme)),
+            _symbol("+", 10, **datum_style(theme)),
             "datum: where drift alone\nputs the person",
         ),
         "circle": (
-            line(**circle_style(theme)),
+            _line(theme, **circle_style(theme)),
             "edge of what is possible:\nno probability outside",
         ),
         "lkp": (
-            tuple(Line2D([], [], **style) for style in lkp_styles(theme)),
+            tuple(_drawn(**style) for style in lkp_styles(theme)),
             "last known position (LKP)\nwith its 99 % circle",
         ),
-        "person": (symbol("*", 13, **STAR | {"markerfacecolor": PERSON}), "person at sea"),
-        "found": (found, "person found"),
+        "person": (_symbol("*", 13, **STAR | {"markerfacecolor": PERSON}), "person at sea"),
+        "found": (_found_symbol(), "person found"),
         "outside": (Patch(facecolor=theme.land, edgecolor=theme.edge), "not to be searched"),
         "land": (Patch(**shore_style(theme)), "land"),
     }
