@@ -221,7 +221,8 @@ class EnsembleFollower:
         """See `Follower`."""
         tables = self._tables(np.empty((0, len(self.examples))))
         scale = np.empty(len(self.examples))
-        self._write(followed, tables, beliefs, scale, maps, first, last)
+        constants, worlds, *_ = followed.batch
+        self._write(constants, worlds, tables, beliefs, scale, maps, first, last)
 
     def _tables(self, pods: NDArray[np.float64]) -> ParticleTables:
         particles = self._forecast.particles()

@@ -244,14 +244,14 @@ def follow_particles(followed, tables, beliefs, scratch, first, last):
 
 
 @kernel
-def write_particles(followed, tables, beliefs, scale, maps, first, last):
+def write_particles(constants, worlds, tables, beliefs, scale, maps, first, last):
     """Write the probability of every cell of the worlds first..last - 1, (B, G, G) as [y, x].
 
-    The arguments are those of `follow_particles` and `write_poc`.
+    `worlds` are (B,) of `kernels.WORLDS`; the other arguments are those of `follow_particles` and
+    `write_poc`.
     """
-    constants = followed.batch.constants
     for b in range(first, last):
-        t = tables.first_step + followed.batch.worlds[b].t
+        t = tables.first_step + worlds[b].t
         particles = particles_at(tables.particles, t)
         weights, missing = beliefs.beliefs[b], beliefs.missing[b]
         write_poc(constants, particles, weights, tables.class_of, missing, scale, maps[b])

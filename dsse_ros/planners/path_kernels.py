@@ -206,7 +206,7 @@ def multiply_miss(chain, graph, start, moves, miss):
         multiply_misses_of_looks(chain, graph, h, moves[h], cell, miss)
 
 
-@compiled()
+@inlined
 def gain_of(task, reach, h, a, cell):
     """Return what the looks of move a add to a plan if the searcher looks no more later.
 
@@ -228,7 +228,7 @@ def gain_of(task, reach, h, a, cell):
     return total
 
 
-@compiled()
+@inlined
 def counted_twice(task, reach, h, a, cell, before, cell_before):
     """Return the part of `gain_of` of persons whom the searcher's previous looks detect.
 
@@ -310,7 +310,7 @@ def bound_rest(task, bounds, h0, start):
             bound_cell(task, bounds, h0, h, bounds.cone[h, i])
 
 
-@compiled()
+@inlined
 def open_cone(task, bounds, h0, start):
     """Write the columns in which the searcher can be after each step from h0 on."""
     cone, counts, marks = bounds.cone, bounds.counts, bounds.marks
@@ -329,7 +329,7 @@ def open_cone(task, bounds, h0, start):
             marks[cone[h + 1, i]] = False
 
 
-@compiled()
+@inlined
 def bound_cell(task, bounds, h0, h, cell):
     """Write the bounds on what the looks from step h on add, from a column before the step."""
     graph, best, last = task.graph, bounds.best, len(task.gains) - 1
@@ -510,7 +510,7 @@ def extend(task, options, paths, level, bounds, tried, h, nodes):
     return found
 
 
-@compiled()
+@inlined
 def cell_after(task, options, paths, h, node, a):
     """Return the column after move a from a path, -1 if the path must not make it."""
     if h < len(options.given) and a != options.given[h]:
