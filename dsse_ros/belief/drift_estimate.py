@@ -48,16 +48,16 @@ def misfits(constants, worlds, area, seen, drifts, out):
         drifts: (M, 2) float64, cells per step.
         out: (M,) int64 out.
     """
-    c, w = constants[0], worlds[0]
+    world = worlds[0]
     for m in range(len(drifts)):
-        w.datum_x, w.datum_y = w.start_x, w.start_y
-        w.remainder_x = w.remainder_y = 0.0
-        w.drift_x, w.drift_y = drifts[m, 0], drifts[m, 1]
+        world.datum_x, world.datum_y = world.start_x, world.start_y
+        world.remainder_x = world.remainder_y = 0.0
+        world.drift_x, world.drift_y = drifts[m, 0], drifts[m, 1]
         out[m] = 0
         for t in range(len(seen)):
-            drift(c, w, area)
+            drift(constants[0], world, area)
             if seen[t, 0] >= 0:
-                out[m] += abs(seen[t, 0] - w.datum_x) + abs(seen[t, 1] - w.datum_y)
+                out[m] += abs(seen[t, 0] - world.datum_x) + abs(seen[t, 1] - world.datum_y)
 
 
 class DriftEstimate:

@@ -22,7 +22,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dsse_ros.planners import path_kernels
-from dsse_ros.planners.path_kernels import PathOptions, PathTask
+from dsse_ros.planners.branch_and_bound import PathOptions, best_path
+from dsse_ros.planners.path_kernels import PathTask
 from dsse_ros.planners.path_problem import PathProblem, Plan, Plans
 
 TOLERANCE = 1e-9
@@ -109,9 +110,9 @@ class _Search:
         Args:
             plans: Plans of all searchers.
             searcher: Number of the searcher; its own plan makes no difference.
-            width: See `path_kernels.best_path`.
+            width: See `branch_and_bound.best_path`.
             least: Only a path with which the plans are worth more than this counts.
-            weights: See `path_kernels.bound_rest`.
+            weights: See `PathTask`.
             fixed: First moves of the path.
 
         Returns:
@@ -135,7 +136,7 @@ class _Search:
         options = PathOptions(
             width, threshold, problem.revisits, _NO_MOVES if fixed is None else fixed
         )
-        added, bound, moves = path_kernels.best_path(task, options, problem.starts[searcher])
+        added, bound, moves = best_path(task, options, problem.starts[searcher])
         return moves, base + added, base + bound
 
     def passes(self, plans: Plans, searcher: int) -> _Passes:
@@ -172,7 +173,7 @@ class _Search:
         path_kernels.backward(part, gains, worth, passes.others, later)
         task = PathTask(part, graph, gains, ends, passes.others, later, blocked, _NO_WEIGHTS)
         options = PathOptions(WINDOW_WIDTH, value - base + TOLERANCE, problem.revisits, old[:low])
-        added, _, moves = path_kernels.best_path(task, options, problem.starts[searcher])
+        added, _, moves = best_path(task, options, problem.starts[searcher])
         if added == -math.inf:
             return None
         cell = path_kernels.columns_of(graph.ahead, problem.starts[searcher], moves)[-1]

@@ -402,8 +402,7 @@ def _mission(
     Raises:
         ValueError: If they do not fit together, or are of another search.
     """
-    count = _count_drones(steps)
-    definition = search(count)
+    definition = search(count := _count_drones(steps))
     rules, scenario = definition.rules, definition.scenario.resolve(definition.rules)
     check_cells(scenario.grid_size, max_cells)
     table = np.array(steps)

@@ -250,10 +250,16 @@ class Scenario(
         fastest, slowest = max(self.speeds), min(self.speeds)
         sigma = self.sigma if self.sigma is not None else rules.sigma
         growth = rules.dispersion_inc if self.dispersion_inc is None else self.dispersion_inc
-        person = self._resolve_person(grid, mask, rules)
+        person = self.person_initial_position or rules.person_initial_position
+        person = person or (grid // 2, grid // 2)
+        check_cell("person_initial_position", person, grid, mask)
         vector = resolve_vector(
             rules, self.vector, self.current_speed, self.current_toward, fastest
         )
+        multipliers = self.person_pod_multipliers
+        check_multipliers(multipliers, self.person_amount)
+        if rules.person_scatter and rules.person_motion in MOTIONS:
+            check_scatter(self.person_amount, person, grid, rules.person_scatter, mask)
         derived = {
             "origin_lat": lat,
             "origin_lon": lon,
@@ -268,7 +274,7 @@ class Scenario(
             "current_speed": None,
             "current_toward": None,
             "person_initial_position": person,
-            "person_pod_multipliers": self.person_pod_multipliers or (1.0,) * self.person_amount,
+            "person_pod_multipliers": multipliers or (1.0,) * self.person_amount,
             "sigma": sigma,
             "sigma_x": self.sigma_x or sigma,
             "sigma_y": self.sigma_y or sigma,
@@ -351,17 +357,6 @@ class Scenario(
             return tuple((i % grid, i // grid) for i in cells)
         check_positions(self.drones_positions, grid, count, mask, apart)
         return self.drones_positions
-
-    def _resolve_person(
-        self, grid: int, mask: NDArray[np.bool_] | None, rules: Rules
-    ) -> tuple[int, int]:
-        person = self.person_initial_position or rules.person_initial_position
-        person = person or (grid // 2, grid // 2)
-        check_cell("person_initial_position", person, grid, mask)
-        check_multipliers(self.person_pod_multipliers, self.person_amount)
-        if rules.person_scatter and rules.person_motion in MOTIONS:
-            check_scatter(self.person_amount, person, grid, rules.person_scatter, mask)
-        return person
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -26,8 +26,8 @@ from dsse_ros.step.fault_kernels import (
     FAULT_CONSTANTS,
     HELD,
     STATUSES,
-    Fleet,
 )
+from dsse_ros.step.fleet import Fleet
 from dsse_ros.step.looks import Looks
 
 if TYPE_CHECKING:

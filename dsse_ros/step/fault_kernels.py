@@ -11,22 +11,21 @@ before the step, false alarm and position after it, each only if the scenario ha
 
 Arguments with the same names mean the same everywhere: `constants` is an element of
 `constants.CONSTANTS`, `faults` of `FAULT_CONSTANTS`, `world` of `kernels.WORLDS`; `flyer` is a
-`Flyer`, and `area` a field of `sea_map.Sea`.
+`fleet.Flyer`, and `area` a field of `sea_map.Sea`.
 """
 
 from __future__ import annotations
 
 from math import ceil, cos, log, pi, sin, sqrt
-from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dsse_ros.compiled.draws import draw_unit
-from dsse_ros.compiled.jit import expanded, kernel, part
+from dsse_ros.compiled.jit import kernel, part
 from dsse_ros.scenario.battery_fields import FULL
 from dsse_ros.scenario.fault_fields import MAX_DELAY
 from dsse_ros.step.constants import MAX_ACTIONS
+from dsse_ros.step.fleet import flyer_of
 from dsse_ros.step.recipe import end_of
 from dsse_ros.targets.sea_map import is_inside
 
@@ -90,55 +89,6 @@ CONDITIONS = np.dtype(
 """Condition of each drone under its faults."""
 
 
-class Fleet(NamedTuple):
-    """The faults of B worlds, and the abilities of their drones.
-
-    Attributes:
-        faults: (1,) of `FAULT_CONSTANTS`.
-        abilities: (N,) of `ABILITIES`.
-        conditions: (B, N) of `CONDITIONS`.
-        losses: (N,) int64, step in which each drone is lost; 0 for never.
-        home_steps: (N, G, G) int32 of `ways_home.WaysHome`; (N, 0, 0) without batteries.
-        home_actions: (N, G, G) int8 of `ways_home.WaysHome`; (N, 0, 0) without batteries.
-        applied: (B, N) int8, actions that the drones did in the last step.
-    """
-
-    faults: NDArray[np.void]
-    abilities: NDArray[np.void]
-    conditions: NDArray[np.void]
-    losses: NDArray[np.int64]
-    home_steps: NDArray[np.int32]
-    home_actions: NDArray[np.int8]
-    applied: NDArray[np.int8]
-
-
-class Flyer(NamedTuple):
-    """One drone of one world.
-
-    Attributes:
-        drone: Of `kernels.DRONES`.
-        condition: Of `CONDITIONS`.
-        ability: Of `ABILITIES`.
-        home_steps: (G, G) int32, of `Fleet`.
-        home_actions: (G, G) int8, of `Fleet`.
-    """
-
-    drone: np.void
-    condition: np.void
-    ability: np.void
-    home_steps: NDArray[np.int32]
-    home_actions: NDArray[np.int8]
-
-
-@expanded
-def flyer_of(drones, fleet, b, n):
-    """Return drone n of world b."""
-    return Flyer(
-        drones[b, n], fleet.conditions[b, n], fleet.abilities[n],
-        fleet.home_steps[n], fleet.home_actions[n],
-    )  # fmt: skip
-
-
 @part
 def can_afford(faults, flyer, x, y, to_x, to_y, energy):
     """Return whether a drone can spend this energy and still return home with its reserve.
@@ -159,11 +109,9 @@ def is_able(constants, flyer, action):
 @part
 def is_between(flyer):
     """Return whether a slower drone has a move in progress."""
-    return (
-        flyer.ability.slower
-        and flyer.condition.heading != HELD
-        and flyer.condition.status != RETURNING
-    )
+    condition = flyer.condition
+    has_move = condition.heading != HELD and condition.status != RETURNING
+    return flyer.ability.slower and has_move
 
 
 @part
@@ -271,12 +219,8 @@ def make_way(constants, flyer, action):
 @part
 def may_turn(faults, flyer, inside):
     """Return whether a drone returns home when its battery suffices for nothing else."""
-    condition = flyer.condition
-    flies = (
-        condition.status == SEARCHING
-        or condition.status == IDENTIFYING
-        or condition.status == UNDER_WAY
-    )
+    status = flyer.condition.status
+    flies = status in (SEARCHING, IDENTIFYING, UNDER_WAY)
     return faults.battery and inside and flies
 
 
@@ -285,21 +229,15 @@ def decide(constants, faults, area, world, flyer, command):
     """Return the action of a drone in the air, and take its energy from the battery."""
     drone, condition = flyer.drone, flyer.condition
     action = np.int64(arrived_command(faults, world, flyer, command))
-    if (
-        condition.status != STUCK
-        and faults.stuck_rate > 0.0
-        and draw_unit(world) < faults.stuck_rate
-    ):
+    may_stick = condition.status != STUCK and faults.stuck_rate > 0.0
+    if may_stick and draw_unit(world) < faults.stuck_rate:
         condition.status = STUCK
         condition.until = world.t + faults.stuck_steps
     inside = is_inside(constants.grid_size, drone.x, drone.y)
     if is_between(flyer):
         action = np.int64(condition.heading)
-    if (
-        condition.status == STUCK
-        or condition.status == IDENTIFYING
-        or not is_able(constants, flyer, action)
-    ):
+    stays = condition.status == STUCK or condition.status == IDENTIFYING
+    if stays or not is_able(constants, flyer, action):
         action = np.int64(HELD)
     if may_turn(faults, flyer, inside) and not can_do(constants, faults, area, flyer, action):
         turn_home(faults, world, flyer)
@@ -385,11 +323,8 @@ def observe(constants, faults, world, flyer):
     """Record the drone's reported position: with a normal error along each axis, on the grid."""
     drone, condition = flyer.drone, flyer.condition
     condition.seen_x, condition.seen_y = drone.x, drone.y
-    if (
-        faults.position_noise > 0.0
-        and drone.alive
-        and is_inside(constants.grid_size, drone.x, drone.y)
-    ):
+    is_noisy = faults.position_noise > 0.0 and drone.alive
+    if is_noisy and is_inside(constants.grid_size, drone.x, drone.y):
         # Box and Muller; 1 - u is never 0.
         reach = faults.position_noise * sqrt(-2.0 * log(1.0 - draw_unit(world)))
         turn = 2.0 * pi * draw_unit(world)
@@ -423,28 +358,20 @@ def update(constants, faults, area, world, drones, n, flyer):
     """Update the condition of a drone still in the mission after a step."""
     drone, condition, ability = flyer.drone, flyer.condition, flyer.ability
     inside = is_inside(constants.grid_size, drone.x, drone.y)
+    is_over = world.t >= condition.until
     if condition.status == HOME:
-        if (
-            faults.relief_steps > 0
-            and world.t >= condition.until
-            and is_vacant(constants, drones, n)
-        ):
+        if faults.relief_steps > 0 and is_over and is_vacant(constants, drones, n):
             condition.status = SEARCHING
             condition.battery = FULL
             drone.clear = False
     elif condition.status == RETURNING:
         if inside and flyer.home_steps[drone.y, drone.x] == 0:
             land(faults, world, flyer)
-    elif (
-        condition.status == STUCK or condition.status == IDENTIFYING
-    ) and world.t >= condition.until:
+    elif (condition.status == STUCK or condition.status == IDENTIFYING) and is_over:
         under_way = UNDER_WAY if is_between(flyer) else SEARCHING
         condition.status = RETURNING if drone.clear else under_way
-    rate = (
-        ability.false_alarms[condition.applied]
-        if 0 <= condition.applied < constants.num_actions
-        else 0.0
-    )
+    has_acted = 0 <= condition.applied < constants.num_actions
+    rate = ability.false_alarms[condition.applied] if has_acted else 0.0
     if rate > 0.0 and not drone.found and draw_unit(world) < rate:
         condition.status = IDENTIFYING
         condition.until = world.t + faults.false_alarm_steps

@@ -83,9 +83,10 @@ def masks_of_all(*arguments: Any) -> None:
 
 def restrict_all_but_moves(*arguments: Any) -> None:
     """Take off the masks what drones cannot do, but for moves in which they are under way."""
-    conditions = arguments[5].copy()
+    batch, fleet, *others = arguments
+    conditions = fleet.conditions.copy()
     conditions["heading"] = -1
-    restrict_masks(*arguments[:5], conditions, *arguments[6:])
+    restrict_masks(batch, fleet._replace(conditions=conditions), *others)
 
 
 @pytest.mark.parametrize(
