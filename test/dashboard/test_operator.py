@@ -82,7 +82,7 @@ def test_without_a_word_of_the_operator_nothing_is_armed_and_land_and_arm_are_as
     button(page, "Cancel").click()
     button(page, "Cancel").wait_for(state="hidden")
     enabled(page, "Land all").click()
-    page.get_by_text("Land all vehicles right below").wait_for()
+    page.get_by_text("Land all vehicles directly below").wait_for()
     button(page, "Cancel").click()
     button(page, "Cancel").wait_for(state="hidden")
     assert {bridge.state(i)["armed"] for i in (0, 1)} == {"false"}
@@ -105,7 +105,7 @@ def test_one_vehicle_or_all_are_cleared_held_recalled_and_landed(page: Any, brid
     assert bridge.state(0)["custody"] == "following"
     enabled(page, "Land drone1").click()
     # Whatever else happens, it is drone1 that was asked about.
-    page.get_by_text("Land drone1 right below where it is").wait_for()
+    page.get_by_text("Land drone1 directly below, even on water").wait_for()
     page.locator(".q-dialog").get_by_role("button", name="Land drone1", exact=True).click()
     answered(page, "land drone1: ordered to land: drone1$")
     bridge.until(1, flying="false")
