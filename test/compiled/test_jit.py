@@ -28,17 +28,10 @@ misfits(constants, np.zeros(1, WORLDS), None, np.array([[1, 2]]), np.array([[1.0
 print(out)
 """
 RUN_FAULTS = """
-import numpy as np
-from dsse_ros.step.constants import CONSTANTS
-from dsse_ros.step.fault_kernels import ABILITIES, CONDITIONS, FAULT_CONSTANTS, start_conditions
-from dsse_ros.step.kernels import DRONES, WORLDS
-conditions = np.zeros((1, 1), CONDITIONS)
-start_conditions(
-    np.zeros(1, CONSTANTS), np.zeros(1, FAULT_CONSTANTS), np.zeros(1, ABILITIES), None,
-    np.zeros(1, WORLDS), np.zeros((1, 1), DRONES), conditions, np.zeros((1, 1, 1), np.int32),
-    np.ones(1, bool),
-)
-print(conditions["battery"][0])
+from dsse_ros.search import vector_env
+env = vector_env(1, num_drones=1, battery_move=1.0)
+env.reset(seed=1)
+print(env.world.faults.fleet.conditions["battery"][0])
 """
 TWICE = """
 from dsse_ros.compiled.jit import compiled
@@ -65,7 +58,7 @@ print(values.dtype, twice(values))
 """
 """The one writes its index last, the other its code, if nothing prevents them."""
 DRIFTS = [
-    f"    w.remainder_x += w.drift_{first}\n    w.remainder_y += w.drift_{second}\n"
+    f"    world.remainder_x += world.drift_{first}\n    world.remainder_y += world.drift_{second}\n"
     for first, second in ("xy", "yx")
 ]
 

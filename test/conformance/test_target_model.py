@@ -37,41 +37,35 @@ def test_a_model_need_not_be_registered_and_is_not_afterwards() -> None:
 
 @njit
 def more_drift(
-    c: Any, area: Any, transitions: Any, x: int, y: int, window: Any, out: Any, scratch: Any
+    constants: Any, sea: Any, x: int, y: int, window: Any, out: Any, scratch: Any
 ) -> None:
-    drift_chances(c, area, transitions, x, y, window, out, scratch)
+    drift_chances(constants, sea, x, y, window, out, scratch)
     out[:9] *= 0.95
     out[9] = 1.0 - out[:9].sum()
 
 
 @njit
-def not_one(
-    c: Any, area: Any, transitions: Any, x: int, y: int, window: Any, out: Any, scratch: Any
-) -> None:
-    drift_chances(c, area, transitions, x, y, window, out, scratch)
+def not_one(constants: Any, sea: Any, x: int, y: int, window: Any, out: Any, scratch: Any) -> None:
+    drift_chances(constants, sea, x, y, window, out, scratch)
     out[4] *= 0.9
 
 
 @njit
 def below_zero(
-    c: Any, area: Any, transitions: Any, x: int, y: int, window: Any, out: Any, scratch: Any
+    constants: Any, sea: Any, x: int, y: int, window: Any, out: Any, scratch: Any
 ) -> None:
-    drift_chances(c, area, transitions, x, y, window, out, scratch)
+    drift_chances(constants, sea, x, y, window, out, scratch)
     out[0], out[8] = out[0] + 1.0, out[8] - 1.0
 
 
 @njit
-def stay(
-    c: Any, area: Any, transitions: Any, x: int, y: int, window: Any, out: Any, scratch: Any
-) -> None:
+def stay(constants: Any, sea: Any, x: int, y: int, window: Any, out: Any, scratch: Any) -> None:
     out[:] = 0.0
     out[4] = 1.0
 
 
 @njit
-def leap(
-    c: Any, w: Any, gauss: Any, area: Any, transitions: Any, person: Any, direction: int
-) -> None:
+def leap(constants: Any, world: Any, sea: Any, person: Any, direction: int) -> None:
     person.x += 2
 
 
