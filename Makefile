@@ -90,7 +90,7 @@ endif
 
 help: ## List the targets
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/\1 \2/p' $(MAKEFILE_LIST) | while read -r target text; do \
-		printf 'make %-11s %s\n' "$$target" "$$text"; done
+		printf 'make %-13s %s\n' "$$target" "$$text"; done
 
 sim: $(VENV)/$(if $(VIEW),.view,.sim) ## Fly a mission: SCENARIO=file RULES=name PLANNER=name MODEL=file NUM_DRONES=n SEED=n OUT=folder MOVIE=file RATE=steps/s VIEW=1
 	@$(BIN)/run_mission $(MISSION) $(RATE_OF) $(MOVIE_OF) $(if $(VIEW),--view)

@@ -188,10 +188,8 @@ class _Search:
         # Each row is a person in one cell, and its distribution after the step.
         after = np.eye(side * side)
         scratch = np.empty(side * side + belief_kernels.ROW)
-        step = forecast.steps.at(slot)._replace(directions=np.array([direction]))
-        belief_kernels.predict(
-            forecast.constants, forecast.sea, after, step, scratch
-        )  # fmt: skip
+        of_slot = forecast.steps.at(slot)._replace(directions=np.array([direction]))
+        belief_kernels.predict(forecast.constants, forecast.sea, after, of_slot, scratch)
         table = np.zeros((belief_kernels.STEPS, side * side))
         for step in range(belief_kernels.STEPS):
             offset = (step // 3 - 1) * side + step % 3 - 1

@@ -65,8 +65,8 @@ SEARCH: dict[str, Any] = {
 """The published case: four drones that start in the middle of the edges, 100 steps."""
 SEED = 1
 """Seed of the weights and of the draws; the worlds have the seeds from 1000 on."""
-WORLD_SEED, CHECK_SEED, TEST_SEED = 1_000, 10_000_000, 20_000_000
-"""First seeds of the missions for training, for choosing checkpoints and for the report."""
+WORLD_SEED, CHECK_SEED = 1_000, 10_000_000
+"""First seeds of the missions for training and for choosing checkpoints."""
 WORLDS, STEPS = 64, 32
 """Steps of the worlds between two updates."""
 GAMMA = 0.96

@@ -3,7 +3,7 @@
 """Compare the POS of beliefs with what thousands of missions find.
 
 The plan of a combination is open-loop: all its missions do the same searches, whatever they find.
-Only then is the mean POS the share of persons that they find, see docs/ros.md. There are two
+Only then is the mean POS the share of persons that they find, see docs/belief.md. There are two
 comparisons, each after every search:
 
 * The share of persons found with the mean POS, until the first mission ends. A mission that has

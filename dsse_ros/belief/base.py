@@ -37,7 +37,7 @@ class ForecastBase:
 
     Attributes:
         constants: (1,) of `constants.CONSTANTS`.
-        area, runs: The searched cells, see `kernels`.
+        area, runs: The searched cells, see `sea_map.Sea`.
         first_step: Steps of the sea before a mission's first observation.
         side: S, columns and rows of the grid with its margins.
     """

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from dsse_ros.compiled.jit import expanded, inlined, kernel, part
 from dsse_ros.targets.motion import CHANCES, NO_STEP, SCRATCH, STAND_STILL, STEPS
 from dsse_ros.targets.person_kernels import DRIFT_RANGES, gathered_step, own_drift, step_chances
-from dsse_ros.targets.sea_map import cell_probability, drift_per_step, map_step, step_within
+from dsse_ros.targets.sea_map import cell_probability, is_inside, map_step, start_map, step_within
 
 MARGIN = 3
 """Cells around the grid: one from which a person can return, one from which it cannot, and one that
@@ -99,12 +99,7 @@ def start_sea(constants, worlds, drifts):
             of K equally probable ranges of its angle.
     """
     world, count = worlds[0], len(drifts)
-    world.t = world.map_steps = 0
-    world.datum_x = world.circle_x = world.start_x
-    world.datum_y = world.circle_y = world.start_y
-    world.remainder_x = world.remainder_y = 0.0
-    world.drift_x, world.drift_y = drift_per_step(constants[0], world.vector_x, world.vector_y)
-    world.scale = 0.0
+    start_map(constants[0], world)
     for k in range(count):
         drifts[k].remainder_x = drifts[k].remainder_y = 0.0
         if constants[0].own_drift:
@@ -335,7 +330,7 @@ def search(constants, belief, pods, x, y):
         x: Column of the cell; a search off the grid has no effect.
         y: Row of the cell.
     """
-    if not (0 <= x < constants.grid_size and 0 <= y < constants.grid_size):
+    if not is_inside(constants.grid_size, x, y):
         return 0.0
     i = index_of(constants, x, y)
     drifts = len(belief) // len(pods)
@@ -386,7 +381,7 @@ def normalise(belief):
 @part
 def detectable(constants, belief, pods, x, y):
     """Return the probability that `search` would remove, 0 off the grid."""
-    if not (0 <= x < constants.grid_size and 0 <= y < constants.grid_size):
+    if not is_inside(constants.grid_size, x, y):
         return 0.0
     i, drifts, share = index_of(constants, x, y), len(belief) // len(pods), 0.0
     for k in range(len(belief)):

@@ -33,6 +33,7 @@ from numpy.typing import NDArray
 
 from dsse_ros.belief.belief_kernels import NOTHING_LEFT, index_of, total_of
 from dsse_ros.compiled.jit import kernel, part
+from dsse_ros.targets.sea_map import is_inside
 
 TOTAL, APART, MIXED, LEFT_APART, LEFT_MIXED, ELSEWHERE = range(6)
 """Numbers of a class: the sum of its belief; the probability that a missing person of the class is
@@ -248,7 +249,7 @@ def learn_outcome(constants, belief, apart, persons, looks, q):
         q: Number of the look.
     """
     x, y, pods = looks.seen[q, 0], looks.seen[q, 1], looks.pods[looks.rows[q]]
-    if not (0 <= x < constants.grid_size and 0 <= y < constants.grid_size):
+    if not is_inside(constants.grid_size, x, y):
         return
     numbers = persons.numbers
     i, drifts = index_of(constants, x, y), len(belief) // len(pods)

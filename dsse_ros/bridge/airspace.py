@@ -84,22 +84,13 @@ class Flyer:
             case TakeOff(alt_amsl_m=top_amsl_m):
                 low_m = height_m if self.state.flying else self.home_m
                 return [spot(here, low_m, top_amsl_m - self.datum_m, home=True)]
-            case Search(lat_deg, lon_deg, level_amsl_m, search_amsl_m):
-                there, level_m = (
-                    place_of(self.frame, lat_deg, lon_deg),
-                    level_amsl_m - self.datum_m,
-                )
-                return [
-                    spot(here, height_m, level_m),
-                    leg(here, there, level_m),
-                    spot(there, search_amsl_m - self.datum_m, level_m),
-                ]
-            case GoTo(lat_deg, lon_deg, level_amsl_m):
-                there, level_m = (
-                    place_of(self.frame, lat_deg, lon_deg),
-                    level_amsl_m - self.datum_m,
-                )
-                return [spot(here, height_m, level_m), leg(here, there, level_m)]
+            case GoTo(lat_deg, lon_deg, level_amsl_m) | Search(lat_deg, lon_deg, level_amsl_m):
+                there = place_of(self.frame, lat_deg, lon_deg)
+                level_m = level_amsl_m - self.datum_m
+                spaces = [spot(here, height_m, level_m), leg(here, there, level_m)]
+                if isinstance(order, Search):
+                    spaces.append(spot(there, order.search_amsl_m - self.datum_m, level_m))
+                return spaces
             case Return():
                 # It may climb first, to the altitude of its parameters.
                 top_m = max(height_m, self._return_m)

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from dsse_ros.bridge.clearance import Clearance
 from dsse_ros.bridge.custody import MAY_ORDER, Custody
 from dsse_ros.bridge.fleet_airspace import FleetAirspace
-from dsse_ros.bridge.flight_plan import FlightPlan, MissionPlan
+from dsse_ros.bridge.flight_plan import FlightPlan
 from dsse_ros.bridge.flight_record import FlightRecord, SearchId
 from dsse_ros.bridge.flight_records import FlightRecords
 from dsse_ros.bridge.followed_search import FollowedSearch, News
@@ -93,7 +93,6 @@ class FleetController:
         self.search = FollowedSearch(len(vehicles), whole=self._whole, refuse=self._refuse)
         self.holding = False
         self._center = settings.fence_center
-        self._missions: dict[int, MissionPlan] = {}
         self._first: SearchId | None = None
         self._publishers = 0
         # When the controller started, the first search began, and the last report came. Drain the
@@ -188,7 +187,7 @@ class FleetController:
 
     def _begin(self, info: AgentsInfo, now_s: float) -> None:
         """Make the flight plan of a mission, and have the vehicles follow it."""
-        self._missions = self._airspace.missions = {}
+        self._airspace.missions = {}
         self._begun_s = now_s if self._begun_s is None else self._begun_s
         self._idle_s, self.holding = None, False
         try:
@@ -223,10 +222,10 @@ class FleetController:
         going = [i for i, follower in enumerate(self.followers) if not follower.lost]
         known = {i: home for i in going if (home := homes[i]) is not None}
         if len(known) == len(going):
-            self._missions = plan.missions({i: search.track(i) for i in going}, known)
-            self._airspace.missions = self._missions
+            self._airspace.missions = plan.missions({i: search.track(i) for i in going}, known)
+        missions = self._airspace.missions
         for i in going:
-            task = self._missions[i].task if i in self._missions else None
+            task = missions[i].task if i in missions else None
             self.followers[i].follow(search.final_legs[i], task)
 
     # Operators
@@ -304,7 +303,7 @@ class FleetController:
             self._drained = quiet or now_s - self._begun_s >= _DRAINED_S
             if self._drained:
                 self._follow()
-        if self.search.tracks is not None and self.plan is not None and not self._missions:
+        if self.search.tracks is not None and self.plan is not None and not self._airspace.missions:
             self._plan_missions(self.plan)
         for i in range(len(self.followers)):
             self._serve(i, now_s)

@@ -153,8 +153,8 @@ class FollowedSearch:
         count = len(info.agents)
         if self._vehicles != count:
             return f"{self._vehicles} vehicles for {count} drones: nothing is flown"
-        next_mission = self.info is not None and info.run_id == self.info.run_id
-        if next_mission and self.info is not None and info.mission != self.info.mission:
+        known = self.info
+        if known is not None and info.run_id == known.run_id and info.mission != known.mission:
             return ""
         return self._refuse(info)
 

@@ -34,6 +34,7 @@ from dsse_ros.scenario.rules import AUTO
 from dsse_ros.scenario.scenario import ResolvedScenario
 from dsse_ros.search import PROFILES, FieldError, Rules, Scenario, profile
 
+DEFAULT_SCENARIO = "santos"
 MAX_SEED = 2**62
 SIM_NODE, PLANNER_NODE = "sim_node", "planner_node"
 _OF_SEARCH = {
@@ -64,7 +65,10 @@ class Parser(argparse.ArgumentParser):
         self.add_argument(flag, **options)
 
     def add_search(self, scenario: str | None) -> None:
-        """Add the arguments for `search_of`, with this scenario as the default."""
+        """Add the arguments for `search_of`, with this scenario as the default.
+
+        With None, a program can see whether a scenario was given.
+        """
         self.add("--scenario", default=scenario, help="YAML file or name")
         usual = "profile; auto is sea with an incident, else paper"
         self.add("--rules", default=AUTO, choices=(AUTO, *PROFILES), help=usual)
@@ -150,7 +154,7 @@ def search_of(arguments: argparse.Namespace) -> tuple[Path, ResolvedScenario, Ru
     if not 0 <= arguments.seed <= MAX_SEED:
         raise FieldError(f"seed must be from 0 to 2^62, got {arguments.seed}")
     of_scenario = without_prefix("scenario.", arguments.fields)
-    path = find_scenario(arguments.scenario)
+    path = find_scenario(arguments.scenario or DEFAULT_SCENARIO)
     scenario = Scenario.from_yaml(path).override(**of_scenario, num_drones=arguments.num_drones)
     rules = profile(
         scenario.rules_of(arguments.rules), **without_prefix("rules.", arguments.fields)

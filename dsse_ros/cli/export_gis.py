@@ -85,7 +85,6 @@ def main(argv: list[str] | None = None) -> int:
     try:
         make_folder("out", arguments.out)
         if arguments.file is None:
-            arguments.scenario = arguments.scenario or "santos"
             arguments.file = arguments.out / "mission.csv"
             record_search(arguments, arguments.file)
             arguments.scenario = None

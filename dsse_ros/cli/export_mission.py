@@ -31,7 +31,6 @@ from dsse_ros.search.compiler import prepared_env
 from msg_adapters.frames import GridFrame, scenario_frame
 from msg_adapters.mission_items import Home
 
-DEFAULT_SCENARIO = "santos"
 LENGTHS = ("acceptance_radius", "search_altitude", "search_hold", "altitude_step")
 OPTIONS = ("autopilot", "merge_legs", *LENGTHS)
 """Parameters of the flight that are options of the same name."""
@@ -76,7 +75,6 @@ def searched_cells(
         record = choose(missions, arguments.mission)
         found = bool(record.found.any())
         return scenario_frame(record.scenario), record.cells, record.searched, found
-    arguments.scenario = arguments.scenario or DEFAULT_SCENARIO
     _, scenario, rules = search_of(arguments)
     env = prepared_env(scenario, rules)
     played = search(env, arguments.planner, arguments.seed, options_of(arguments))
@@ -137,7 +135,6 @@ def main(argv: list[str] | None = None) -> int:
         if arguments.pattern is not None:
             if arguments.file is not None:
                 raise FieldError(f"file must not be given with pattern, got {arguments.file}")
-            arguments.scenario = arguments.scenario or DEFAULT_SCENARIO
             _, scenario, _ = search_of(arguments)
             of_pattern = PatternMission(arguments, scenario)
             mission = of_pattern.mission(settings, home)

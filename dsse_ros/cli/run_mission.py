@@ -32,7 +32,7 @@ from std_msgs.msg import Float64MultiArray
 from tqdm import tqdm
 
 from dsse_ros.cli.attended_page import LivePage, default_port_free, open_browser
-from dsse_ros.cli.command_line import Parser, make_folder, search_of
+from dsse_ros.cli.command_line import DEFAULT_SCENARIO, Parser, make_folder, search_of
 from dsse_ros.dashboard.settings import DashboardSettings
 from dsse_ros.nodes.settings import (
     PROFILE,
@@ -414,7 +414,7 @@ def parse(argv: list[str] | None) -> argparse.Namespace:
         prog="run_mission",
         description="Fly one mission: sim_node and planner_node as two processes.",
     )
-    parser.add_search("santos")
+    parser.add_search(DEFAULT_SCENARIO)
     rate = f"maximum steps/s, 0 for no limit (default: {RATE:g}, with --view {VIEW_RATE:g})"
     parser.add("--rate", type=float, help=rate)
     parser.add("--out", type=Path, default=Path("out"), help="folder of the results")

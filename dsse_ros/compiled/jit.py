@@ -6,6 +6,9 @@ Numba recompiles a function when its own module has changed, but not when a modu
 which it has a function that it calls or a constant. The functions compiled here depend on all
 modules of this package that their own module imports, directly or not.
 
+Numba's cache knows a named tuple by its class, but compiled code knows its fields by their places:
+here their names in order are a part of the key.
+
 Processes that write to Numba's cache at once can store the code of one signature under the name of
 another, and from then on all processes load the wrong code. A lock prevents that.
 """
@@ -18,11 +21,11 @@ import functools
 import hashlib
 import os
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
 
-from numba import njit
+from numba import njit, types
 from numba.core.config import reload_config
 
 from dsse_ros.temporary import temporary_folder
@@ -42,14 +45,14 @@ def _modules(folder: Path, names: bytes) -> list[Path]:
 
 @functools.cache
 def _read(file: Path) -> tuple[bytes, list[Path]]:
-    """Return the content of a module and the modules of this package that it imports."""
+    """Return the SHA-256 of a module and the modules of this package that it imports."""
     content = file.read_bytes()
     imported = [
         module
         for dotted, names in _IMPORT.findall(content)
         for module in _modules(_PACKAGE.joinpath(*dotted.decode().split(".")), names)
     ]
-    return content, imported
+    return hashlib.sha256(content).digest(), imported
 
 
 @functools.cache
@@ -65,7 +68,7 @@ def modules_of(file: Path) -> frozenset[Path]:
 @functools.cache
 def sources_of(file: Path) -> str:
     """Return the SHA-256 of `modules_of` a module."""
-    digests = [hashlib.sha256(_read(module)[0]).digest() for module in sorted(modules_of(file))]
+    digests = [_read(module)[0] for module in sorted(modules_of(file))]
     return hashlib.sha256(b"".join(digests)).hexdigest()
 
 
@@ -78,6 +81,12 @@ def _locked(call: Callable[..., Any], folder: Path, kind: int) -> Callable[..., 
             return call(*args)
 
     return locked
+
+
+def fields_of(kinds: Iterable[Any]) -> tuple[Any, ...]:
+    """Return the names of the fields of the named tuples among types, also of nested ones."""
+    tuples: list[Any] = [kind for kind in kinds if isinstance(kind, types.BaseTuple)]
+    return tuple((getattr(kind, "fields", ()), fields_of(kind.types)) for kind in tuples)
 
 
 def compiled(**options: Any) -> Callable[[Callable[..., Any]], Any]:
@@ -104,6 +113,11 @@ def compiled(**options: Any) -> Callable[[Callable[..., Any]], Any]:
             file.save = _locked(file.save, folder, fcntl.LOCK_EX)
             sources = sources_of(Path(function.__code__.co_filename))
             file._source_stamp = (file._source_stamp, sources)
+            key_of = dispatcher._cache._index_key
+            dispatcher._cache._index_key = lambda kinds, codegen: (
+                *key_of(kinds, codegen),
+                fields_of(kinds),
+            )
         return dispatcher
 
     return decorate
@@ -117,7 +131,9 @@ _PART: dict[str, Any] = {**_KERNEL, "no_cpython_wrapper": True, "no_cfunc_wrappe
 kernel = compiled(**_KERNEL)
 """Compiles functions that Python calls."""
 part = compiled(**_PART)
-"""Compiles functions that only kernels call, without the wrappers, which compile slowly."""
+"""Compiles functions that only compiled functions call, without the wrappers, which compile slowly.
+
+One that returns arrays is for kernels and parts only, see `expanded`."""
 inlined = compiled(**_PART, forceinline=True)
 """Inlines a function into its callers if calls would be slow."""
 expanded = compiled(**_PART, inline="always")

@@ -410,8 +410,8 @@ class MessageRequests:
             if kind in self._rates_hz:
                 self._rates_hz[kind] = position_hz
         self._received_s = dict.fromkeys(self._kinds, -math.inf)
-        self._requested_s = dict.fromkeys([*self._kinds, HomePosition], -math.inf)
-        self._requested_s[AutopilotVersion] = -math.inf
+        requested = [*self._kinds, HomePosition, AutopilotVersion]
+        self._requested_s = dict.fromkeys(requested, -math.inf)
         self.forget()
         self._parameter_s = -math.inf
         self._asked_s = math.inf

@@ -61,7 +61,6 @@ class ViewerNode(AlarmNode):
         super().__init__("foxglove_viewer")
         self.settings, endpoints = read_settings(self, ViewerSettings)
         endpoints.check_all_used()
-        self._namespace = self.get_namespace().rstrip("/") + "/"
         self._requests = _Requests()
         # The clients that want each topic, and the last message of each latched topic.
         self._wanted: dict[str, Counter[int]] = {}

@@ -123,7 +123,7 @@ def left_by_others(scenarios, side, others):
     Args:
         scenarios: The scenarios.
         side: S.
-        others: (N - 1, M) float64, credits of their plans.
+        others: (N, M) float64, credits of their plans, 0 for the drone itself.
     """
     base, counts = np.zeros(len(scenarios.ends)), np.zeros(side * side)
     for n in range(len(others)):
@@ -336,7 +336,7 @@ def plan_drone(moves, scenarios, values, width, others, blocked, paths):
         scenarios: The scenarios.
         values: What plans are worth.
         width: Nodes kept at each step.
-        others: (N - 1, M) float64, credits of the plans of the other drones.
+        others: (N, M) float64, credits of the plans of the other drones, 0 for the drone itself.
         blocked: Of `Problem`.
         paths: (V, H + 1) int64 out, the best plans, the best one first; the caller sets the first
             cells.

@@ -147,9 +147,10 @@ class BeamSearch:
             blocked = self._blocked(n, plans, planned, horizon)
             if beyond:
                 blocked |= beyond[n]
+            credits[n] = 0.0
             found, length = plan_drone(
                 self._kinds[kinds[n]], scenarios, Values(options.gamma, options.kappa),
-                options.width, np.delete(credits, n, axis=0), blocked, paths,
+                options.width, credits, blocked, paths,
             )  # fmt: skip
             candidates = [PlannedPath(path, length) for path in paths[:found]]
             if plans[n].length and not blocked[np.arange(horizon), plans[n].path[1:]].any():
@@ -158,7 +159,7 @@ class BeamSearch:
             plans[n] = self._best(belief, plans, kinds, n, candidates, counted)
             planned.add(n)
             credit(n)
-        first = self._first_cells(plans, planned, present)
+        first = self._first_cells(plans, planned)
         self._plans = dict(zip(agents, plans, strict=True))
         return first
 
@@ -264,9 +265,7 @@ class BeamSearch:
             for agent, battery in zip(agents, batteries, strict=True)
         ]
 
-    def _first_cells(
-        self, plans: list[PlannedPath], planned: set[int], present: Sequence[Cell]
-    ) -> list[Cell]:
+    def _first_cells(self, plans: list[PlannedPath], planned: set[int]) -> list[Cell]:
         """Return the next cells of the plans; drones that have not planned give way."""
         taken = {int(plans[n].path[1]) for n in planned}
         for n, plan in enumerate(plans):

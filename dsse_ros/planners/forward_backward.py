@@ -132,9 +132,6 @@ class ForwardBackwardOnBelief(BeamOnBelief):
 
     _options: ForwardBackwardOptions
 
-    def __init__(self, options: ForwardBackwardOptions) -> None:
-        super().__init__(options)
-
     def start(self, forecast: TargetForecast, seed: int) -> ForwardBackward:
         """Return the tactic for a mission."""
         return ForwardBackward(forecast, self._options, seed=seed)

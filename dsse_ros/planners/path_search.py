@@ -110,7 +110,7 @@ class _Search:
         Args:
             plans: Plans of all searchers.
             searcher: Number of the searcher; its own plan makes no difference.
-            width: See `branch_and_bound.best_path`.
+            width: See `PathOptions`.
             least: Only a path with which the plans are worth more than this counts.
             weights: See `PathTask`.
             fixed: First moves of the path.

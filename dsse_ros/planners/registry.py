@@ -264,7 +264,7 @@ def planner_for(search: Search, name: str, *, seed: int = 0, **options: Any) -> 
 
 
 def read_options(options: Iterable[str]) -> dict[str, Any]:
-    """Return options by name, each given as name=value with a value in YAML, see `read_yaml`.
+    """Return options by name, each given as name=value with a value in YAML, see `parse_yaml`.
 
     Raises:
         FieldError: If one has no name or no value, or is given twice.

@@ -230,14 +230,14 @@ def _map_chart(record: RecordedMission, theme: Theme) -> tuple[Figure, Axes]:
     They show the part of the grid with the tracks and the last known positions.
     """
     figure, axes = chart(theme, 5.4, 4.7)
-    side, sea = _side_km(record), sea_state(record.scenario, 0)
-    west, south, shown = (cells * record.scenario.cell_size / 1000.0 for cells in _part(record))
+    side, sea, part = _side_km(record), sea_state(record.scenario, 0), _part(record)
+    west, south, shown = (cells * record.scenario.cell_size / 1000.0 for cells in part)
     axes.set_aspect("equal")
     for spine in axes.spines.values():
         spine.set_color(theme.ink)
     if record.area is not None:
         draw_outside(axes, record.area, side, theme.land)
-    if _part(record)[2] <= MAX_LINED_CELLS:
+    if part[2] <= MAX_LINED_CELLS:
         draw_lines(axes, np.linspace(0, side, record.grid_size + 1), side, theme.faint)
     draw_shore(axes, sea, theme)
     draw_sightings(axes, sea, shown, theme, (west, south))

@@ -245,7 +245,7 @@ def check_limit(record: RecordedMission) -> RecordedMission:
     """
     limit, last = record.scenario.timestep_limit, int(record.steps[-1])
     # The step after the last one detects the timeout.
-    if last > limit + record.rules.time_out_grace + 1:
+    if last > record.rules.last_step(limit) + 1:
         raise FieldError(f"scenario: timestep_limit must allow the recorded {last}, got {limit}")
     return record
 

@@ -42,11 +42,15 @@ def views(record: RecordedMission, wanted: Collection[int]) -> dict[int, Mission
     """
     if record.covers:
         return _views_of_coverage(record, wanted)
-    record = with_waits(record)
+    waited = np.zeros_like(record.searched) if record.waited is None else None
+    if waited is not None:
+        record = replace(record, waited=waited)
     shown: dict[int, MissionView] = {}
     for k, before, env in _observed(record):
         if before is not None:
             _check(record, k, before)
+            if waited is not None:
+                waited[k] = _waiting(record, k, before)
         if k in wanted:
             shown[k] = _view(record, k, env.view())
     return shown
@@ -56,13 +60,18 @@ def with_waits(record: RecordedMission) -> RecordedMission:
     """Return the record with the drones that waited in each step; none do in a coverage task."""
     if record.covers or record.waited is not None:
         return record
-    waited, looked = np.zeros_like(record.searched), record.looked_at
+    waited = np.zeros_like(record.searched)
     for k, before, _ in _observed(record):
         if before is not None:
-            of_step = looked[slice(*np.searchsorted(looked[:, 0], [k, k + 1]))]
-            likely = likely_cells(before)
-            waited[k] = waits(record.searched[k], of_step[:, 1], of_step[:, 2:], likely)
+            waited[k] = _waiting(record, k, before)
     return replace(record, waited=waited)
+
+
+def _waiting(record: RecordedMission, k: int, before: NDArray[np.float32]) -> NDArray[np.bool_]:
+    """Return which drones (N,) waited in the k-th recorded step, by the map before it."""
+    looked = record.looked_at
+    of_step = looked[slice(*np.searchsorted(looked[:, 0], [k, k + 1]))]
+    return waits(record.searched[k], of_step[:, 1], of_step[:, 2:], likely_cells(before))
 
 
 def _observed(

@@ -297,5 +297,7 @@ def _reaches_the_same(
         return actions.reachable(cell) is None
     if not component[cell[1], cell[0]]:
         return False
-    reached = component if alike else actions.reachable(cell)
+    if alike:
+        return True
+    reached = actions.reachable(cell)
     return reached is not None and np.array_equal(reached, component)

@@ -27,7 +27,7 @@ class Swarm:
     Attributes:
         actions: Actions of the rules in the area.
         of_kinds: Actions of each kind of drone.
-        kinds: (N,) kind of each drone; empty if there is one kind.
+        kinds: (N,) kind of each drone; may be empty if there is one kind.
         has_slower: Whether drones may be slow to leave their cells, see `masking.keep_apart`.
     """
 

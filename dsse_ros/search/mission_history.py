@@ -43,8 +43,9 @@ class MissionHistory:
             actions: (N,) int8, the actions of the step.
             probability: (G, G), what the drones observe before it.
         """
-        self._likely = likely_cells(probability)
         world = self._world
+        if world.coverage is None:
+            self._likely = likely_cells(probability)
         limit = world.rules.last_acting_step(world.scenario.timestep_limit)
         self._doing[:] = np.where(world.drones["alive"][0], actions, HOLD)
         if world.worlds["done"][0] or world.worlds["t"][0] >= limit:
@@ -59,7 +60,7 @@ class MissionHistory:
         searching = self._doing == world.rules.action_set.search
         if world.coverage is not None:
             drones = np.flatnonzero(searching | (self._cells[-1] != self._cells[-2]).any(axis=1))
-            looked, self._likely[:] = self._cells[-1][drones], True
+            looked = self._cells[-1][drones]
         else:
             drones, _, looked = world.looks.at(self._doing, self._cells[-1])
         on_grid = ((looked >= 0) & (looked < world.grid_size)).all(axis=1)

@@ -73,7 +73,7 @@ def ways_home(
 
 
 def _moves(actions: ActionSet, ratios: Sequence[float]) -> list[tuple[int, int, int]]:
-    """Return the moves (dx, dy, number) that a drone can do; each has its opposite."""
+    """Return the moves (dx, dy, number) that a drone can do."""
     moves = [
         (dx, dy, number)
         for number, (dx, dy) in enumerate(actions.moves)

@@ -23,10 +23,10 @@ from dsse_ros.step.ensemble_kernels import ensemble_step, probability_in, put_on
 from dsse_ros.targets.person_kernels import draw_own_drift, persons_step, scatter_persons
 from dsse_ros.targets.sea_map import (
     cell_probability,
-    drift_per_step,
     is_inside,
     is_open,
     map_step,
+    start_map,
 )
 
 MOVED, LEFT, SEARCHED, FOUND, OUT_OF_TIME, MET, COVERED, COVERED_ALL = range(8)
@@ -342,12 +342,7 @@ def end(constants, world, drones, persons, coverage):
 @part
 def start_world(constants, world, sea, crew, task, scratch):
     """Set a world to its start: the start cell has the persons and all the probability."""
-    world.t = world.map_steps = 0
-    world.datum_x = world.circle_x = world.start_x
-    world.datum_y = world.circle_y = world.start_y
-    world.remainder_x = world.remainder_y = 0.0
-    world.drift_x, world.drift_y = drift_per_step(constants, world.vector_x, world.vector_y)
-    world.scale = 0.0
+    start_map(constants, world)
     world.done = False
     world.num_active = len(crew.drones)
     world.num_missing = len(crew.persons)

@@ -375,6 +375,17 @@ def drift_per_step(constants, x, y):
     return x / steps, y / steps
 
 
+@part
+def start_map(constants, world):
+    """Set the map of a world to its start: the start cell has all the probability."""
+    world.t = world.map_steps = 0
+    world.datum_x = world.circle_x = world.start_x
+    world.datum_y = world.circle_y = world.start_y
+    world.remainder_x = world.remainder_y = 0.0
+    world.drift_x, world.drift_y = drift_per_step(constants, world.vector_x, world.vector_y)
+    world.scale = 0.0
+
+
 @kernel
 def read_cells(constants, worlds, gauss, area, x, y, out):
     """Write the probabilities of cells of B worlds, 0 outside the grid and the area.

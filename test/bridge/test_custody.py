@@ -11,7 +11,6 @@ from dsse_ros.bridge.custody import AIRBORNE, MAY_ORDER, NEXT, Custody, Event, n
 from dsse_ros.flight.orders import FlyMission, MakeReady, TakeOff
 
 STARTS = (MakeReady, TakeOff, FlyMission)
-BY_PERSONS = {Event.CLEAR}
 EVENTS = st.lists(st.sampled_from(Event), max_size=12)
 
 

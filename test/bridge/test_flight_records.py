@@ -44,7 +44,6 @@ RECORDS = st.dictionaries(
         items=st.integers(0, 700),
     ),
 )
-UIDS = st.sampled_from(["", "00000000000000aa", "00000000000000bb"])
 
 
 # Each example waits for the disk.

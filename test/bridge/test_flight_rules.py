@@ -10,7 +10,6 @@ from dataclasses import replace
 from typing import Any
 
 import pytest
-from autopilot.local_frame import Place
 from autopilot.maneuvers import CarriedAway
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from virtual_fleet import FRAME, VirtualFleet, pilots_mode
@@ -19,8 +18,6 @@ from virtual_flight import VirtualFlight
 from dsse_ros.bridge.airspace import UNKNOWN_FACTOR
 from dsse_ros.flight.orders import Search
 from dsse_ros.mavlink.messages import CommandLong, SetPositionTarget
-from msg_adapters.frames import cell_to_map
-from msg_adapters.geodesy import map_to_geodetic
 from msg_adapters.separation import separation_m
 
 ARM, TAKE_OFF, SET_MODE = 400, 22, 176
@@ -47,11 +44,6 @@ def sent_since(flight: VirtualFlight, since_s: float) -> list[object]:
             or (isinstance(message, CommandLong) and message.command in (ARM, TAKE_OFF, SET_MODE))
         )
     ]
-
-
-def land_at(fleet: VirtualFleet, cell: tuple[int, int]) -> Place:
-    lat_deg, lon_deg, _ = map_to_geodetic(fleet.frame, *cell_to_map(fleet.frame, *cell), 0.0)
-    return Place(lat_deg, lon_deg, 0.0)
 
 
 # Altitudes

@@ -67,7 +67,6 @@ TO_SIM = {
 """Topics that `sim_node` subscribes to; the dashboard subscribes to those of the vehicles too."""
 ODD = (math.nan, math.inf, -math.inf, 0.0, -0.0, 5e-324, 1e-300, 1e19, 1e308, -1e308, -1.0, 0.5)
 WHOLE = (0, 1, -1, 2, 2**31 - 1, -(2**31), 2**32 - 1, 2**32, 2**63 - 1, 2**63, -(2**63), 10**30)
-INTEGERS = {"int": 8, "byte": 8, "char": 8, "octet": 8}
 
 
 UP = f"..{os.sep}"

@@ -568,6 +568,7 @@ def test_every_dependency_is_explained() -> None:
                 "onnx",
                 "ray",
                 "record",
+                "routes",
                 "train",
                 "viewer",
                 "viz",

@@ -168,8 +168,6 @@ LAYERS: dict[str, tuple[set[str], set[str]]] = {
             "dsse_ros.mavlink",
             "dsse_ros.checks",
             "dsse_ros.defects",
-            "dsse_ros.private_files",
-            "dsse_ros.whole_files",
             "msg_adapters",
         },
         {"ros", "messages"},
@@ -179,11 +177,9 @@ LAYERS: dict[str, tuple[set[str], set[str]]] = {
         | {
             "dsse_ros.bridge",
             "dsse_ros.flight",
-            "dsse_ros.mavlink",
             "dsse_ros.mission",
             "dsse_ros.checks",
             "dsse_ros.defects",
-            "dsse_ros.private_files",
             "msg_adapters",
         },
         {"ros", "messages"},
@@ -207,7 +203,6 @@ LAYERS: dict[str, tuple[set[str], set[str]]] = {
             "dsse_ros.dashboard",
             "dsse_ros.defects",
             "dsse_ros.flight",
-            "dsse_ros.mavlink",
             "dsse_ros.mission",
             "dsse_ros.recording",
             "msg_adapters",
@@ -218,7 +213,6 @@ LAYERS: dict[str, tuple[set[str], set[str]]] = {
     "dsse_ros.ros_env": (
         WORLD
         | {
-            "dsse_ros.nodes",
             "dsse_ros.runtime",
             "msg_adapters",
         },

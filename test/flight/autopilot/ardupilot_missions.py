@@ -25,7 +25,6 @@ _TRANSFER_TIMEOUT_S = 8.0
 _YAW_MAY_BE_OPEN = frozenset(
     {mavlink.MAV_CMD_NAV_WAYPOINT, mavlink.MAV_CMD_NAV_LAND, mavlink.MAV_CMD_NAV_TAKEOFF}
 )
-_ANY_FRAME = frozenset({mavlink.MAV_FRAME_MISSION})
 # Commands, and which of their parameters 1 to 4 are stored.
 _STORED_PARAMETERS: dict[int, tuple[int, ...]] = {
     mavlink.MAV_CMD_NAV_WAYPOINT: (1,),
