@@ -11,6 +11,7 @@ fields replaced by extremes, with other JSON, and with damaged bytes.
 from __future__ import annotations
 
 import argparse
+import contextlib
 import copy
 import json
 import math
@@ -174,8 +175,10 @@ class Mutator:
 
     def text(self, value: str) -> str:
         """Return a hostile text; where it was JSON, most often JSON again."""
-        if value.startswith("{") and self._draw.random() < 0.9:
-            return json.dumps(self._json(json.loads(value)))
+        if self._draw.random() < 0.9:
+            # A text that was replaced before need not be JSON.
+            with contextlib.suppress(ValueError):
+                return json.dumps(self._json(json.loads(value)))
         return self._draw.choice([*self._texts, value[: len(value) // 2], value * 3])
 
     def _json(self, value: Any) -> Any:
