@@ -39,23 +39,26 @@ OF_ROS = [name for name in PROGRAMS if name not in WITHOUT_ROS]
 
 
 def launch(
-    program: str, folder: Path, before: str = "", *arguments: str, output: Any = subprocess.PIPE
+    program: str,
+    folder: Path | None,
+    before: str = "",
+    *arguments: str,
+    output: Any = subprocess.PIPE,
 ) -> subprocess.Popen[str]:
-    """Start a program as its executable does, with an empty cache of compiled code.
+    """Start a program as its executable does.
 
     Args:
         program: Its name.
-        folder: For the cache.
+        folder: For an empty cache of compiled code; None for the cache of all tests.
         before: Python to run first.
         arguments: The program's.
         output: Where its output goes.
     """
+    cache = {} if folder is None else {"NUMBA_CACHE_DIR": str(folder / "cache")}
     code = f"{before}\nfrom dsse_ros.cli.start import {program}\nimport sys\n"
     return subprocess.Popen(
         [sys.executable, "-c", code + f"sys.exit({program}())", *arguments],
-        env=os.environ | ENVIRONMENT | {
-            "NUMBA_CACHE_DIR": str(folder / "cache"), "ROS_DOMAIN_ID": str(free_domain())
-        },
+        env=os.environ | ENVIRONMENT | cache | {"ROS_DOMAIN_ID": str(free_domain())},
         cwd=ROOT, stdin=subprocess.DEVNULL, stdout=output, stderr=subprocess.STDOUT,
         text=True,
     )  # fmt: skip
@@ -338,7 +341,7 @@ def test_a_terminal_that_lacks_letters_shows_others(encoding: str, tmp_path: Pat
     scenario.write_text("name: São Sebastião 海\ngrid_size: 6\n", encoding="utf-8")
     before = f"import os, sys\nsys.stdout.reconfigure(encoding={encoding!r}, errors='strict')"
     child = launch(
-        "export_gis", tmp_path, before, "--scenario", str(scenario), "--planner", "sweep",
+        "export_gis", None, before, "--scenario", str(scenario), "--planner", "sweep",
         "--out", str(tmp_path / "out"),
     )  # fmt: skip
     output, _ = child.communicate(timeout=TIMEOUT_S)
