@@ -15,6 +15,7 @@ import contextlib
 import copy
 import json
 import math
+import multiprocessing
 import os
 import random
 import struct
@@ -22,16 +23,20 @@ import sys
 import tempfile
 import time
 from collections.abc import Iterator
+from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any
 
+import rclpy
 from bridge_rig import SEARCHED, Bridge, autopilots
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PoseStamped
 from nav_msgs.msg import OccupancyGrid
 from nav_msgs.msg import Path as TrackPath
+from rclpy.context import Context
+from rclpy.executors import SingleThreadedExecutor
 from rclpy.serialization import serialize_message
-from rig import LATCHED, RELIABLE, Rig, Sim
+from rig import LATCHED, RELIABLE, TIMEOUT_S, Inbox, Rig, Sim
 from sensor_msgs.msg import Image, PointCloud2
 from std_msgs.msg import Float64MultiArray, Int8, Int32MultiArray, String
 from std_srvs.srv import SetBool, Trigger
@@ -256,19 +261,64 @@ class Relay:
             self._outlets[name][0].publish(self._seen[name])
 
 
+class Operator:
+    """Calls `~/hold` from a process of its own, which has nothing else to do.
+
+    Args:
+        domain: The domain of the bridge.
+    """
+
+    def __init__(self, domain: int) -> None:
+        context = multiprocessing.get_context("spawn")
+        self._asked, asked = context.Pipe()
+        self._process = context.Process(target=_hold, args=(domain, asked), daemon=True)
+        self._process.start()
+
+    def hold(self) -> float:
+        """Return the time to the answer, s."""
+        self._asked.send(True)
+        assert self._asked.poll(TIMEOUT_S), "no answer of ~/hold"
+        answered_s: float = self._asked.recv()
+        return answered_s
+
+    def close(self) -> None:
+        """End the process."""
+        self._asked.send(False)
+        self._process.join()
+
+
+def _hold(domain: int, asked: Connection) -> None:
+    context = Context()
+    rclpy.init(args=[], context=context, domain_id=domain)
+    node = rclpy.create_node("operator", context=context)
+    executor = SingleThreadedExecutor(context=context)
+    executor.add_node(node)
+    client = node.create_client(Trigger, "/mavlink_bridge/hold")
+    client.wait_for_service()
+    while asked.recv():
+        begun_s = time.monotonic()
+        executor.spin_until_future_complete(client.call_async(Trigger.Request()))
+        asked.send(time.monotonic() - begun_s)
+    rclpy.shutdown(context=context)
+
+
 class Attack:
     """A flight under attack.
 
     Args:
         rig: The domain.
-        bridge: The bridge.
+        inboxes: What the rig keeps of the flight.
         seed: Of the choices.
+
+    Attributes:
+        slowest_s: Longest time in which `~/hold` was answered.
     """
 
-    def __init__(self, rig: Rig, bridge: Bridge, seed: int) -> None:
+    def __init__(self, rig: Rig, inboxes: list[Inbox], seed: int) -> None:
         self.rig = rig
-        self.bridge = bridge
         self.slowest_s = 0.0
+        self._inboxes = inboxes
+        self._operator = Operator(rig.domain)
         self._guarded = rig.folder / "precious"
         self._guarded.mkdir()
         (self._guarded / "file.npy").write_bytes(b"precious")
@@ -297,9 +347,9 @@ class Attack:
 
     def check(self) -> None:
         """Check that the nodes run and answer, and that no file was touched."""
-        begun_s = time.monotonic()
-        self.rig.call(Trigger, "/mavlink_bridge/hold")
-        self.slowest_s = max(self.slowest_s, time.monotonic() - begun_s)
+        self.slowest_s = max(self.slowest_s, self._operator.hold())
+        for inbox in self._inboxes:
+            del inbox[:-1]
         for process in self.rig.processes:
             assert process.running, process.output[-5000:]
             for word in ("Traceback", "defect", "FATAL"):
@@ -307,6 +357,10 @@ class Attack:
         assert self._found() == self._files
         # The flight goes on.
         self.rig.call(SetBool, "/mavlink_bridge/arm", data=True)
+
+    def close(self) -> None:
+        """End what the attack started beside the rig."""
+        self._operator.close()
 
 
 def attacks(rig: Rig, seed: int) -> Iterator[Attack]:
@@ -324,12 +378,15 @@ def attacks(rig: Rig, seed: int) -> Iterator[Attack]:
             REAL,
         )
         bridge = Bridge(rig, vehicles, arm=True)
-        attack = Attack(rig, bridge, seed)
+        attack = Attack(rig, [sim.reports, *bridge.states, *bridge.poses], seed)
         rig.start("planner_node", {"planner": "random"})
         rig.start("dashboard", {"port": 0})
         rig.until(lambda: sim.step_number > 0, "the first step")
-        attack.check()
-        yield attack
+        try:
+            attack.check()
+            yield attack
+        finally:
+            attack.close()
 
 
 def main() -> int:
