@@ -297,7 +297,10 @@ def _hold(domain: int, asked: Connection) -> None:
     client.wait_for_service()
     while asked.recv():
         begun_s = time.monotonic()
-        executor.spin_until_future_complete(client.call_async(Trigger.Request()))
+        answer = client.call_async(Trigger.Request())
+        # Not spin_until_future_complete, which spins without waiting.
+        while not answer.done():
+            executor.spin_once(timeout_sec=1.0)
         asked.send(time.monotonic() - begun_s)
     rclpy.shutdown(context=context)
 
