@@ -9,35 +9,16 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
-from geometry_msgs.msg import Pose, PoseStamped
-from nav_msgs.msg import Path
-from std_msgs.msg import Int8, Int32MultiArray, String
+from geometry_msgs.msg import PoseStamped
+from std_msgs.msg import Int32MultiArray, String
 
 from msg_adapters.frames import GridFrame, map_to_cell
 from msg_adapters.result import Accepted, Rejected, Result, shown
 
 Cell = tuple[int, int]
 
-MAX_GOALS = 10_000
-"""Longest `command_path` that is accepted."""
-
 NO_ACTION = -1
 """In a joint action: the place of a drone that is not live."""
-
-
-def parse_action(message: Int8, actions: Sequence[str]) -> Result[int]:
-    """Return the action number of a `cmd_action`.
-
-    Args:
-        message: The command.
-        actions: Names of the rules' actions: the action with number i is actions[i].
-
-    Returns:
-        The number, or `unknown_action`.
-    """
-    if not 0 <= message.data < len(actions):
-        return _unknown_action("data", message.data, actions)
-    return Accepted(int(message.data))
 
 
 def parse_action_name(message: String, actions: Sequence[str]) -> Result[int]:
@@ -69,8 +50,21 @@ def parse_goal(message: PoseStamped, frame: GridFrame) -> Result[Cell]:
         The cell, or `foreign_frame`, `not_finite` or `outside_grid`.
     """
     if message.header.frame_id != frame.map_frame:
-        return _foreign_frame("header.frame_id", message.header.frame_id, frame)
-    return _goal_cell("pose", message.pose, frame)
+        found = shown(message.header.frame_id)
+        reason = f"header.frame_id must be {frame.map_frame!r}, got {found}"
+        return Rejected("foreign_frame", reason)
+    for part, axes in (("position", "xyz"), ("orientation", "xyzw")):
+        for axis in axes:
+            value = getattr(getattr(message.pose, part), axis)
+            if not math.isfinite(value):
+                reason = f"pose.{part}.{axis} must be a finite number, got {value!r}"
+                return Rejected("not_finite", reason)
+    x, y = message.pose.position.x, message.pose.position.y
+    cell = map_to_cell(frame, x, y)
+    if cell is None:
+        reason = f"pose.position must be 0 <= x, y < {frame.side_m:.6g} m, got ({x:.6g}, {y:.6g})"
+        return Rejected("outside_grid", reason)
+    return Accepted(cell)
 
 
 def parse_navigation(goal: Any, frame: GridFrame) -> Result[Cell]:
@@ -87,36 +81,6 @@ def parse_navigation(goal: Any, frame: GridFrame) -> Result[Cell]:
         reason = f"behavior_tree must be empty, got {shown(goal.behavior_tree)}"
         return Rejected("behavior_tree", reason)
     return parse_goal(goal.pose, frame)
-
-
-def parse_path(message: Path, frame: GridFrame) -> Result[tuple[Cell, ...]]:
-    """Return the cells (col, row) of a `command_path` in their order.
-
-    Args:
-        message: The goals; the frame of a single pose may be left empty.
-        frame: The grid.
-
-    Returns:
-        1 to `MAX_GOALS` cells, or `foreign_frame`, `empty_path`, `path_too_long`, `not_finite`
-        or `outside_grid`.
-    """
-    if message.header.frame_id != frame.map_frame:
-        return _foreign_frame("header.frame_id", message.header.frame_id, frame)
-    count = len(message.poses)
-    if count == 0:
-        return Rejected("empty_path", f"poses must be 1 to {MAX_GOALS} poses, got 0")
-    if count > MAX_GOALS:
-        return Rejected("path_too_long", f"poses must be 1 to {MAX_GOALS} poses, got {count}")
-    cells = []
-    for index, stamped in enumerate(message.poses):
-        if stamped.header.frame_id not in ("", frame.map_frame):
-            field = f"poses[{index}].header.frame_id"
-            return _foreign_frame(field, stamped.header.frame_id, frame)
-        goal = _goal_cell(f"poses[{index}].pose", stamped.pose, frame)
-        if isinstance(goal, Rejected):
-            return goal
-        cells.append(goal.value)
-    return Accepted(tuple(cells))
 
 
 def parse_joint_action(
@@ -158,7 +122,9 @@ def parse_joint_action(
         elif 0 <= action < len(actions):
             chosen.append(int(action))
         else:
-            return _unknown_action(f"data[{index}]", action, actions)
+            known = ", ".join(f"{number} {name}" for number, name in enumerate(actions))
+            reason = f"data[{index}] must be one of {known}, got {action}"
+            return Rejected("unknown_action", reason)
     return Accepted(tuple(chosen))
 
 
@@ -172,31 +138,3 @@ def joint_action_message(mission: int, step: int, actions: Sequence[int]) -> Int
     """
     numbers = [int(number) for number in (mission, step, *actions)]
     return Int32MultiArray(data=array.array("i", numbers))
-
-
-def _goal_cell(field: str, pose: Pose, frame: GridFrame) -> Result[Cell]:
-    for part in ("position", "orientation"):
-        vector = getattr(pose, part)
-        for axis in "xyz" if part == "position" else "xyzw":
-            value = getattr(vector, axis)
-            if not math.isfinite(value):
-                reason = f"{field}.{part}.{axis} must be a finite number, got {value!r}"
-                return Rejected("not_finite", reason)
-    cell = map_to_cell(frame, pose.position.x, pose.position.y)
-    if cell is None:
-        side_m = frame.side_m
-        return Rejected(
-            "outside_grid",
-            f"{field}.position must be 0 <= x, y < {side_m:.6g} m, "
-            f"got ({pose.position.x:.6g}, {pose.position.y:.6g})",
-        )
-    return Accepted(cell)
-
-
-def _foreign_frame(field: str, frame_id: str, frame: GridFrame) -> Rejected:
-    return Rejected("foreign_frame", f"{field} must be {frame.map_frame!r}, got {shown(frame_id)}")
-
-
-def _unknown_action(field: str, action: int, actions: Sequence[str]) -> Rejected:
-    known = ", ".join(f"{number} {name}" for number, name in enumerate(actions))
-    return Rejected("unknown_action", f"{field} must be one of {known}, got {action}")

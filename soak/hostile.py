@@ -70,10 +70,8 @@ def take(intake: CommandIntake, topic: str, message: Any) -> bool:
         return intake.joint_action(message)
     name, _, kind = topic.partition("/")
     takes = {
-        "cmd_action": intake.action,
         "cmd_action_name": intake.action_name,
         "command_pose": intake.goal,
-        "command_path": intake.path,
     }
     return takes[kind](int(name.removeprefix("drone")), message)
 

@@ -80,9 +80,8 @@ def _geojson() -> tuple[Take, list[bytes]]:
 
 def _commands() -> tuple[Take, list[bytes]]:
     from geometry_msgs.msg import PoseStamped
-    from nav_msgs.msg import Path as PathMessage
     from rclpy.serialization import deserialize_message, serialize_message
-    from std_msgs.msg import Int8, Int32MultiArray, String
+    from std_msgs.msg import Int32MultiArray, String
 
     from msg_adapters import commands
     from msg_adapters.frames import GridFrame
@@ -90,10 +89,8 @@ def _commands() -> tuple[Take, list[bytes]]:
     frame = GridFrame(8, 130.0, -24.0, -46.0, 0.0, 120.0)
     actions = ("left", "right", "up", "down", "search")
     kinds: list[tuple[Any, Take]] = [
-        (Int8, lambda m: commands.parse_action(m, actions)),
         (String, lambda m: commands.parse_action_name(m, actions)),
         (PoseStamped, lambda m: commands.parse_goal(m, frame)),
-        (PathMessage, lambda m: commands.parse_path(m, frame)),
         (
             Int32MultiArray,
             lambda m: commands.parse_joint_action(m, 1, 0, 3, actions, [True, False, True]),
@@ -111,10 +108,8 @@ def _commands() -> tuple[Take, list[bytes]]:
 
     pose = PoseStamped()
     pose.header.frame_id = "map"
-    path = PathMessage(poses=[pose])
-    path.header.frame_id = "map"
     joint = commands.joint_action_message(1, 0, [1, 2, 3])
-    messages = [Int8(data=3), String(data="left"), pose, path, joint]
+    messages = [String(data="left"), pose, joint]
     return take, [bytes([i]) + serialize_message(one) for i, one in enumerate(messages)]
 
 
@@ -197,7 +192,7 @@ def _snapshots() -> tuple[Take, list[bytes]]:
 
     fields: dict[str, Any] = {"grid_size": 5, "num_drones": 2, "rules": "v2"}
     mission = Mission(parallel_env(**fields), seed=1)
-    mission.commands.set_goals(0, [(3, 3)])
+    mission.commands.set_goal(0, (3, 3))
     mission.advance("search")
     body = mission.snapshot().to_bytes().partition(b"\n")[2]
     with zipfile.ZipFile(io.BytesIO(body)) as archive:

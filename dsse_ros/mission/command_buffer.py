@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -18,8 +19,15 @@ MISSING_ACTIONS = ("search", "repeat", "hold", "abort")
 """Choices for drones without a command when the step cannot wait."""
 
 
+@dataclass(frozen=True, eq=False)
+class Goal:
+    """The cell (col, row) of one command to go there; an equal cell of another is another goal."""
+
+    cell: Cell
+
+
 class CommandBuffer:
-    """The last command of each drone: one action for the next step, or goal cells.
+    """The last command of each drone: one action for the next step, or a goal.
 
     Args:
         swarm: What the drones can do.
@@ -37,17 +45,18 @@ class CommandBuffer:
     def clear(self) -> None:
         """Drop all commands, goals and previous actions."""
         self._actions: dict[int, int] = {}
-        self._goals: dict[int, list[Cell]] = {}
+        self._goals: dict[int, Goal] = {}
         self._last: dict[int, int] = {}
 
     def state(self) -> dict[str, Any]:
         """Return the state that outlasts a step, as JSON values: goals and previous actions."""
-        return {"goals": list(self._goals.items()), "last": list(self._last.items())}
+        goals = [(drone, goal.cell) for drone, goal in self._goals.items()]
+        return {"goals": goals, "last": list(self._last.items())}
 
     def restore(self, state: Mapping[str, Any]) -> None:
         """Take over the state of another buffer; actions for the next step are cleared."""
         self.clear()
-        self._goals = {drone: [(c, r) for c, r in goals] for drone, goals in state["goals"]}
+        self._goals = {drone: Goal((col, row)) for drone, (col, row) in state["goals"]}
         self._last = dict(state["last"])
 
     def set_action(self, drone: int, action: int) -> None:
@@ -55,20 +64,17 @@ class CommandBuffer:
         self._goals.pop(drone, None)
         self._actions[drone] = action
 
-    def set_goals(self, drone: int, goals: Sequence[Cell]) -> None:
-        """Send the drone to these cells in order; this replaces any other command."""
+    def set_goal(self, drone: int, cell: Cell) -> None:
+        """Send the drone to this cell; this replaces any other command."""
         self._actions.pop(drone, None)
-        self._goals[drone] = list(goals)
+        self._goals[drone] = Goal(cell)
 
-    def goals_of(self, drone: int) -> list[Cell] | None:
-        """Return the goals of a drone that are ahead, None if its command is another or none.
-
-        It is the same list until another command replaces the goals.
-        """
+    def goal_of(self, drone: int) -> Goal | None:
+        """Return the goal of a drone, None if its command is another or none."""
         return self._goals.get(drone)
 
-    def drop_goals(self, drone: int) -> None:
-        """Take the goals of a drone back: it has no command."""
+    def drop_goal(self, drone: int) -> None:
+        """Take the goal of a drone back: it has no command."""
         self._goals.pop(drone, None)
 
     def moves_to(self, drone: int, start: Cell, goal: Cell) -> int:
@@ -82,16 +88,11 @@ class CommandBuffer:
             start = min(max(start[0], 0), last), min(max(start[1], 0), last)
         return max(actions.distance(start, goal), 0)
 
-    def out_of_reach(self, drone: int, start: Cell, goals: Sequence[Cell]) -> list[Cell]:
-        """Return the goals that a drone's moves in the area cannot reach, one after the other."""
-        (actions,), unreached = self._swarm.actions_of([drone]), []
+    def reaches(self, drone: int, start: Cell, goal: Cell) -> bool:
+        """Return whether a drone's moves in the area lead from one cell to another."""
+        (actions,), (col, row) = self._swarm.actions_of([drone]), goal
         reachable = actions.reachable(start)
-        for col, row in goals if reachable is not None else ():
-            if reachable is not None and not reachable[row, col]:
-                unreached.append((col, row))
-            elif not actions.two_way:
-                reachable = actions.reachable((col, row))
-        return unreached
+        return reachable is None or bool(reachable[row, col])
 
     def missing(self, live: Sequence[int], cells: NDArray[np.int64]) -> list[int]:
         """Return the live drones without a command; cells (N, 2) are those of the drones."""
@@ -124,8 +125,9 @@ class CommandBuffer:
         return joint
 
     def _ahead(self, drone: int, cells: NDArray[np.int64]) -> Cell | None:
-        """Return the drone's next goal; drop goals that it has reached."""
-        goals = self._goals.get(drone)
-        while goals and goals[0] == (cells[drone, 0], cells[drone, 1]):
-            goals.pop(0)
-        return goals[0] if goals else None
+        """Return the cell of the drone's goal; drop the goal if the drone has reached it."""
+        goal = self._goals.get(drone)
+        if goal is not None and goal.cell == (cells[drone, 0], cells[drone, 1]):
+            self.drop_goal(drone)
+            return None
+        return None if goal is None else goal.cell

@@ -10,15 +10,13 @@ from typing import Any
 
 from dsse_ros.mission.mission import Mission
 from msg_adapters.commands import (
-    parse_action,
     parse_action_name,
     parse_goal,
     parse_joint_action,
     parse_navigation,
-    parse_path,
 )
 from msg_adapters.frames import GridFrame
-from msg_adapters.result import Accepted, Rejected
+from msg_adapters.result import Rejected
 
 NAVIGATE_TO_POSE = "navigate_to_pose"
 """Name of the action of each drone."""
@@ -56,18 +54,10 @@ class CommandIntake:
         self._last_joint_action: Any = None
         self._refused_after: int | None = None
 
-    def action(self, drone: int, message: Any) -> bool:
-        """Take std_msgs/Int8, the number of an action."""
-        parsed = parse_action(message, self._mission.env.rules.actions)
-        return self._set_action(drone, "cmd_action", parsed)
-
     def action_name(self, drone: int, message: Any) -> bool:
         """Take std_msgs/String, the name of an action."""
         parsed = parse_action_name(message, self._mission.env.rules.actions)
-        return self._set_action(drone, "cmd_action_name", parsed)
-
-    def _set_action(self, drone: int, topic: str, parsed: Any) -> bool:
-        action = self._take(f"drone{drone}/{topic}", drone, parsed)
+        action = self._take(f"drone{drone}/cmd_action_name", drone, parsed)
         if action is not None:
             self._mission.commands.set_action(drone, action)
         return action is not None
@@ -80,23 +70,15 @@ class CommandIntake:
         """Take the goal of nav2_msgs/action/NavigateToPose."""
         return self._set_goal(drone, NAVIGATE_TO_POSE, parse_navigation(goal, self._frame))
 
-    def path(self, drone: int, message: Any) -> bool:
-        """Take nav_msgs/Path, goals in order."""
-        return self._set_goals(drone, "command_path", parse_path(message, self._frame))
-
     def _set_goal(self, drone: int, topic: str, parsed: Any) -> bool:
-        goals = parsed if isinstance(parsed, Rejected) else Accepted([parsed.value])
-        return self._set_goals(drone, topic, goals)
-
-    def _set_goals(self, drone: int, topic: str, parsed: Any) -> bool:
-        goals = self._take(f"drone{drone}/{topic}", drone, parsed)
-        refused = goals and self._mission.refuse_goals(drone, goals)
-        if refused:
+        cell = self._take(f"drone{drone}/{topic}", drone, parsed)
+        if cell is None:
+            return False
+        if refused := self._mission.refuse_goal(drone, cell):
             self.reject(f"drone{drone}/{topic}", refused)
             return False
-        if goals is not None:
-            self._mission.commands.set_goals(drone, goals)
-        return goals is not None
+        self._mission.commands.set_goal(drone, cell)
+        return True
 
     def joint_action(self, message: Any) -> bool:
         """Take std_msgs/Int32MultiArray, the actions of all drones for a step."""

@@ -250,14 +250,12 @@ class Mission:
             return Rejected("drone_terminated", f"drone{drone} is terminated; it takes no commands")
         return None
 
-    def refuse_goals(self, drone: int, goals: Sequence[Cell]) -> Rejected | None:
-        """Return why a drone cannot go to these cells in order; None if it can."""
+    def refuse_goal(self, drone: int, goal: Cell) -> Rejected | None:
+        """Return why a drone cannot go to this cell; None if it can."""
         col, row = self.env.positions[drone].tolist()
-        out_of_reach = self.commands.out_of_reach(drone, (col, row), goals)
-        if not out_of_reach:
+        if self.commands.reaches(drone, (col, row), goal):
             return None
-        goal = list(out_of_reach[0])
-        reason = f"cell must be reachable by moves in the area, got {goal}"
+        reason = f"cell must be reachable by moves in the area, got {list(goal)}"
         return Rejected("outside_area", reason)
 
     def command_all(self, actions: Sequence[int]) -> None:

@@ -40,9 +40,7 @@ def check_mission(snapshot: Snapshot, now: Snapshot, grid_size: int, num_actions
         and _is_list(
             extra["commands"].get("goals"),
             lambda pair: (
-                _is_pair(pair)
-                and _is_in(pair[0], drones)
-                and _is_list(pair[1], lambda cell: _is_cell(cell, grid_size))
+                _is_pair(pair) and _is_in(pair[0], drones) and _is_cell(pair[1], grid_size)
             ),
         )
         and _is_list(

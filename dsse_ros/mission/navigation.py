@@ -14,6 +14,7 @@ from typing import Generic, TypeVar
 
 import numpy as np
 
+from dsse_ros.mission.command_buffer import Goal
 from dsse_ros.mission.mission import Mission
 from dsse_ros.scenario.actions import Cell
 
@@ -66,11 +67,10 @@ class Progress(Generic[T]):
 
 @dataclass(frozen=True)
 class _Goal(Generic[T]):
-    """A goal; `command` is the list in the command buffer, which no other command shares."""
+    """A goal that somebody waits for, and the command that it is."""
 
     handle: T
-    cell: Cell
-    command: list[Cell]
+    command: Goal
     mission: int
     begun_ns: int
 
@@ -105,11 +105,11 @@ class Navigation(Generic[T]):
         if old is not None:
             replaced = Ended(drone, old.handle, Ending.ABORTED, self._replaced(drone))
             ended.append(self._end_of(drone, old, {drone}) or replaced)
-        command = self._mission.commands.goals_of(drone)
-        if not command:
+        command = self._mission.commands.goal_of(drone)
+        if command is None:
             return [*ended, Ended(drone, handle, Ending.ABORTED, self._replaced(drone))]
         self._goals[drone] = _Goal(
-            handle, command[-1], command, self._mission.number, self._mission.result.stamp_ns
+            handle, command, self._mission.number, self._mission.result.stamp_ns
         )
         return ended
 
@@ -118,7 +118,7 @@ class Navigation(Generic[T]):
         for drone, goal in self._goals.items():
             if goal.handle == handle:
                 if self._is_command(drone, goal):
-                    self._mission.commands.drop_goals(drone)
+                    self._mission.commands.drop_goal(drone)
                 del self._goals[drone]
                 return [Ended(drone, handle, Ending.CANCELED)]
         return []
@@ -145,7 +145,7 @@ class Navigation(Generic[T]):
                 drone,
                 goal.handle,
                 self._cell(drone),
-                mission.commands.moves_to(drone, self._cell(drone), goal.cell),
+                mission.commands.moves_to(drone, self._cell(drone), goal.command.cell),
                 max(mission.result.stamp_ns - goal.begun_ns, 0),
             )
             for drone, goal in self._goals.items()
@@ -153,7 +153,7 @@ class Navigation(Generic[T]):
 
     def _end_of(self, drone: int, goal: _Goal[T], late: Collection[int]) -> Ended[T] | None:
         mission, name = self._mission, self._mission.env.possible_agents[drone]
-        is_there = self._cell(drone) == goal.cell
+        is_there = self._cell(drone) == goal.command.cell
         reason = ""
         if mission.number != goal.mission:
             reason = f"mission {goal.mission} was reset"
@@ -174,7 +174,7 @@ class Navigation(Generic[T]):
         return f"another command of {self._mission.env.possible_agents[drone]} has replaced it"
 
     def _is_command(self, drone: int, goal: _Goal[T]) -> bool:
-        return self._mission.commands.goals_of(drone) is goal.command
+        return self._mission.commands.goal_of(drone) is goal.command
 
     def _cell(self, drone: int) -> Cell:
         col, row = np.asarray(self._mission.result.cells[drone]).tolist()

@@ -27,7 +27,7 @@ from dsse_ros.mission.mission import Mission
 from dsse_ros.mission.mission_files import MissionFiles
 from dsse_ros.mission.simulation_state import NEXT, Request, SimulationState, reason_to_refuse
 from dsse_ros.mission.step_scheduler import Due, StepScheduler
-from dsse_ros.nodes import deprecated, sim_services, simulation_interfaces
+from dsse_ros.nodes import sim_services, simulation_interfaces
 from dsse_ros.nodes.navigate_to_pose import NavigateToPose
 from dsse_ros.nodes.publisher_counts import PublisherCounts, consequences
 from dsse_ros.nodes.publishers import MissionPublishers
@@ -162,7 +162,6 @@ class SimNode(AlarmNode):
             if self.settings.wait_for_vehicles:
                 subscribe(PoseStamped, f"{name}/vehicle_pose", partial(self._on_vehicle, i))
                 subscribe(DiagnosticArray, f"{name}/vehicle_state", partial(self._on_state, i))
-        deprecated.serve(self, commands, command)
 
     # Mission
 

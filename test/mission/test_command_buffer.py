@@ -21,15 +21,15 @@ GRID = 6
 cells = st.tuples(st.integers(0, GRID - 1), st.integers(0, GRID - 1))
 commands = st.tuples(
     st.integers(0, 3),
-    st.one_of(st.integers(0, len(ACTIONS) - 1), st.lists(cells, min_size=1, max_size=4)),
+    st.one_of(st.integers(0, len(ACTIONS) - 1), cells),
 )
 
 
-def give(buffer: CommandBuffer, drone: int, command: int | list[tuple[int, int]]) -> None:
+def give(buffer: CommandBuffer, drone: int, command: int | tuple[int, int]) -> None:
     if isinstance(command, int):
         buffer.set_action(drone, command)
     else:
-        buffer.set_goals(drone, command)
+        buffer.set_goal(drone, command)
 
 
 def moved(cell: tuple[int, int], action: int) -> tuple[int, int]:
@@ -39,7 +39,7 @@ def moved(cell: tuple[int, int], action: int) -> tuple[int, int]:
 
 @given(st.lists(commands), st.lists(cells, min_size=4, max_size=4))
 def test_the_last_command_of_each_drone_counts(
-    given_commands: list[tuple[int, int | list[tuple[int, int]]]], places: list[tuple[int, int]]
+    given_commands: list[tuple[int, int | tuple[int, int]]], places: list[tuple[int, int]]
 ) -> None:
     every, last = CommandBuffer(SWARM, 4), CommandBuffer(SWARM, 4)
     for drone, command in given_commands:
@@ -83,24 +83,20 @@ def test_repeat_repeats_the_last_action(action: int) -> None:
         assert buffer.take([0, 1], at, "repeat").tolist() == [HOLD, action]
 
 
-@given(st.lists(cells, min_size=1, max_size=5), cells)
-def test_goals_are_flown_cell_by_cell_in_their_order(
-    goals: list[tuple[int, int]], start: tuple[int, int]
+@given(cells, cells)
+def test_a_goal_is_flown_cell_by_cell_and_then_it_is_no_command(
+    goal: tuple[int, int], start: tuple[int, int]
 ) -> None:
     buffer, here = CommandBuffer(SWARM, 1), start
-    buffer.set_goals(0, goals)
+    buffer.set_goal(0, goal)
     visited = [start]
     while not buffer.missing([0], np.array([here])):
         action = int(buffer.take([0], np.array([here]), "hold")[0])
         assert action != SEARCH
         here = moved(here, action)
         visited.append(here)
-    shortest = 0
-    for a, b in zip([start, *goals], goals, strict=False):
-        shortest += abs(a[0] - b[0]) + abs(a[1] - b[1])
-    assert len(visited) == shortest + 1
-    left = iter(visited)
-    assert all(goal in left for goal in without_repeats(goals))
+    assert len(visited) == abs(start[0] - goal[0]) + abs(start[1] - goal[1]) + 1
+    assert here == goal and buffer.goal_of(0) is None
 
 
 def test_goals_are_flown_around_what_is_not_searched_and_out_of_reach_if_none_leads_there() -> None:
@@ -108,14 +104,19 @@ def test_goals_are_flown_around_what_is_not_searched_and_out_of_reach_if_none_le
     area[1:, 2] = False
     area[4, 3] = area[3, 4] = False
     buffer, here = CommandBuffer(Swarm.alike(ACTIONS, area), 1), (0, 4)
-    goals = [(4, 2), (4, 4), (2, 3)]
-    assert buffer.out_of_reach(0, here, goals) == goals[1:]
-    buffer.set_goals(0, goals)
+    goal, unreached = (4, 2), (4, 4)
+    assert [buffer.reaches(0, here, cell) for cell in (goal, unreached, (2, 3))] == [
+        True,
+        False,
+        False,
+    ]
+    buffer.set_goal(0, goal)
     for left in range(4 + 4 + 2, 0, -1):
-        assert buffer.moves_to(0, here, goals[0]) == left
+        assert buffer.moves_to(0, here, goal) == left
         here = moved(here, int(buffer.take([0], np.array([here]), "hold")[0]))
         assert area[here[1], here[0]]
-    assert here == goals[0]
+    assert here == goal
+    buffer.set_goal(0, unreached)
     assert buffer.take([0], np.array([here]), "hold").tolist() == [SEARCH]
 
 
@@ -135,8 +136,8 @@ def test_goals_are_flown_by_the_moves_of_a_drone_s_kind() -> None:
     buffer = CommandBuffer(Swarm(actions, kinds, (0, 1, 2)), 3)
     names, at = [], np.zeros((3, 2), np.int64)
     for drone in range(3):
-        assert not buffer.out_of_reach(drone, (0, 0), [(2, 2)])
-        buffer.set_goals(drone, [(2, 2)])
+        assert buffer.reaches(drone, (0, 0), (2, 2))
+        buffer.set_goal(drone, (2, 2))
     while missing := set(range(3)) - set(buffer.missing([0, 1, 2], at)):
         joint = buffer.take([0, 1, 2], at, "hold")
         for drone in missing:
@@ -146,17 +147,12 @@ def test_goals_are_flown_by_the_moves_of_a_drone_s_kind() -> None:
     for drone, kind in ((1, rook), (2, never_back)):
         flown = [name for n, name in names if n == drone]
         assert len(flown) == 4 and all(kind.can_do(name) for name in flown)
-    # After (2, 2) the drone that never flies back does not come to (1, 4), but to (4, 4).
-    assert buffer.out_of_reach(2, (0, 0), [(2, 2), (1, 4), (4, 4)]) == [(1, 4)]
-
-
-def without_repeats(goals: list[tuple[int, int]]) -> list[tuple[int, int]]:
-    return [goal for i, goal in enumerate(goals) if i == 0 or goal != goals[i - 1]]
+    assert not buffer.reaches(2, (2, 2), (1, 4)) and buffer.reaches(2, (2, 2), (4, 4))
 
 
 @given(st.lists(commands))
 def test_clearing_forgets_everything(
-    given_commands: list[tuple[int, int | list[tuple[int, int]]]],
+    given_commands: list[tuple[int, int | tuple[int, int]]],
 ) -> None:
     buffer, at, live = CommandBuffer(SWARM, 4), np.zeros((4, 2), np.int64), [0, 1, 2, 3]
     for drone, command in given_commands:

@@ -58,8 +58,8 @@ def test_goals_that_no_moves_in_the_area_lead_to_are_refused() -> None:
     flown = mission(area=north, person_initial_position=(3, 6))
     mask = flown.env.scenario.area_mask
     assert mask is not None and not mask[0].any() and mask[6].all()
-    assert flown.refuse_goals(0, [(0, 6), (6, 6)]) is None
-    refused = flown.refuse_goals(0, [(0, 6), (1, 0)])
+    assert flown.refuse_goal(0, (6, 6)) is None
+    refused = flown.refuse_goal(0, (1, 0))
     assert refused is not None
     assert refused.code == "outside_area" and "[1, 0]" in refused.reason
 

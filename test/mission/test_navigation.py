@@ -27,7 +27,7 @@ def mission(**options: Any) -> Mission:
 
 def go(flown: Mission, goals: Navigation[str], drone: int, cell: Cell, name: str) -> list[Any]:
     """Send a drone to a cell, and return the ends of goals until then."""
-    flown.commands.set_goals(drone, [cell])
+    flown.commands.set_goal(drone, cell)
     return goals.begin(drone, name)
 
 
@@ -81,9 +81,10 @@ def test_a_late_cancel_does_not_take_back_the_command_that_came_after() -> None:
     flown = mission()
     goals = Navigation[str](flown)
     go(flown, goals, 0, (5, 5), "a")
-    flown.commands.set_goals(0, [(6, 6)])
+    flown.commands.set_goal(0, (6, 6))
     goals.cancel("a")
-    assert flown.commands.goals_of(0) == [(6, 6)]
+    goal = flown.commands.goal_of(0)
+    assert goal is not None and goal.cell == (6, 6)
 
 
 @pytest.mark.parametrize("same", [True, False])
@@ -102,7 +103,7 @@ def test_any_other_command_of_its_drone_ends_a_goal_and_none_of_other_drones() -
     goals = Navigation[str](flown)
     for command in (
         lambda: flown.commands.set_action(0, SEARCH),
-        lambda: flown.commands.set_goals(0, [(6, 6)]),
+        lambda: flown.commands.set_goal(0, (6, 6)),
         lambda: flown.command_all([SEARCH] * DRONES),
     ):
         go(flown, goals, 0, (5, 5), "a")
@@ -166,10 +167,10 @@ def test_each_goal_ends_once_and_is_reached_only_where_the_drone_is(
         if event == "go" and not flown.refuse(drone):
             active[drone] = handle = len(sent)
             sent[handle] = value
-            flown.commands.set_goals(drone, [value])
+            flown.commands.set_goal(drone, value)
             new = goals.begin(drone, handle)
         elif event == "pose" and not flown.refuse(drone):
-            flown.commands.set_goals(drone, [value])
+            flown.commands.set_goal(drone, value)
             new = goals.check(late)
         elif event == "action" and not flown.refuse(drone):
             flown.commands.set_action(drone, value)

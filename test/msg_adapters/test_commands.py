@@ -11,12 +11,11 @@ import pytest
 from geometry_msgs.msg import Point, Pose, PoseStamped, Quaternion
 from hypothesis import given
 from hypothesis import strategies as st
-from nav_msgs.msg import Path
-from std_msgs.msg import Header, Int8, Int32MultiArray, String
+from std_msgs.msg import Header, Int32MultiArray, String
 
 from msg_adapters import commands
 from msg_adapters.frames import GridFrame
-from msg_adapters.poses import path, pose_stamped
+from msg_adapters.poses import pose_stamped
 from msg_adapters.result import Accepted, Rejected, shown
 from msg_adapters.stamps import to_stamp
 
@@ -46,16 +45,6 @@ def check(result, codes):
         assert result.code in codes
         assert result.reason.isprintable() and len(result.reason) < 300
     return isinstance(result, Accepted)
-
-
-@given(st.integers(-128, 127))
-def test_an_action_is_one_of_the_numbers_or_refused(number):
-    result = commands.parse_action(Int8(data=number), ACTIONS)
-    if check(result, {"unknown_action"}):
-        assert result.value == number and 0 <= number < 5
-    else:
-        assert not 0 <= number < 5
-        assert str(number) in result.reason and "4 search" in result.reason
 
 
 @given(st.sampled_from(ACTIONS) | TEXTS)
@@ -114,56 +103,6 @@ def test_a_bad_goal_is_refused_by_its_fault(change, code, words):
     result = commands.parse_goal(message, FRAME)
     assert isinstance(result, Rejected) and result.code == code
     assert re.search(words, result.reason)
-
-
-@given(st.lists(CELLS, min_size=1, max_size=20))
-def test_a_path_is_the_cells_it_was_made_from(cells):
-    assert commands.parse_path(path(FRAME, cells, STAMP), FRAME) == Accepted(tuple(cells))
-
-
-@pytest.mark.slow
-@given(
-    st.builds(
-        Path,
-        header=st.builds(Header, frame_id=FRAME_IDS),
-        poses=st.lists(STAMPED, max_size=4),
-    )
-)
-def test_any_path_is_cells_of_the_grid_or_refused(message):
-    result = commands.parse_path(message, FRAME)
-    codes = {"foreign_frame", "not_finite", "outside_grid", "empty_path"}
-    if check(result, codes):
-        assert len(result.value) == len(message.poses) > 0
-        assert all(0 <= part < 8 for cell in result.value for part in cell)
-
-
-def test_the_goals_of_a_path_may_leave_their_own_frame_empty_but_not_foreign():
-    message = path(FRAME, [(1, 1), (2, 2)], STAMP)
-    for stamped in message.poses:
-        stamped.header = Header()
-    assert commands.parse_path(message, FRAME) == Accepted(((1, 1), (2, 2)))
-    message.poses[1].header = Header(frame_id="odom")
-    result = commands.parse_path(message, FRAME)
-    assert result == Rejected("foreign_frame", "poses[1].header.frame_id must be 'map', got 'odom'")
-
-
-def test_one_bad_goal_refuses_the_whole_path():
-    message = path(FRAME, [(1, 1), (2, 2)], STAMP)
-    message.poses[1].pose.position.x = math.nan
-    result = commands.parse_path(message, FRAME)
-    assert isinstance(result, Rejected) and result.code == "not_finite"
-    assert result.reason.startswith("poses[1].pose.position.x must be ")
-
-
-def test_a_path_of_no_or_of_too_many_goals_is_refused():
-    empty = commands.parse_path(path(FRAME, [], STAMP), FRAME)
-    assert isinstance(empty, Rejected) and empty.code == "empty_path"
-    message = path(FRAME, [(0, 0)], STAMP)
-    message.poses = message.poses * commands.MAX_GOALS
-    assert isinstance(commands.parse_path(message, FRAME), Accepted)
-    message.poses = [*message.poses, message.poses[0]]
-    result = commands.parse_path(message, FRAME)
-    assert isinstance(result, Rejected) and result.code == "path_too_long"
 
 
 @given(
@@ -244,10 +183,6 @@ def moved(frame_id="map", **position):
     ("parse", "reason"),
     [
         (
-            lambda: commands.parse_action(Int8(data=5), ACTIONS),
-            f"data must be one of {NUMBERED}, got 5",
-        ),
-        (
             lambda: commands.parse_action_name(String(data="fly"), ACTIONS),
             "data must be one of left, right, up, down, search, got 'fly'",
         ),
@@ -258,20 +193,6 @@ def moved(frame_id="map", **position):
         (
             lambda: commands.parse_goal(moved(y=1040.0), FRAME),
             "pose.position must be 0 <= x, y < 1040 m, got (455, 1040)",
-        ),
-        (
-            lambda: commands.parse_path(Path(header=Header(frame_id="odom")), FRAME),
-            "header.frame_id must be 'map', got 'odom'",
-        ),
-        (
-            lambda: commands.parse_path(Path(header=Header(frame_id="map")), FRAME),
-            "poses must be 1 to 10000 poses, got 0",
-        ),
-        (
-            lambda: commands.parse_path(
-                Path(header=Header(frame_id="map"), poses=[moved()] * 10001), FRAME
-            ),
-            "poses must be 1 to 10000 poses, got 10001",
         ),
         (
             lambda: parsed(Int32MultiArray(data=array.array("i", [5]))),
@@ -302,7 +223,6 @@ def test_who_is_live_is_stated_for_each_drone():
 
 @given(st.integers(0, 4))
 def test_the_messages_of_planners_are_understood(number):
-    assert commands.parse_action(Int8(data=number), ACTIONS) == Accepted(number)
     named = String(data=ACTIONS[number])
     assert commands.parse_action_name(named, ACTIONS) == Accepted(number)
 

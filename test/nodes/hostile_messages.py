@@ -12,8 +12,7 @@ from collections.abc import Iterator
 from typing import Any
 
 from geometry_msgs.msg import PoseStamped
-from nav_msgs.msg import Path
-from std_msgs.msg import Int8, Int32MultiArray, String
+from std_msgs.msg import Int32MultiArray, String
 
 SEARCH = 4
 GRID_SIZE = 8
@@ -42,19 +41,11 @@ def pose(frame: str = "map", **position: float) -> PoseStamped:
     return made
 
 
-def path(*poses: PoseStamped, frame: str = "map") -> Path:
-    made = Path(poses=list(poses))
-    made.header.frame_id = frame
-    return made
-
-
 def hostile(draw: random.Random) -> Iterator[Hostile]:
     """Yield messages without end, each with its reason; drone 2 is out of the search."""
     for turn in itertools.count():
         drone = draw.randrange(2)
         name = f"drone{drone}"
-        number = draw.choice([*range(-128, 0), *range(5, 128)])
-        yield f"{name}/cmd_action", Int8(data=number), "unknown_action"
         yield f"{name}/cmd_action_name", String(data=NAMES[turn % len(NAMES)]), "unknown_action"
         odd = {draw.choice(["x", "y", "z", "qx", "qy", "qz", "qw"]): draw.choice(ODD)}
         far = {draw.choice("xy"): draw.choice(OUTSIDE)}
@@ -62,14 +53,6 @@ def hostile(draw: random.Random) -> Iterator[Hostile]:
         yield f"{name}/command_pose", pose(**odd), "not_finite"
         yield f"{name}/command_pose", pose(**far), "outside_grid"
         yield f"{name}/command_pose", pose(foreign), "foreign_frame"
-        good = [pose() for _ in range(draw.randrange(3))]
-        yield f"{name}/command_path", path(), "empty_path"
-        yield f"{name}/command_path", path(*good, frame=foreign), "foreign_frame"
-        yield f"{name}/command_path", path(*good, pose("odom")), "foreign_frame"
-        yield f"{name}/command_path", path(*good, pose(**odd)), "not_finite"
-        yield f"{name}/command_path", path(*good, pose(**far)), "outside_grid"
-        if turn % 40 == 0:
-            yield f"{name}/command_path", path(*[pose()] * 10_001), "path_too_long"
         step = draw.choice([0, 2, 3, -1, 2**31 - 1, -(2**31)])
         yield "joint_action", joint(1, step, SEARCH, SEARCH, SEARCH), "stale_step"
         other = draw.choice([0, 2, -1, 2**31 - 1, -(2**31)])
@@ -79,10 +62,8 @@ def hostile(draw: random.Random) -> Iterator[Hostile]:
         bad = draw.choice([-1, 5, 127, 256, 2**31 - 1, -(2**31)])
         pair = [SEARCH, bad] if turn % 2 else [bad, SEARCH]
         yield "joint_action", joint(1, 1, *pair, SEARCH), "unknown_action"
-        yield "drone2/cmd_action", Int8(data=draw.randrange(5)), "drone_terminated"
         yield "drone2/cmd_action_name", String(data="search"), "drone_terminated"
         yield "drone2/command_pose", pose(), "drone_terminated"
-        yield "drone2/command_path", path(pose()), "drone_terminated"
 
 
 def joint(*numbers: int) -> Int32MultiArray:

@@ -32,13 +32,12 @@ from bridge_rig import SEARCHED, Bridge, autopilots
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PoseStamped
 from nav_msgs.msg import OccupancyGrid
-from nav_msgs.msg import Path as TrackPath
 from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.serialization import serialize_message
 from rig import LATCHED, RELIABLE, TIMEOUT_S, Inbox, Rig, Sim
 from sensor_msgs.msg import Image, PointCloud2
-from std_msgs.msg import Float64MultiArray, Int8, Int32MultiArray, String
+from std_msgs.msg import Float64MultiArray, Int32MultiArray, String
 from std_srvs.srv import SetBool, Trigger
 
 REAL = "/real"
@@ -61,10 +60,8 @@ TO_SIM = {
         f"drone{i}/{name}": kind
         for i in range(DRONES)
         for name, kind in {
-            "cmd_action": Int8,
             "cmd_action_name": String,
             "command_pose": PoseStamped,
-            "command_path": TrackPath,
             "vehicle_pose": PoseStamped,
             "vehicle_state": DiagnosticArray,
         }.items()

@@ -40,7 +40,7 @@ from rclpy.parameter import Parameter, parameter_value_to_python
 from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import PointCloud2
-from std_msgs.msg import Int8, Int32MultiArray, String
+from std_msgs.msg import Int32MultiArray, String
 from std_srvs.srv import SetBool, Trigger
 
 from dsse_ros.nodes.settings import FULL_NAMES
@@ -55,6 +55,9 @@ with warnings.catch_warnings():
     import rosidl_generator_py  # noqa: F401
 
 T = TypeVar("T")
+
+ACTIONS = ("left", "right", "up", "down", "search")
+"""The actions of the profile `paper`, by number."""
 
 TIMEOUT_S = 300.0
 """Until a test gives up waiting; a first start compiles, and a busy machine may take minutes."""
@@ -393,11 +396,9 @@ class Sim:
         return self.next_report(seen)
 
     def command(self, drone: int, action: int | str) -> None:
-        """Command one drone, by number or by name."""
-        if isinstance(action, str):
-            self.talk(String, f"drone{drone}/cmd_action_name").publish(String(data=action))
-        else:
-            self.talk(Int8, f"drone{drone}/cmd_action").publish(Int8(data=action))
+        """Command one drone, by the name of an action or its number in the profile `paper`."""
+        name = action if isinstance(action, str) else ACTIONS[action]
+        self.talk(String, f"drone{drone}/cmd_action_name").publish(String(data=name))
 
     # Services
 

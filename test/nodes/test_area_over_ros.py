@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from geometry_msgs.msg import PoseStamped
 from nav_msgs.msg import OccupancyGrid
-from nav_msgs.srv import GetMap
 from rig import LATCHED, Rig, Sim
 from std_msgs.msg import String
 
@@ -66,7 +65,6 @@ def test_topics_and_commands_know_the_area(rig: Rig) -> None:
     assert info.definition is not None and info.definition.scenario == scenario
     grid = rig.first(OccupancyGrid, "/bay/probability_grid", LATCHED)
     np.testing.assert_array_equal(occupancy_to_array(grid) == -1, ~mask)
-    assert sim.call(GetMap, "get_map").map == grid
     # Land lies in the north-east.
     frame, pose = scenario_frame(scenario), PoseStamped()
     pose.header.frame_id = frame.map_frame

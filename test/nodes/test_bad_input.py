@@ -169,8 +169,8 @@ CASES = {
         "joint_action.subscription.durability must be volatile",
     ),
     "actions of another time": Case(
-        "-p qos_overrides./drone0/cmd_action.subscription.durability:=transient_local",
-        "drone0/cmd_action.subscription.durability must be volatile",
+        "-p qos_overrides./drone0/cmd_action_name.subscription.durability:=transient_local",
+        "drone0/cmd_action_name.subscription.durability must be volatile",
     ),
     "joint actions for another time": Case(
         "-p qos_overrides./joint_action.publisher.durability:=transient_local",

@@ -7,9 +7,8 @@ from __future__ import annotations
 from typing import Any
 
 from geometry_msgs.msg import PoseStamped
-from nav_msgs.msg import Path
 from rig import LATCHED, TIMEOUT_S, Rig
-from std_msgs.msg import Int8, Int32MultiArray, String
+from std_msgs.msg import Int32MultiArray, String
 
 from dsse_ros.ros_env import DsseRosEnv
 from msg_adapters.commands import joint_action_message
@@ -22,8 +21,7 @@ COMMANDS = {
         f"drone{i}/{name}": kind
         for i in range(2)
         for name, kind in {
-            "cmd_action": Int8, "cmd_action_name": String, "command_pose": PoseStamped,
-            "command_path": Path,
+            "cmd_action_name": String, "command_pose": PoseStamped,
         }.items()
     },
 }  # fmt: skip
@@ -40,7 +38,6 @@ def test_a_simulation_that_starts_takes_no_command_of_the_one_before_it(rig: Rig
     # As of a simulation that was here before: for the first step of its first mission.
     publishers["joint_action"].publish(joint_action_message(1, 0, [1, 1]))
     for i in range(2):
-        publishers[f"drone{i}/cmd_action"].publish(Int8(data=1))
         publishers[f"drone{i}/cmd_action_name"].publish(String(data="right"))
     sim = rig.sim(MISSION)
     rig.until(lambda: all(p.get_subscription_count() for p in publishers.values()))

@@ -38,8 +38,8 @@ def test_a_restored_mission_has_the_same_steps_times_goals_and_tracks(
 ) -> None:
     mission = Mission(parallel_env(rules=rules, **FIELDS), seed=3)
     mission.reset(4)
-    mission.commands.set_goals(0, [(6, 6), (0, 6)])
-    mission.commands.set_goals(1, [(3, 9)])
+    mission.commands.set_goal(0, (6, 6))
+    mission.commands.set_goal(1, (3, 9))
     for _ in range(5):
         mission.advance("repeat")
     mission.snapshot().save(tmp_path / "mission")
@@ -82,7 +82,7 @@ def test_the_snapshot_of_a_world_alone_is_refused() -> None:
         ("tracks", [[[1, 1]]]), ("tracks", [[], []]), ("tracks", [[[1]], [[1, 2]]]),
         ("commands", []),
         ("commands", {"goals": [], "last": [[0, 9]]}),
-        ("commands", {"goals": [[0, [[12, 0]]]], "last": []}), ("history", np.zeros((1, 2))),
+        ("commands", {"goals": [[0, [12, 0]]], "last": []}), ("history", np.zeros((1, 2))),
         ("result_actions", np.array([0, 99], np.int8)), ("result_held", np.zeros(3, bool)),
         ("belief_density", np.zeros(3)),
     ],

@@ -13,14 +13,10 @@ import pytest
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PoseArray, PoseStamped
 from nav_msgs.msg import OccupancyGrid, Odometry, Path
-from nav_msgs.srv import GetMap
 from rig import BEST_EFFORT, LATCHED, RELIABLE, Inbox, Rig, Sim, occupancy, stamp_ns
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import Image, NavSatFix
-from std_msgs.msg import Int8
 from visualization_msgs.msg import MarkerArray
-
-from dsse_ros.nodes.deprecated import INSTEAD
 
 LEFT, RIGHT, UP, DOWN, SEARCH = range(5)
 ORIGIN = {"origin_lat": -24.04, "origin_lon": -46.17, "origin_alt": 3.5}
@@ -176,17 +172,14 @@ def test_names_follow_the_namespace_and_the_remaps(sim: Sim) -> None:
         "/sea/markers": "visualization_msgs/msg/MarkerArray",
         "/clock": "rosgraph_msgs/msg/Clock",
         "/diagnostics": "diagnostic_msgs/msg/DiagnosticArray",
-        "/sea/drone3/cmd_action": "std_msgs/msg/Int8",
         "/sea/drone3/cmd_action_name": "std_msgs/msg/String",
         "/sea/drone3/command_pose": "geometry_msgs/msg/PoseStamped",
-        "/sea/drone3/command_path": "nav_msgs/msg/Path",
         "/sea/joint_action": "std_msgs/msg/Int32MultiArray",
     }
     services = {
         "/sea/sim_node/reset": "std_srvs/srv/Trigger",
         "/sea/sim_node/step": "std_srvs/srv/Trigger",
         "/sea/sim_node/pause": "std_srvs/srv/SetBool",
-        "/sea/sim_node/get_map": "nav_msgs/srv/GetMap",
     }
     node = sim.rig.node
     # They are discovered one by one.
@@ -268,31 +261,6 @@ def test_the_person_is_shown_only_where_that_is_asked_for(sim: Sim) -> None:
         assert {m.ns for m in inbox.last.markers} >= {"drones", "names", "datum"}
         sim.set(reveal_person=True)
         sim.rig.until(lambda: persons(inbox.last))
-
-
-def test_the_map_can_be_asked_for(sim: Sim) -> None:
-    sim.fly(SEARCH, SEARCH, SEARCH, SEARCH)
-    asked = sim.call(GetMap, "get_map").map
-    assert asked == sim.rig.first(OccupancyGrid, "/sea/probability_grid")
-
-
-def test_what_is_deprecated_works_and_says_once_what_to_use_instead(sim: Sim) -> None:
-    path = Path()
-    path.header.frame_id = "map"
-    for x_m in (65.0, 195.0):
-        goal = PoseStamped()
-        goal.pose.position.x, goal.pose.position.y = x_m, (GRID - 0.5) * CELL_M
-        path.poses.append(goal)
-    for _ in range(2):
-        sim.call(GetMap, "get_map")
-        sim.talk(Path, "drone0/command_path").publish(path)
-        for i in range(1, 4):
-            sim.talk(Int8, f"drone{i}/cmd_action").publish(Int8(data=SEARCH))
-        sim.rig.until(lambda: sim.step_number == 1)
-        assert sim.report["col"].tolist() == [1, 19, 0, 19]
-        sim.reset()
-    for name, instead in INSTEAD.items():
-        assert sim.process.output.count(f"{name} is deprecated: {instead}") == 1
 
 
 def test_drones_out_of_the_search_stay_in_every_message(sim: Sim) -> None:

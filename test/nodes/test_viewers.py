@@ -157,7 +157,7 @@ def test_a_client_can_command_nothing(mission: Mission, rig: Rig) -> None:
     assert client.info["capabilities"] == ["time"]
     seen = len(mission.sim.reports)
     for i in range(DRONES):
-        client.publish(f"/drone{i}/cmd_action", "std_msgs/msg/Int8", {"data": SEARCH})
+        client.publish(f"/drone{i}/cmd_action_name", "std_msgs/msg/String", {"data": "search"})
     client.request(1, {"data": True})
     client.until(lambda: len(client.refusals) > DRONES, "a refusal of each")
     publishes = dict(rig.node.get_publisher_names_and_types_by_node("foxglove_viewer", "/"))

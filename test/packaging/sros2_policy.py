@@ -11,10 +11,7 @@ POLICY = Path(__file__).resolve().parents[2] / "config" / "sros2_policy.xml"
 EVERYTHING = {"/*"}
 COMMANDS = {
     "joint_action",
-    *(
-        f"drone*/{name}"
-        for name in ("cmd_action", "cmd_action_name", "command_pose", "command_path")
-    ),
+    *(f"drone*/{name}" for name in ("cmd_action_name", "command_pose")),
 }
 WITH_TF2_MSGS = {"/tf", "/tf_static"}
 WITH_SIMULATION_INTERFACES = {

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from builtin_interfaces.msg import Time
 from rclpy.serialization import serialize_message
-from std_msgs.msg import Int8
+from std_msgs.msg import String
 
 from dsse_ros.mission.command_intake import CommandIntake
 from dsse_ros.mission.mission import Mission
@@ -139,10 +139,10 @@ class Flown:
         message = joint_action_message(mission.number, number, actions)
         self.intake.joint_action(self.publish("joint_action", message))
 
-    def action(self, drone: int, action: int) -> None:
-        """Command one drone."""
-        message = self.publish(f"drone{drone}/cmd_action", Int8(data=action))
-        self.intake.action(drone, message)
+    def action(self, drone: int, name: str) -> None:
+        """Command one drone by the name of an action."""
+        message = self.publish(f"drone{drone}/cmd_action_name", String(data=name))
+        self.intake.action_name(drone, message)
 
     def step(self, missing: str = "search") -> None:
         """Do a step and publish it."""

@@ -18,7 +18,6 @@ from geometry_msgs.msg import PoseStamped
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from mcap.reader import make_reader
-from nav_msgs.msg import Path as PathMessage
 from rclpy.serialization import serialize_message
 from std_msgs.msg import Empty, String
 
@@ -66,20 +65,16 @@ def test_a_mission_repeats_byte_for_byte(
                 of.joint(number % 5, SEARCH, 0)
             case "each":
                 for drone in of.mission.live:
-                    of.action(drone, (number + drone) % 5)
+                    of.action(drone, of.mission.env.rules.actions[(number + drone) % 5])
             case "goal":
                 x, y = cell_to_map(of.frame, number % 8, 3)
                 pose = PoseStamped()
                 pose.header.frame_id = "map"
                 pose.pose.position.x, pose.pose.position.y = float(x), float(y)
                 of.intake.goal(1, of.publish("drone1/command_pose", pose))
-                path = PathMessage(poses=[pose])
-                path.header.frame_id = "map"
-                of.intake.path(2, of.publish("drone2/command_path", path))
-                name = of.publish("drone0/cmd_action_name", String(data="search"))
-                of.intake.action_name(0, name)
+                of.action(0, "search")
             case "refused":
-                of.action(0, 77)
+                of.action(0, "fly")
                 of.joint(1, 1, 1, step=99)
                 of.joint(SEARCH, SEARCH, SEARCH)
         of.step("hold" if drift else "search")
