@@ -11,15 +11,17 @@ from __future__ import annotations
 import argparse
 import collections
 import contextlib
+import html
 import json
 import os
 import re
 import signal
+import socket
 import subprocess
 import sys
 import time
+import webbrowser
 from collections.abc import Callable, Collection, Iterator, Sequence
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -31,7 +33,6 @@ from sensor_msgs.msg import Image, PointCloud2
 from std_msgs.msg import Float64MultiArray
 from tqdm import tqdm
 
-from dsse_ros.cli.attended_page import LivePage, default_port_free, open_browser
 from dsse_ros.cli.command_line import DEFAULT_SCENARIO, Parser, make_folder, search_of
 from dsse_ros.dashboard.settings import DashboardSettings
 from dsse_ros.nodes.settings import (
@@ -44,9 +45,9 @@ from dsse_ros.nodes.settings import (
 )
 from dsse_ros.nodes.sim_parameters import draw_run_id
 from dsse_ros.private_files import open_private
-from dsse_ros.report.metrics import path_lengths
 from dsse_ros.report.record import RecordedMission, read_csv
 from dsse_ros.report.replay import mission_views
+from dsse_ros.report.texts import summary
 from dsse_ros.runtime.exit_codes import BAD_INPUT, fail
 from dsse_ros.runtime.interrupts import Stop, on_signals
 from dsse_ros.runtime.qos import LATCHED
@@ -214,21 +215,26 @@ def compiling(log: Path) -> str:
 
 
 @contextlib.contextmanager
-def live_page(arguments: argparse.Namespace, stop: Stop) -> Iterator[LivePage]:
-    """Show the mission in the browser if requested.
+def live_page(
+    arguments: argparse.Namespace, stop: Stop
+) -> Iterator[subprocess.Popen[bytes] | None]:
+    """Show the mission in the browser if requested; yields the process of the page.
 
     Raises:
         MissionFailed: If there is no page within `SILENCE_S`.
         KeyboardInterrupt: If a signal has come.
     """
     if not arguments.view:
-        yield LivePage(stop)
+        yield None
         return
     log: Path = arguments.out / "dashboard.log"
     ros = ros_for(_DASHBOARD_NAMES, arguments.ros)
     parameters: dict[str, Any] = {}
-    if not any(value.startswith("port:=") for _, value in pairs(ros)) and not default_port_free():
-        parameters["port"] = 0
+    if not any(value.startswith("port:=") for _, value in pairs(ros)):
+        try:
+            socket.create_server(("127.0.0.1", DashboardSettings().port)).close()
+        except OSError:
+            parameters["port"] = 0
     with process("dashboard", parameters, log, ros) as page:
         deadline_s = time.monotonic() + SILENCE_S
         while not (served := re.search(r"page at (\S+)", log.read_text(errors="replace"))):
@@ -244,9 +250,28 @@ def live_page(arguments: argparse.Namespace, stop: Stop) -> Iterator[LivePage]:
         if os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"):
             open_browser(served[1], leads)
         try:
-            yield LivePage(stop, page, log, partial(check_running, page, "dashboard", log))
+            yield page
         finally:
             leads.unlink(missing_ok=True)
+
+
+def open_browser(address: str, file: Path) -> None:
+    """Open a page by a private file that leads to it.
+
+    Everybody on the machine can see the arguments of a process, such as an address with a token.
+    """
+    with open_private(file) as page:
+        meta = f'<meta http-equiv="refresh" content="0;url={html.escape(address)}">'
+        page.write(f"<!doctype html>{meta}".encode())
+    webbrowser.open(file.resolve().as_uri())
+
+
+def stay(page: subprocess.Popen[bytes], stop: Stop) -> None:
+    """Keep a page until Ctrl-C, if somebody at a terminal watches."""
+    if sys.stdin.isatty():
+        print("Page and simulation stay until Ctrl-C; Reset starts another mission.", flush=True)
+        while not stop.wanted and page.poll() is None:
+            time.sleep(0.05)
 
 
 def shows_belief(arguments: argparse.Namespace, scenario: ResolvedScenario, rules: Rules) -> bool:
@@ -260,7 +285,7 @@ def fly(
     path: Path,
     scenario: ResolvedScenario,
     rules: Rules,
-    page: LivePage,
+    stop: Stop,
     at_end: Callable[[], None],
 ) -> None:
     """Run the mission to its end, with a progress line.
@@ -270,14 +295,13 @@ def fly(
         path: Scenario file.
         scenario: The scenario.
         rules: Its rules.
-        page: The mission starts once it has been opened.
+        stop: Whether a signal has come.
         at_end: Called at the end, while the nodes still run.
 
     Raises:
         MissionFailed: If a process ends early or nothing happens for `SILENCE_S`.
         KeyboardInterrupt: If a signal has come.
     """
-    page.wait_for_browser()
     out: Path = arguments.out
     belief = shows_belief(arguments, scenario, rules)
     # Without it, the latched report of another mission would pass for one of this mission.
@@ -306,7 +330,7 @@ def fly(
     def watch(name: str, child: subprocess.Popen[bytes], log: Path) -> None:
         nonlocal last_step_s
         executor.spin_once(timeout_sec=0.1)
-        if page.stop.wanted:
+        if stop.wanted:
             raise KeyboardInterrupt
         check_running(child, name, log)
         if watcher.step > bar.n:
@@ -340,44 +364,6 @@ def fly(
             bar.set_description_str(watcher.line(), refresh=False)
             bar.close()
             at_end()
-
-
-def summary(record: RecordedMission) -> str:
-    """Return the result of the mission as text."""
-    scenario = record.scenario
-    steps = min(len(record.steps) - 1, scenario.timestep_limit)
-    metres = path_lengths(record)[-1]
-    minutes, seconds = divmod(round(float(record.times_s[-1])), 60)
-    finders = [record.agents[i] for i in np.flatnonzero(record.found.any(axis=0))]
-    assert record.person_found is not None
-    found, persons = int(record.person_found[-1].sum()), record.person_found.shape[1]
-    out_of_time = "out of time" if record.truncated[-1].any() else "all drones lost"
-    shares = {"POS": record.pos, "coverage rate": record.coverage_rate,
-              "repeated coverage": record.repeated_coverage}  # fmt: skip
-    if record.coverage_rate is not None:
-        all_covered = record.coverage_rate[-1] == 1
-        end = "ALL COVERED" if all_covered else f"not all covered: {out_of_time}"
-    elif found == persons:
-        end = f"FOUND by {', '.join(finders)}"
-    else:
-        end = f"not found: {out_of_time}"
-    if persons > 1:
-        end += f" ({found} of {persons} persons)"
-    rewards = record.rewards.sum(axis=0)
-    # The end of a mission terminates or truncates every drone left.
-    success = end.startswith(("FOUND", "ALL"))
-    down = 0 if success else int((record.terminated & ~record.truncated)[-1].sum())
-    rows = {
-        "end": end,
-        "steps": f"{steps} of {scenario.timestep_limit}",
-        "time at sea": f"{minutes} min {seconds} s",
-        "drones": f"{len(metres)}, {down} lost" if down else f"{len(metres)}",
-        "flown": f"{metres.sum():.0f} m ({', '.join(f'{m:.0f}' for m in metres)})",
-        **{name: f"{share[-1]:.1%}" for name, share in shares.items() if share is not None},
-        "reward": f"{rewards.sum():.1f} ({', '.join(f'{r:.1f}' for r in rewards)})",
-    }
-    title = scenario.name or "Mission"
-    return "\n".join([title, *(f"  {name:<20} {value}" for name, value in rows.items())])
 
 
 def draw(record: RecordedMission, arguments: argparse.Namespace) -> dict[str, Path]:
@@ -457,9 +443,10 @@ def main(argv: list[str] | None = None) -> int:
                 print(summary(record))
                 for name, file in {**written, "steps": arguments.out / "mission.csv"}.items():
                     print(f"  {name:<20} {file}")
-                page.stay()
+                if page is not None:
+                    stay(page, stop)
 
-            fly(arguments, path, scenario, rules, page, at_end)
+            fly(arguments, path, scenario, rules, stop, at_end)
     except FieldError as error:
         return fail("run_mission", error)
     except MissionFailed as error:

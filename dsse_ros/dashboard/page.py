@@ -6,7 +6,6 @@ from __future__ import annotations
 
 import json
 import time
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 from urllib.parse import urlencode
@@ -53,17 +52,12 @@ class MissionPage:
         inbox: Receives the commands.
         frame_rate: Largest number of frames per second.
         domain: ROS domain, shown while the page waits for a mission.
-        opened: Called once the browser has drawn the page.
     """
 
-    def __init__(
-        self, missions: Missions, inbox: Inbox, frame_rate: float, domain: int,
-        opened: Callable[[], None] = lambda: None,
-    ) -> None:  # fmt: skip
+    def __init__(self, missions: Missions, inbox: Inbox, frame_rate: float, domain: int) -> None:
         self._missions = missions
         self._inbox = inbox
         self._domain = domain
-        self._opened = opened
         self._updated_s = time.monotonic()
         self._view = PageView(missions)
         self._drawn = 0
@@ -210,7 +204,6 @@ class MissionPage:
         ui.run_javascript(f"history.replaceState(null, '', {json.dumps('?' + query)})")
 
     def _view_again(self) -> None:
-        self._opened()
         self._view.forget_sent()
         self._sent = (0, 0.0)
 

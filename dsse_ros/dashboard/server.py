@@ -41,7 +41,6 @@ class PageServer:
     Attributes:
         missions: State of the missions; only the server's thread may use it.
         url: Address of the page, with the token unless a file has it.
-        opened: Whether a browser has opened the page.
 
     Raises:
         FieldError: If a setting is not allowed, or the address cannot be bound.
@@ -51,7 +50,6 @@ class PageServer:
         self._inbox = inbox
         self._settings = settings
         self.missions = Missions()
-        self.opened = threading.Event()
         token = settings.read_token()
         self._socket = bind(settings.host, settings.port)
         host, port = self._socket.getsockname()[:2]
@@ -62,7 +60,7 @@ class PageServer:
 
         @ui.page("/", title="dsse_ros", language="en-US")
         def page(mission: str | None = None, theme: str = "") -> None:
-            shown = MissionPage(self.missions, inbox, settings.frame_rate, domain, self.opened.set)
+            shown = MissionPage(self.missions, inbox, settings.frame_rate, domain)
             shown.choose(mission, theme)
 
         # A bar that shows how requests load has no name for screen readers, and no use here.

@@ -10,8 +10,6 @@ from dataclasses import dataclass
 from dsse_ros.private_files import read_private
 from dsse_ros.scenario.fields import FieldError, check_all, field
 
-OPENED = "a browser has opened the page"
-"""Log line of `dashboard`."""
 MIN_TOKEN = 16
 """Characters of a token at least."""
 

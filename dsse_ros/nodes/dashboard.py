@@ -28,7 +28,7 @@ from dsse_ros.dashboard.history import LAYERS
 from dsse_ros.dashboard.inbox import Inbox, Received
 from dsse_ros.dashboard.missions import MAX_MISSIONS
 from dsse_ros.dashboard.server import PageServer
-from dsse_ros.dashboard.settings import OPENED, DashboardSettings
+from dsse_ros.dashboard.settings import DashboardSettings
 from dsse_ros.nodes.operator_services import (
     OPERATOR_SERVICES,
     FoundBridge,
@@ -144,7 +144,6 @@ class DashboardNode(AlarmNode):
         endpoints.check_all_used()
         self.inbox = Inbox(_EVERY_MESSAGE)
         self._server: PageServer | None = None
-        self._opened = False
         self._listener = polling_node(self)
         self._shown: dict[str, Shown] = {}
         self._arrivals = Arrivals()
@@ -317,9 +316,6 @@ class DashboardNode(AlarmNode):
     # Commands
 
     def _serve_commands(self) -> None:
-        if self._server is not None and self._server.opened.is_set() and not self._opened:
-            self._opened = True
-            self.get_logger().info(OPENED)
         # A reset with a seed sets the parameter first.
         self._calls.put(
             command if command.seed is None else command._replace(name="seed")

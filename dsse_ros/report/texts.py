@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from dsse_ros.report.metrics import Metric, Work
+from dsse_ros.report.metrics import Metric, Work, path_lengths
 from dsse_ros.report.record import RecordedMission
 
 NONE = "\N{EN DASH}"
@@ -94,6 +94,43 @@ def verdict(record: RecordedMission, pos: float | None) -> str:
     if several:
         return f"{text} Searches like these find {pos:.1%} of the persons on average (POS)."
     return f"{text} Searches like these find the person in {pos:.1%} of missions (POS)."
+
+
+def summary(record: RecordedMission) -> str:
+    """Return the result of the mission as text."""
+    scenario = record.scenario
+    steps = min(len(record.steps) - 1, scenario.timestep_limit)
+    metres = path_lengths(record)[-1]
+    finders = [record.agents[i] for i in np.flatnonzero(record.found.any(axis=0))]
+    assert record.person_found is not None
+    found, persons = int(record.person_found[-1].sum()), record.person_found.shape[1]
+    out_of_time = "out of time" if record.truncated[-1].any() else "all drones lost"
+    shares = {"POS": record.pos, "coverage rate": record.coverage_rate,
+              "repeated coverage": record.repeated_coverage}  # fmt: skip
+    if record.coverage_rate is not None:
+        all_covered = record.coverage_rate[-1] == 1
+        end = "ALL COVERED" if all_covered else f"not all covered: {out_of_time}"
+    elif found == persons:
+        end = f"FOUND by {', '.join(finders)}"
+    else:
+        end = f"not found: {out_of_time}"
+    if persons > 1:
+        end += f" ({found} of {persons} persons)"
+    rewards = record.rewards.sum(axis=0)
+    # The end of a mission terminates or truncates every drone left.
+    success = end.startswith(("FOUND", "ALL"))
+    down = 0 if success else int((record.terminated & ~record.truncated)[-1].sum())
+    rows = {
+        "end": end,
+        "steps": f"{steps} of {scenario.timestep_limit}",
+        "time at sea": duration(float(record.times_s[-1])),
+        "drones": f"{len(metres)}, {down} lost" if down else f"{len(metres)}",
+        "flown": f"{metres.sum():.0f} m ({', '.join(f'{m:.0f}' for m in metres)})",
+        **{name: f"{share[-1]:.1%}" for name, share in shares.items() if share is not None},
+        "reward": f"{rewards.sum():.1f} ({', '.join(f'{r:.1f}' for r in rewards)})",
+    }
+    title = scenario.name or "Mission"
+    return "\n".join([title, *(f"  {name:<20} {value}" for name, value in rows.items())])
 
 
 def ended(record: RecordedMission, of: Work, drone: int) -> str:

@@ -4,8 +4,6 @@
 
 from __future__ import annotations
 
-import math
-import os
 from collections.abc import Callable
 from typing import IO, Any
 
@@ -53,12 +51,9 @@ def read_npy(path: str, check_shape: Callable[[tuple[int, ...]], None]) -> NDArr
         check_shape: Raises a ValueError for a shape that is not allowed.
 
     Raises:
-        OSError, EOFError, ValueError: If the file cannot be read as such an array.
+        OSError, ValueError: If the file cannot be read as such an array.
     """
-    with open(path, "rb") as file:
-        shape, dtype = array_header(file)
-        check_shape(shape)
-        check_numbers(dtype)
-        if os.path.getsize(path) - file.tell() < math.prod(shape) * dtype.itemsize:
-            raise EOFError
-    return np.asarray(np.load(path, allow_pickle=False))
+    array = np.lib.format.open_memmap(path, mode="r")
+    check_shape(array.shape)
+    check_numbers(array.dtype)
+    return np.array(array)

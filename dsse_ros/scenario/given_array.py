@@ -78,7 +78,7 @@ class GivenArray:
             ) from None
         except FieldError:
             raise
-        except (EOFError, KeyError, MemoryError, TypeError, ValueError, csv.Error):
+        except (EOFError, KeyError, MemoryError, OverflowError, TypeError, ValueError, csv.Error):
             raise FieldError(f"{cls.NAME} must be {cls.ALLOWED}, got {_named(value)}") from None
 
     @classmethod

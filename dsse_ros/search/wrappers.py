@@ -23,8 +23,7 @@ from pettingzoo import ParallelEnv
 from pettingzoo.utils.wrappers import BaseParallelWrapper
 
 from dsse_ros.scenario.fields import FieldError, Spec, shown
-from dsse_ros.scenario.options import check_mapping, check_options
-from dsse_ros.search.vector_env import RESET_MASK, VectorEnv
+from dsse_ros.scenario.options import check_mapping
 
 Array = NDArray[Any]
 
@@ -318,80 +317,3 @@ class DiscountedObservations(_ChangedObservations):
         self._seen.see(self._search.positions, steps)
         lowered = self._seen.discount(probability, steps)
         return {agent: (*first, lowered) for agent, (*first, _) in observations.items()}
-
-
-class EncodedVectorEnv:
-    """A batch of searches whose agents observe an encoding, instead of positions and maps.
-
-    Args:
-        env: The batch; must not be lazy.
-        encoding: Encoding of the observations; by default they stay positions and maps.
-        seen: Discount that lowers the maps before they are encoded.
-        drones_positions: Start cells of the drones in every reset.
-
-    Attributes:
-        env: As given.
-        single_observation_space: Space of one drone, None without an encoding.
-
-    Raises:
-        FieldError: If the batch is lazy.
-    """
-
-    def __init__(
-        self,
-        env: VectorEnv,
-        encoding: Encoding | None = None,
-        *,
-        seen: SeenDiscount | None = None,
-        drones_positions: Any = None,
-    ) -> None:
-        if env.lazy:
-            raise FieldError("lazy must be false with other observations, got true")
-        self.env = env
-        self._encoding, self._seen = encoding, seen
-        self._start = {}
-        if drones_positions is not None:
-            self._start["drones_positions"] = drones_positions
-        self._begun = False
-        check_options(self._start, env.scenario, env.rules)
-        world = env.world
-        self.single_observation_space = encoding and encoding.space(
-            world.num_drones, world.grid_size, env.rules.margin
-        )
-
-    def reset(self, seed: Any = None, options: Mapping[str, Any] | None = None) -> tuple[Any, Any]:
-        """Start a new mission in every world, or in those of `reset_mask`, see `VectorEnv.reset`.
-
-        Raises:
-            FieldError: As there, or if `reset_mask` is used before a reset of every world.
-        """
-        options = check_mapping(options)
-        if options.get(RESET_MASK) is not None:
-            if not self._begun:
-                raise FieldError(f"{RESET_MASK} must come after a reset of every world")
-            # The first reset placed the drones; worlds at step 0 forget visits by themselves.
-            observations, infos = self.env.reset(seed, options)
-            return self._observe(observations, infos), infos
-        observations, infos = self.env.reset(seed, {**options, **self._start})
-        self._begun = True
-        if self._seen is not None:
-            self._seen.reset(observations["probability"])
-        return self._observe(observations, infos), infos
-
-    def step(self, actions: NDArray[np.int8]) -> tuple[Any, Any, Any, Any, Any]:
-        """Advance every world by one step, see `VectorEnv.step`."""
-        observations, *rest, infos = self.env.step(actions)
-        return (self._observe(observations, infos), *rest, infos)
-
-    def close(self) -> None:
-        """End the batch's threads."""
-        self.env.close()
-
-    def _observe(self, observations: dict[str, Any], infos: Mapping[str, Array]) -> Any:
-        positions, probability = observations["positions"], observations["probability"]
-        if self._seen is not None:
-            self._seen.see(positions, infos["step"])
-            probability = self._seen.discount(probability, infos["step"])
-        if self._encoding is None:
-            return {"positions": positions, "probability": probability}
-        return self._encoding.encode(positions, probability)

@@ -23,8 +23,6 @@ from PIL import Image
 from rig import TIMEOUT_S, Process, free_domain
 
 from dsse_ros.cli import run_mission
-from dsse_ros.cli.attended_page import LivePage, open_browser
-from dsse_ros.dashboard.settings import OPENED
 from dsse_ros.runtime.interrupts import Stop
 
 SANTOS = Path(__file__).resolve().parents[2] / "config" / "santos.yaml"
@@ -171,39 +169,26 @@ def test_the_browser_gets_the_token_by_a_file_that_nobody_else_can_read(
     monkeypatch.setattr("webbrowser.open", opened.append)
     file = tmp_path / "page.html"
     file.write_text("")
-    open_browser("http://127.0.0.1:8080/?token=secret&a=1", file)
+    run_mission.open_browser("http://127.0.0.1:8080/?token=secret&a=1", file)
     assert opened == [file.as_uri()]
     assert stat.S_IMODE(file.stat().st_mode) == 0o600
     assert "url=http://127.0.0.1:8080/?token=secret&amp;a=1" in file.read_text()
 
 
-def test_a_mission_with_a_page_at_a_terminal_waits_for_the_browser(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+def test_the_page_stays_until_ctrl_c_if_somebody_at_a_terminal_watches(
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    log, stop = tmp_path / "dashboard.log", Stop()
-    log.write_text("page at http://127.0.0.1:8080/\n")
-    with subprocess.Popen(["sleep", "60"]) as child:
-        page = LivePage(stop, child, log)
+    stop = Stop()
+    with subprocess.Popen(["sleep", "60"]) as page, ThreadPoolExecutor() as pool:
         monkeypatch.setattr("sys.stdin", io.StringIO())
-        # Nobody is there to open it, or to end it.
-        page.wait_for_browser()
-        page.stay()
+        run_mission.stay(page, stop)
         monkeypatch.setattr("sys.stdin.isatty", lambda: True)
-        with ThreadPoolExecutor() as pool:
-            waiting = pool.submit(page.wait_for_browser)
-            with pytest.raises(TimeoutError):
-                waiting.result(0.3)
-            log.write_text(f"{log.read_text()}{OPENED}\n")
-            waiting.result(TIMEOUT_S)
-            staying = pool.submit(page.stay)
-            with pytest.raises(TimeoutError):
-                staying.result(0.3)
-            stop.wanted = True
-            staying.result(TIMEOUT_S)
-        log.write_text("")
-        with pytest.raises(KeyboardInterrupt):
-            page.wait_for_browser()
-        child.kill()
+        staying = pool.submit(run_mission.stay, page, stop)
+        with pytest.raises(TimeoutError):
+            staying.result(0.3)
+        stop.wanted = True
+        staying.result(TIMEOUT_S)
+        page.kill()
 
 
 @pytest.mark.parametrize(

@@ -144,17 +144,19 @@ def test_a_batch_observes_what_single_environments_do(name: str) -> None:
     fields = {"rules": "v2", "grid_size": 6, "num_drones": 2, "timestep_limit": 5}
     cells, count = [(1, 1), (4, 3)], 3
     encoding = encodings()[name]
-    batch = native.EncodedVectorEnv(
-        vector_env(count, **fields), encoding, seen=native.SeenDiscount(4), drones_positions=cells
-    )
+    batch, seen = vector_env(count, **fields), native.SeenDiscount(4)
     singles = []
     for _ in range(count):
         env: Any = native.RetainedPositions(parallel_env(**fields), cells)
         singles.append(native.EncodedObservations(native.DiscountedObservations(env, 4), encoding))
     rng = np.random.default_rng(1)
-    observed, _ = batch.reset(seed=7)
+    arrays, infos = batch.reset(seed=7, options={"drones_positions": cells})
+    seen.reset(arrays["probability"])
     expected = [env.reset(seed=7 + i)[0] for i, env in enumerate(singles)]
     for _ in range(14):
+        seen.see(arrays["positions"], infos["step"])
+        lowered = seen.discount(arrays["probability"], infos["step"])
+        observed = encoding.encode(arrays["positions"], lowered)
         for b, single in enumerate(expected):
             for i, value in enumerate(single.values()):
                 if isinstance(observed, tuple):
@@ -163,7 +165,7 @@ def test_a_batch_observes_what_single_environments_do(name: str) -> None:
                 else:
                     np.testing.assert_array_equal(observed[b, i], value)
         joint = rng.integers(0, 9, (count, 2)).astype(np.int8)
-        observed, *_ = batch.step(joint)
+        arrays, *_, infos = batch.step(joint)
         expected = [
             env.step(dict(zip(env.agents, row.tolist(), strict=True)))[0]
             if env.agents

@@ -232,6 +232,8 @@ def header_of(shape: tuple[int, ...], dtype: str = "<f8") -> bytes:
         ("a.npy", header_of((10_001, 10_001), "|u1")),
         ("a.npy", header_of((5_000, 5_000), "<U100")),
         ("a.npy", header_of((10**8,))),
+        ("a.npy", header_of((10**30, 10**30))),
+        ("a.npy", header_of((-9, -9)) + bytes(648)),
         ("a.csv", b"1," * 3_000_000 + b"1"),
         ("a.csv", b"1\n" * 10_001),
         ("a.csv", b"1,1\n" + b"1\n" * 100_000),

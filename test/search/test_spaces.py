@@ -20,7 +20,6 @@ from dsse_ros.search.wrappers import (
     IN_MATRIX,
     DiscountedObservations,
     EncodedObservations,
-    EncodedVectorEnv,
     Encoding,
     RetainedPositions,
     SeenDiscount,
@@ -119,35 +118,38 @@ def test_what_worlds_of_a_batch_observe_lies_in_their_spaces(
     fields: dict[str, Any], encoding: Encoding | None, discount: int, retained: bool, seed: int
 ) -> None:
     inner = vector_env(2, **fields)
-    starts = inner.scenario.drones_positions[::-1] if retained else None
+    drones, size = inner.world.num_drones, inner.world.grid_size
     seen = SeenDiscount(discount) if discount else None
-    plain = encoding is None and seen is None and not retained
-    batch: Any = JointVectorEnv(inner)
+    batch = JointVectorEnv(inner)
     space = batch.single_observation_space
-    if not plain:
-        batch = EncodedVectorEnv(inner, encoding, seen=seen, drones_positions=starts)
-        space = batch.single_observation_space or space
+    of_drone = encoding and encoding.space(drones, size, inner.rules.margin)
     rng = np.random.default_rng(seed)
-    observed, _ = batch.reset(seed=seed)
+    starts = {"drones_positions": inner.scenario.drones_positions[::-1]} if retained else {}
+    observed, infos = batch.reset(seed=seed, options=starts)
+    if seen is not None:
+        seen.reset(observed["probability"])
     for step in range(STEPS):
+        positions, probability = observed["positions"], observed["probability"]
+        if seen is not None:
+            seen.see(positions, infos["step"])
+            probability = seen.discount(probability, infos["step"])
         for b in range(2):
-            if encoding is None:
-                one = {name: values[b] for name, values in observed.items()}
-                assert space.contains(one)
-                continue
-            for n in range(inner.world.num_drones):
-                of_drone: Any = (
-                    (observed[0][b, n], observed[1][b])
-                    if isinstance(observed, tuple)
-                    else observed[b, n]
+            assert space.contains({"positions": positions[b], "probability": probability[b]})
+        if encoding is not None and of_drone is not None:
+            encoded = encoding.encode(positions, probability)
+            for b, n in np.ndindex(2, drones):
+                one = (
+                    (encoded[0][b, n], encoded[1][b])
+                    if isinstance(encoded, tuple)
+                    else encoded[b, n]
                 )
-                assert space.contains(of_drone)
+                assert of_drone.contains(one)
         if step == STEPS // 2:
             mask = rng.random(2) < 0.5
-            observed, _ = batch.reset(options={"reset_mask": mask})
+            observed, infos = batch.reset(options={"reset_mask": mask})
         else:
-            shape = (2, inner.world.num_drones)
-            observed, *_ = batch.step(rng.integers(0, len(inner.rules.actions), shape))
+            actions = rng.integers(0, len(inner.rules.actions), (2, drones))
+            observed, *_, infos = batch.step(actions)
 
 
 @pytest.mark.slow

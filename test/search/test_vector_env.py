@@ -506,6 +506,13 @@ def test_worlds_that_are_reset_by_a_mask_start_as_by_themselves_and_the_others_g
             assert np.array_equal(values[~mask], infos_in_other[name][~mask])
 
 
+def test_no_mask_is_a_reset_of_every_world() -> None:
+    env = vector_env(2, **MISSION)
+    env.reset(seed=0)
+    _, infos = env.reset(options={"reset_mask": None})
+    assert infos["step"].tolist() == [0, 0]
+
+
 @pytest.mark.parametrize(
     ("options", "line"),
     [

@@ -18,7 +18,6 @@ from dsse_ros.search.wrappers import (
     IN_MATRIX,
     DiscountedObservations,
     EncodedObservations,
-    EncodedVectorEnv,
     Encoding,
     RetainedPositions,
     SeenDiscount,
@@ -33,69 +32,49 @@ STARTS = [(1, 1), (4, 3)]
 
 
 def joint(rng: np.random.Generator, batch: Any) -> Any:
-    return rng.integers(0, 9, (batch.env.num_envs, 2))
+    return rng.integers(0, 9, (batch.num_envs, 2))
+
+
+class Observer:
+    """What the worlds of a batch observe, lowered where drones have been, in an encoding."""
+
+    def __init__(self, encoding: Encoding) -> None:
+        self._encoding, self._seen = encoding, SeenDiscount(5)
+
+    def reset(self, batch: Any, seed: int) -> list[Any]:
+        observed, infos = batch.reset(seed=seed, options={"drones_positions": STARTS})
+        self._seen.reset(observed["probability"])
+        return self.parts(observed, infos)
+
+    def parts(self, observed: Any, infos: Any) -> list[Any]:
+        positions = observed["positions"]
+        self._seen.see(positions, infos["step"])
+        lowered = self._seen.discount(observed["probability"], infos["step"])
+        encoded = self._encoding.encode(positions, lowered)
+        return list(encoded) if isinstance(encoded, tuple) else [encoded]
 
 
 @pytest.mark.parametrize(
-    "encoding", [None, ALL_POSITIONS, FLATTENED, IN_MATRIX, top_cells(4)], ids=lambda e: str(e)[:40]
+    "encoding", [ALL_POSITIONS, FLATTENED, IN_MATRIX, top_cells(4)], ids=lambda e: str(e)[:40]
 )
 def test_worlds_that_are_reset_by_a_mask_observe_a_start_and_the_others_what_they_did(
-    encoding: Encoding | None,
+    encoding: Encoding,
 ) -> None:
-    batch = EncodedVectorEnv(
-        vector_env(4, **MISSION), encoding, seen=SeenDiscount(5), drones_positions=STARTS
-    )
+    batch, observer = vector_env(4, **MISSION), Observer(encoding)
     rng = np.random.default_rng(1)
-    batch.reset(seed=3)
+    observer.reset(batch, 3)
     for _ in range(6):
-        before, *_, infos = batch.step(joint(rng, batch))
+        observed, *_, infos = batch.step(joint(rng, batch))
+        before = observer.parts(observed, infos)
     mask = np.array([True, False, False, True])
     assert not infos["over"].any()
-    after, infos = batch.reset(seed=50, options={"reset_mask": mask})
-    start, _ = EncodedVectorEnv(
-        vector_env(4, **MISSION), encoding, seen=SeenDiscount(5), drones_positions=STARTS
-    ).reset(seed=50)
+    observed, infos = batch.reset(seed=50, options={"reset_mask": mask})
+    after = observer.parts(observed, infos)
+    start = Observer(encoding).reset(vector_env(4, **MISSION), 50)
     assert infos["step"].tolist() == [0, 6, 6, 0]
-    for now, was, begun in zip(parts(after), parts(before), parts(start), strict=True):
+    for now, was, begun in zip(after, before, start, strict=True):
         np.testing.assert_array_equal(now[~mask], was[~mask])
         np.testing.assert_array_equal(now[mask], begun[mask])
-
-
-def parts(observed: Any) -> list[Any]:
-    if isinstance(observed, dict):
-        return list(observed.values())
-    return list(observed) if isinstance(observed, tuple) else [observed]
-
-
-def test_a_mask_needs_worlds_that_have_begun_and_stands_alone() -> None:
-    batch = EncodedVectorEnv(vector_env(2, **MISSION), FLATTENED)
-    mask = np.array([True, False])
-    with pytest.raises(FieldError, match="^reset_mask must come after a reset of every world$"):
-        batch.reset(options={"reset_mask": mask})
-    batch.reset(seed=0)
-    state = batch.env.world.state_bytes()
-    with pytest.raises(FieldError, match="^reset_mask must be the only option, got 'vector' too$"):
-        batch.reset(options={"reset_mask": mask, "vector": (0, 0)})
-    with pytest.raises(FieldError, match=r"^reset_mask must be bool \(2,\), got \[True\]$"):
-        batch.reset(options={"reset_mask": [True]})
-    assert batch.env.world.state_bytes() == state
-
-
-def test_no_mask_is_a_reset_of_every_world() -> None:
-    for batch in (vector_env(2, **MISSION), EncodedVectorEnv(vector_env(2, **MISSION), FLATTENED)):
-        batch.reset(seed=0)
-        _, infos = batch.reset(options={"reset_mask": None})
-        assert infos["step"].tolist() == [0, 0]
-
-
-def test_the_cells_of_a_reset_are_those_of_its_options_unless_the_batch_retains_its_own() -> None:
-    other = [(0, 5), (5, 0)]
-    plain = EncodedVectorEnv(vector_env(2, **MISSION))
-    observed, _ = plain.reset(options={"drones_positions": other})
-    assert observed["positions"].tolist() == [[[0, 5], [5, 0]]] * 2
-    retaining = EncodedVectorEnv(vector_env(2, **MISSION), drones_positions=STARTS)
-    observed, _ = retaining.reset(options={"drones_positions": other})
-    assert observed["positions"].tolist() == [[[1, 1], [4, 3]]] * 2
 
 
 def test_options_that_are_no_mapping_are_refused() -> None:
@@ -106,7 +85,6 @@ def test_options_that_are_no_mapping_are_refused() -> None:
         EncodedObservations(env, FLATTENED),
         DiscountedObservations(env, 3),
         RetainedPositions(env, STARTS),
-        EncodedVectorEnv(vector_env(2, **MISSION), FLATTENED),
     ):
         for options in (5, [1], ""):
             with pytest.raises(FieldError, match=r"^options must be a mapping, got "):
