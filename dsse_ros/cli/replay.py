@@ -1,6 +1,6 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""`ros2 run dsse_ros replay`: check whether the missions of a bag repeat, or publish it again."""
+"""`ros2 run dsse_ros replay`: check whether the missions of a bag repeat."""
 
 from __future__ import annotations
 
@@ -10,11 +10,9 @@ from pathlib import Path
 
 from dsse_ros.cli.command_line import Parser
 from dsse_ros.mission.status import counted
-from dsse_ros.nodes.bag_player import play
 from dsse_ros.recording.bag import read_bag
 from dsse_ros.recording.replay import Replay, ReplayedMission
 from dsse_ros.runtime.exit_codes import FAILED, fail
-from dsse_ros.runtime.ros_arguments import split_ros_arguments
 from dsse_ros.scenario.limits import LARGEST_GRID_CELLS
 from dsse_ros.search import FieldError
 
@@ -61,28 +59,15 @@ def main(argv: Sequence[str] | None = None) -> int:
 
     It is 0 if all missions repeat as far as they are recorded, 2 for bad input, 3 if one differs.
     """
-    own, ros = split_ros_arguments(sys.argv[1:] if argv is None else argv)
     parser = Parser(prog="replay", description=__doc__.partition(": ")[2])
     parser.add_argument("bag", type=Path, help="MCAP file, or rosbag2 folder with MCAP files")
-    parser.add_argument(
-        "--play",
-        nargs="?",
-        type=float,
-        const=1.0,
-        metavar="RATE",
-        help="publish it again, at this many times the recorded speed (default: 1)",
-    )
     parser.add(
         "--max-cells",
         type=int,
         default=LARGEST_GRID_CELLS,
         help="number of cells of the largest grid to replay",
     )
-    arguments = parser.parse_args(own)
-    if arguments.play is not None:
-        return play(arguments.bag, arguments.play, ros)
-    if ros:
-        return fail("replay", "--ros-args is allowed with --play only")
+    arguments = parser.parse_args(argv)
     replayed = different = 0
     notes: list[str] = []
     try:

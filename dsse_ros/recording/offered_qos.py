@@ -8,24 +8,12 @@ from collections.abc import Sequence
 from typing import Any
 
 import yaml
-from rclpy.duration import Duration
-from rclpy.qos import (
-    DurabilityPolicy,
-    HistoryPolicy,
-    LivelinessPolicy,
-    QoSProfile,
-    ReliabilityPolicy,
-)
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
 KEY = "offered_qos_profiles"
 """Key of a channel's metadata."""
 
-_POLICIES = {
-    "history": HistoryPolicy,
-    "reliability": ReliabilityPolicy,
-    "durability": DurabilityPolicy,
-    "liveliness": LivelinessPolicy,
-}
+_POLICIES = ("history", "reliability", "durability", "liveliness")
 _DURATIONS = ("deadline", "lifespan", "liveliness_lease_duration")
 _ORDER = (
     "history", "depth", "reliability", "durability", "deadline", "lifespan", "liveliness",
@@ -36,19 +24,6 @@ _ORDER = (
 def to_yaml(profiles: Sequence[QoSProfile]) -> str:
     """Return profiles as YAML, as rosbag2 of Jazzy writes it."""
     return yaml.safe_dump([_plain(profile) for profile in profiles], sort_keys=False).rstrip()
-
-
-def from_yaml(text: str) -> list[QoSProfile]:
-    """Return the profiles in a YAML text of rosbag2: the inverse of `to_yaml`, for our policies.
-
-    Raises:
-        ValueError: If the text does not contain profiles.
-    """
-    try:
-        return [_profile(values) for values in yaml.safe_load(text) or []]
-    except (yaml.YAMLError, AttributeError, KeyError, TypeError, ValueError) as error:
-        reason = " ".join(str(error).split())
-        raise ValueError(f"{KEY}: {reason}") from None
 
 
 def common(profiles: Sequence[QoSProfile], depth: int) -> QoSProfile:
@@ -76,15 +51,3 @@ def _plain(profile: QoSProfile) -> dict[str, Any]:
         sec, nsec = divmod(getattr(profile, name).nanoseconds, 10**9)
         values[name] = {"sec": sec, "nsec": nsec}
     return {name: values[name] for name in _ORDER}
-
-
-def _profile(values: dict[str, Any]) -> QoSProfile:
-    chosen: dict[str, Any] = {}
-    for name, policy in _POLICIES.items():
-        # Before Jazzy rosbag2 wrote numbers.
-        value = values[name]
-        chosen[name] = policy(value) if isinstance(value, int) else policy[value.upper()]
-    for name in _DURATIONS:
-        of = values[name]
-        chosen[name] = Duration(nanoseconds=int(of["sec"]) * 10**9 + int(of["nsec"]))
-    return QoSProfile(depth=int(values["depth"]), **chosen)

@@ -1,6 +1,6 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""A mission of real nodes in a bag: recorded whole, read by others, replayed, published again."""
+"""A mission of real nodes in a bag: recorded whole, read by others, replayed."""
 
 from __future__ import annotations
 
@@ -13,13 +13,12 @@ from pathlib import Path
 
 import pytest
 from mcap.reader import make_reader
-from rig import ALL, LATCHED, RELIABLE, Rig
+from rig import LATCHED, RELIABLE, Rig
 from rosbags.highlevel import AnyReader
-from sensor_msgs.msg import PointCloud2
+from rosbags.rosbag2.metadata import parse_qos
 from std_msgs.msg import Int8, String
 
 from dsse_ros.recording.bag import Recorded, read_bag
-from dsse_ros.recording.offered_qos import from_yaml
 from dsse_ros.recording.replay import Replay
 from dsse_ros.runtime.exit_codes import FAILED
 from dsse_ros.search import FieldError
@@ -141,7 +140,7 @@ def test_messages_are_in_the_order_of_their_times(messages: list[Recorded]) -> N
 
 def test_the_bag_has_the_quality_of_service_of_the_publishers(messages: list[Recorded]) -> None:
     policies = {
-        topic: [(one.reliability.name, one.durability.name) for one in from_yaml(offered)]
+        topic: [(one.reliability.name, one.durability.name) for one in parse_qos(offered)]
         for topic, offered in {one.topic: one.offered_qos for one in messages}.items()
     }
     assert policies["/step_report"] == [("RELIABLE", "TRANSIENT_LOCAL")]
@@ -243,22 +242,3 @@ def test_a_recorder_says_what_it_missed(rig: Rig, tmp_path: Path) -> None:
     missed = published - count(path, "/a/counter")
     assert missed > 0
     assert f"{missed} message" in recorder.output and f"/a/counter {missed}" in recorder.output
-
-
-def test_a_bag_is_published_again_with_its_quality_of_service(
-    bag: Bag, messages: list[Recorded], rig: Rig
-) -> None:
-    agents = rig.listen(String, "/agents", LATCHED)
-    reports = rig.listen(PointCloud2, "/step_report", ALL)
-    script = rig.folder / "replay.py"
-    script.write_text(
-        "import sys\nfrom dsse_ros.cli.replay import main\nsys.exit(main())\n", encoding="utf-8"
-    )
-    # So slowly that there is something left to be published when it is discovered.
-    player = rig.run(script, str(bag.path), "--play", "0.1")
-    rig.until(lambda: agents and len(reports) > 3, "a bag that is published")
-    player.stop()
-    recorded = [one.message for one in messages if one.topic == "/step_report"]
-    first = recorded.index(reports[0])
-    assert recorded[first : first + len(reports)] == reports
-    assert agents.last in [one.message for one in messages if one.topic == "/agents"]

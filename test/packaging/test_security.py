@@ -32,8 +32,7 @@ SECRETS = {"token", "cookie", "key", "given"}
 def test_nobody_but_planners_and_people_may_command_a_drone() -> None:
     rights = policy()
     assert rights["sim_node"]["subscribe"] > COMMANDS
-    # A bag is played in a domain of its own.
-    may = {name: one["publish"] & COMMANDS for name, one in rights.items() if name != "replay"}
+    may = {name: one["publish"] & COMMANDS for name, one in rights.items()}
     assert {name: topics for name, topics in may.items() if topics} == {
         "planner_node": {"joint_action"},
         "ros_env": {"joint_action"},
@@ -54,13 +53,6 @@ def test_nobody_may_publish_everything() -> None:
     assert not any(one["publish"] & EVERYTHING for one in policy().values())
     listening = {name for name, one in policy().items() if one["subscribe"] & EVERYTHING}
     assert listening == {"recorder", "foxglove_viewer", "operator"}
-
-
-def test_a_bag_is_played_with_the_topics_of_the_nodes_alone() -> None:
-    rights = policy()
-    nodes = ("sim_node", "planner_node", "mavlink_bridge")
-    assert rights["replay"]["publish"] == COMMANDS.union(*(rights[n]["publish"] for n in nodes))
-    assert not rights["replay"]["subscribe"] and not rights["replay"]["request"]
 
 
 def test_only_trainings_and_people_may_change_a_simulation_but_for_the_buttons_of_the_page() -> (

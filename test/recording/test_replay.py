@@ -456,18 +456,6 @@ def test_what_is_no_bag_of_a_mission_gets_one_line(
     assert error.startswith("replay: ") and error.count("\n") == 1 and reason in error
 
 
-@pytest.mark.parametrize("rate", ["0", "-1", "nan", "inf", "fast"])
-def test_a_rate_that_is_none_gets_one_line(
-    rate: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    try:
-        code: object = main(["bag.mcap", f"--play={rate}"])
-    except SystemExit as end:
-        code = end.code
-    assert code == 2
-    assert capsys.readouterr().err.count("\n") == 1
-
-
 @pytest.mark.parametrize("topic", ["/agents", "/step_report", "/probability", "/drone0/pose"])
 def test_a_topic_of_another_type_is_no_part_of_the_mission(topic: str) -> None:
     of = Flown()
