@@ -1,9 +1,9 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""Writes the tables of parameters, metrics, states and profiles, from the code, into the pages.
+"""Writes the tables of topics, parameters, metrics, states and profiles into the pages.
 
-Run `python docs/tables.py` after a change of a scenario's, a rule's or a node's fields, or of the
-arguments of a launch file, or of the states of a vehicle, or of the spaces of an environment.
+Run `python docs/tables.py` after a change of a topic, of a scenario's, a rule's or a node's fields,
+of the arguments of a launch file, of the states of a vehicle, or of the spaces of an environment.
 """
 
 from __future__ import annotations
@@ -44,6 +44,7 @@ from dsse_ros.scenario.fault_fields import FAULTS, FaultFields
 from dsse_ros.scenario.fields import Spec, shown_number, specs
 from dsse_ros.scenario.rules import GROUPS
 from dsse_ros.search import PROFILES, Rules, Scenario, parallel_env
+from msg_adapters.topics import Topic, published_by, subscribed_by
 
 ROOT = Path(__file__).resolve().parents[1]
 TYPES = {
@@ -303,6 +304,49 @@ def requests_table() -> str:
     return table(["Request", *(state.name.lower() for state in SimulationState)], rows)
 
 
+QOS = {
+    "latched": "latched",
+    "complete": "latched, 1000",
+    "reliable": "reliable 10",
+    "command": "reliable 10",
+    "sensor": "sensor data",
+}
+"""Quality of service in the words of docs/topics.md."""
+
+
+def topic_row(name: str, topic: Topic, subscriber: str = "") -> list[str]:
+    """Return name, type and QoS of a topic: what it offers, or what a subscriber requests."""
+    qos = topic.subscriber_qos.get(subscriber, topic.qos)
+    return [f"`{name}`", f"`{topic.type_name.replace('/msg/', '/')}`", QOS[qos]]
+
+
+def published_table() -> str:
+    """Return the topics that `sim_node` publishes."""
+    rows = [
+        [*topic_row(name, topic), topic.content, topic.use]
+        for name, topic in published_by("sim_node").items()
+    ]
+    return table(["Topic", "Type", "QoS", "Content", "For"], rows)
+
+
+def subscribed_table() -> str:
+    """Return the topics that `sim_node` subscribes to."""
+    rows = [
+        [*topic_row(name, topic, "sim_node"), topic.content, topic.use]
+        for name, topic in subscribed_by("sim_node").items()
+    ]
+    return table(["Topic", "Type", "QoS", "Meaning", "For"], rows)
+
+
+def topics_table(program: str) -> str:
+    """Return the topics of another node."""
+    rows = [
+        [*topic_row(name, topic, program), "in"] for name, topic in subscribed_by(program).items()
+    ]
+    rows += [[*topic_row(name, topic), "out"] for name, topic in published_by(program).items()]
+    return table(["Topic", "Type", "QoS", "Direction"], rows)
+
+
 def meanings(enum: type) -> dict[str, str]:
     """Return the sentences below the members of an enumeration."""
     body = ast.parse(textwrap.dedent(inspect.getsource(enum))).body[0].body
@@ -314,6 +358,12 @@ def meanings(enum: type) -> dict[str, str]:
 
 
 TABLES = {
+    "published": published_table,
+    "subscribed": subscribed_table,
+    "topics_of_planner_node": lambda: topics_table("planner_node"),
+    "topics_of_mavlink_bridge": lambda: topics_table("mavlink_bridge"),
+    "topics_of_show": lambda: topics_table("show"),
+    "topics_of_dashboard": lambda: topics_table("dashboard"),
     "states": states_table,
     "events": events_table,
     "requests": requests_table,
@@ -347,6 +397,7 @@ PAGES = tuple(
         "recording",
         "report",
         "ros",
+        "topics",
         "viewers",
     )
 )

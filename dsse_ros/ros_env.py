@@ -24,12 +24,10 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.parameter import Parameter, parameter_value_to_python
 from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import get_rmw_implementation_identifier
-from sensor_msgs.msg import Image, PointCloud2
-from std_msgs.msg import Int32MultiArray, String
 from std_srvs.srv import Trigger
 
 from dsse_ros.runtime import security
-from dsse_ros.runtime.qos import COMMANDS, COMPLETE, LATCHED
+from dsse_ros.runtime.qos import offered, requested
 from dsse_ros.scenario.fields import shown
 from dsse_ros.scenario.options import IGNORED_OPTION, check_seed
 from dsse_ros.search import HOLD, FieldError
@@ -128,14 +126,16 @@ class DsseRosEnv(AgentSpaces, ParallelEnv[str, AgentObservation, int]):
         self._node = node
         self._executor = SingleThreadedExecutor(context=self._context)
         self._executor.add_node(node)
-        self._publisher = node.create_publisher(Int32MultiArray, "joint_action", COMMANDS)
+        kind, qos = offered("joint_action", "ros_env")
+        self._publisher = node.create_publisher(kind, "joint_action", qos)
         inbox = self._inbox
-        topics: list[tuple[Any, str, Callable[[Any], Any], Any]] = [
-            (String, "agents", inbox.take_agents, LATCHED),
-            (Image, "probability", inbox.take_map, LATCHED),
-            (PointCloud2, "step_report", inbox.take_report, COMPLETE),
-        ]
-        for kind, topic, take, qos in topics:
+        topics: dict[str, Callable[[Any], Any]] = {
+            "agents": inbox.take_agents,
+            "probability": inbox.take_map,
+            "step_report": inbox.take_report,
+        }
+        for topic, take in topics.items():
+            kind, qos = requested(topic, "ros_env")
             node.create_subscription(kind, topic, partial(self._on, topic, take), qos)
         self._reset: Client = node.create_client(Trigger, f"{node_name}/reset")
         self._set: Client = node.create_client(SetParameters, f"{node_name}/set_parameters")

@@ -50,7 +50,7 @@ from dsse_ros.report.replay import mission_views
 from dsse_ros.report.texts import summary
 from dsse_ros.runtime.exit_codes import BAD_INPUT, fail
 from dsse_ros.runtime.interrupts import Stop, on_signals
-from dsse_ros.runtime.qos import LATCHED
+from dsse_ros.runtime.qos import requested
 from dsse_ros.runtime.ros_arguments import OF_EVERY_NODE, pairs
 from dsse_ros.runtime.run_node import init_ros, leave_ros, spinning
 from dsse_ros.scenario.fields import specs
@@ -108,10 +108,14 @@ class Watcher(Node):
         self._pos_step = -1
         self._map_stamp = -1
         self._report_stamp = -1
-        topic = "belief" if belief else "probability"
-        self.create_subscription(Image, topic, self._on_map, LATCHED)
-        self.create_subscription(PointCloud2, "step_report", self._on_report, LATCHED)
-        self.create_subscription(Float64MultiArray, "probability_of_success", self._on_pos, LATCHED)
+        topics: dict[str, Callable[[Any], None]] = {
+            "belief" if belief else "probability": self._on_map,
+            "step_report": self._on_report,
+            "probability_of_success": self._on_pos,
+        }
+        for topic, take in topics.items():
+            kind, qos = requested(topic, "run_mission")
+            self.create_subscription(kind, topic, take, qos)
 
     @property
     def done(self) -> bool:

@@ -9,15 +9,13 @@ from collections import Counter
 from collections.abc import Callable, Sequence
 
 from builtin_interfaces.msg import Time
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
-from geometry_msgs.msg import PoseStamped
-from sensor_msgs.msg import BatteryState, NavSatFix
+from diagnostic_msgs.msg import DiagnosticStatus
 
 from dsse_ros.bridge.fleet_controller import shown_order
 from dsse_ros.bridge.health import health
 from dsse_ros.bridge.vehicle_follower import VehicleFollower
 from dsse_ros.flight.vehicle import Vehicle
-from dsse_ros.runtime.qos import LATCHED, RELIABLE, SENSOR, Endpoints
+from dsse_ros.runtime.qos import Endpoints
 from msg_adapters.battery import battery_state
 from msg_adapters.diagnostics import Level, diagnostic_array, diagnostic_status, status_name
 from msg_adapters.frames import GridFrame
@@ -39,15 +37,11 @@ class BridgePublishers:
     def __init__(self, endpoints: Endpoints, names: Sequence[str]) -> None:
         publisher = endpoints.publisher
         self._names = names
-        self._poses = [publisher(PoseStamped, f"{name}/vehicle_pose", RELIABLE) for name in names]
-        self._fixes = [publisher(NavSatFix, f"{name}/vehicle_fix", SENSOR) for name in names]
-        self._states = [
-            publisher(DiagnosticArray, f"{name}/vehicle_state", LATCHED) for name in names
-        ]
-        self._batteries = [
-            publisher(BatteryState, f"{name}/vehicle_battery", LATCHED) for name in names
-        ]
-        self._diagnostics = publisher(DiagnosticArray, "/diagnostics", RELIABLE)
+        self._poses = [publisher(f"{name}/vehicle_pose") for name in names]
+        self._fixes = [publisher(f"{name}/vehicle_fix") for name in names]
+        self._states = [publisher(f"{name}/vehicle_state") for name in names]
+        self._batteries = [publisher(f"{name}/vehicle_battery") for name in names]
+        self._diagnostics = publisher("/diagnostics")
         # For each vehicle, the last published state, and when; and when its position was received.
         self._last: dict[int, tuple[object, float]] = {}
         self._statuses: dict[int, DiagnosticStatus] = {}

@@ -13,18 +13,14 @@ from functools import partial
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
-from geometry_msgs.msg import PoseStamped
-from nav_msgs.msg import OccupancyGrid
 from rcl_interfaces.srv import SetParameters
 from rclpy.parameter import Parameter
 from rclpy.serialization import deserialize_message
 from rclpy.subscription import Subscription
-from sensor_msgs.msg import Image, PointCloud2
-from std_msgs.msg import Float64MultiArray, String
 from std_srvs.srv import SetBool, Trigger
 
 from dsse_ros.dashboard.commands import Command, ServiceCalls
-from dsse_ros.dashboard.history import LAYERS
+from dsse_ros.dashboard.history import EXACT_LAYERS, LAYERS
 from dsse_ros.dashboard.inbox import Inbox, Received
 from dsse_ros.dashboard.missions import MAX_MISSIONS
 from dsse_ros.dashboard.server import PageServer
@@ -38,9 +34,10 @@ from dsse_ros.nodes.operator_services import (
 )
 from dsse_ros.runtime.arrivals import Arrivals, Clocks
 from dsse_ros.runtime.polling import polling_node, spun_by_nobody, take_all
-from dsse_ros.runtime.qos import COMPLETE, LATCHED, RELIABLE, read_settings
+from dsse_ros.runtime.qos import read_settings, requested
 from dsse_ros.runtime.run_node import AlarmNode, run_node
 from msg_adapters.diagnostics import node_of_status
+from msg_adapters.topics import EACH_DRONE, subscribed_by
 
 _NICENESS = 10
 """Niceness of the process: on a busy machine, the nodes of the missions come first."""
@@ -59,28 +56,23 @@ publishers, until it is back."""
 _MAX_TOPICS = 2000
 """Limit of subscriptions for one simulation with its vehicles."""
 
-TOPICS = {
-    "agents": (String, LATCHED),
-    "step_report": (PointCloud2, COMPLETE),
-    "mission_report": (PointCloud2, LATCHED),
-    "probability_of_success": (Float64MultiArray, COMPLETE),
-    "probability_grid": (OccupancyGrid, LATCHED),
-    "belief_grid": (OccupancyGrid, LATCHED),
-}
-"""Topics of each simulation, relative to its namespace."""
-EXACT_TOPICS = {"probability": (Image, LATCHED), "belief": (Image, LATCHED)}
-"""Topics of the exact maps, which the page reads only if they are small."""
+_SUBSCRIBED = tuple(subscribed_by("dashboard"))
+TOPICS = tuple(name for name in _SUBSCRIBED if "/" not in name and name not in EXACT_LAYERS)
+"""Topics of each simulation, relative to its namespace; those of `EXACT_LAYERS` only if the maps
+are small."""
 _MAX_EXACT_BYTES = 10_500
 """Size of a display map, at one byte per cell, up to which the exact map is read too: on grids of
 at most 100 cells a side."""
-OF_VEHICLE = {"vehicle_state": (DiagnosticArray, LATCHED), "vehicle_pose": (PoseStamped, RELIABLE)}
+OF_VEHICLE = tuple(
+    name.removeprefix(EACH_DRONE) for name in _SUBSCRIBED if name.startswith(EACH_DRONE)
+)
 """Topics of each vehicle, relative to the name of its drone."""
 _EVERY_MESSAGE = ("agents", "step_report", "probability_of_success", "answer")
 """Topics whose every message the page needs, not only the last."""
 _COMMANDS = ("joint_action", "drone0/cmd_action_name")
 """Topics whose publishers are the planners of a simulation, relative to its namespace."""
 _REPORTS = re.compile(r"(?P<namespace>.*)/step_report")
-_VEHICLES = re.compile(r"(?P<namespace>.*)/(?P<topic>[^/]+/(?P<kind>vehicle_state|vehicle_pose))")
+_VEHICLES = re.compile(rf"(?P<namespace>.*)/(?P<topic>drone\d+/(?:{'|'.join(OF_VEHICLE)}))")
 _SERVICES: dict[str, tuple[str, Any, dict[str, bool]]] = {
     "pause": ("pause", SetBool, {"data": True}),
     "resume": ("pause", SetBool, {"data": False}),
@@ -150,7 +142,8 @@ class DashboardNode(AlarmNode):
         # Namespace, topic and type by the topic's whole name.
         self._topics: dict[str, tuple[str, str, Any]] = {}
         self._calls = ServiceCalls(self._client, self._request, self._on_answer, self._answer)
-        self.create_subscription(DiagnosticArray, "/diagnostics", self._on_diagnostics, RELIABLE)
+        kind, qos = requested("/diagnostics", self.program)
+        self.create_subscription(kind, "/diagnostics", self._on_diagnostics, qos)
         self.alarms.make(self._look).repeat(_LOOK_S)
         self.alarms.make(self._take).repeat(_TAKE_S)
         self.alarms.make(self._serve_commands).repeat(_COMMANDS_S)
@@ -185,12 +178,12 @@ class DashboardNode(AlarmNode):
                     continue
                 # A topic without a publisher exists because somebody else subscribes to it.
                 if len(shown.topics) < _MAX_TOPICS and self.count_publishers(name):
-                    self._subscribe(match["namespace"], match["topic"], *OF_VEHICLE[match["kind"]])
+                    self._subscribe(match["namespace"], match["topic"])
         for namespace, shown in self._shown.items():
             self._find_planners(namespace, shown)
-            for topic in EXACT_TOPICS if shown.exact else ():
+            for topic in EXACT_LAYERS if shown.exact else ():
                 if topic not in shown.topics and self.count_publishers(f"{namespace}/{topic}"):
-                    self._subscribe(namespace, topic, *EXACT_TOPICS[topic])
+                    self._subscribe(namespace, topic)
         self._unsubscribe()
 
     def _find_planners(self, namespace: str, shown: Shown) -> None:
@@ -212,7 +205,7 @@ class DashboardNode(AlarmNode):
         """Unsubscribe from what is gone, from simulations after a while, and from large maps."""
         for namespace, shown in list(self._shown.items()):
             for topic in [name for name in shown.topics if name not in TOPICS]:
-                large = topic in EXACT_TOPICS and not shown.exact
+                large = topic in EXACT_LAYERS and not shown.exact
                 if large or not self.count_publishers(f"{namespace}/{topic}"):
                     self._listener.destroy_subscription(shown.topics.pop(topic))
             silent_s = time.monotonic() - shown.heard_s
@@ -239,8 +232,8 @@ class DashboardNode(AlarmNode):
                 return None
             self._shown[namespace] = Shown()
             self.get_logger().info(f"showing the mission in {namespace or '/'}")
-            for topic, (kind, qos) in TOPICS.items():
-                self._subscribe(namespace, topic, kind, qos)
+            for topic in TOPICS:
+                self._subscribe(namespace, topic)
         return self._shown[namespace]
 
     def _join(self, namespace: str) -> None:
@@ -275,7 +268,8 @@ class DashboardNode(AlarmNode):
             shown.drones = drones
             self._put(namespace, "bridge", drones)
 
-    def _subscribe(self, namespace: str, topic: str, kind: Any, qos: Any) -> None:
+    def _subscribe(self, namespace: str, topic: str) -> None:
+        kind, qos = requested(topic, self.program)
         self._shown[namespace].topics[topic] = self._listener.create_subscription(
             kind, f"{namespace}/{topic}", spun_by_nobody, qos, raw=True
         )
@@ -290,7 +284,7 @@ class DashboardNode(AlarmNode):
                 self._topics[subscription.topic_name] = namespace, topic, subscription.msg_type
                 if taken and topic in LAYERS:
                     shown.exact = len(taken[-1].data) <= _MAX_EXACT_BYTES
-                if taken and (topic in TOPICS or topic in EXACT_TOPICS):
+                if taken and (topic in TOPICS or topic in EXACT_LAYERS):
                     shown.heard_s = time.monotonic()
                 elif taken:
                     shown.bridge_heard_s = time.monotonic()

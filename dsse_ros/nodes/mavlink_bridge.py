@@ -21,7 +21,7 @@ from dsse_ros.flight.autopilots import AUTOPILOTS
 from dsse_ros.flight.vehicle import Fleet, Vehicle, VehicleSettings
 from dsse_ros.nodes import bridge_services
 from dsse_ros.nodes.bridge_publishers import BridgePublishers
-from dsse_ros.runtime.qos import COMPLETE, LATCHED, read_settings
+from dsse_ros.runtime.qos import read_settings
 from dsse_ros.runtime.run_node import AlarmNode, run_node
 from dsse_ros.search import FieldError
 from msg_adapters.agents import agents_from_message
@@ -60,11 +60,11 @@ class BridgeNode(AlarmNode):
         names = self.controller.names
         self.publishers_ = BridgePublishers(endpoints, names)
         self._agents, *_ = [
-            endpoints.subscription(kind, topic, read, kept)
-            for kind, topic, read, kept in (
-                (String, "agents", self._on_agents, LATCHED),
-                (PointCloud2, "step_report", self._on_report, COMPLETE),
-                (PointCloud2, "mission_report", self._on_mission_report, LATCHED),
+            endpoints.subscription(topic, read)
+            for topic, read in (
+                ("agents", self._on_agents),
+                ("step_report", self._on_report),
+                ("mission_report", self._on_mission_report),
             )
         ]
         endpoints.check_all_used()

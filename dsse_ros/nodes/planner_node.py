@@ -12,10 +12,9 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from diagnostic_msgs.msg import DiagnosticArray
 from numpy.typing import NDArray
 from rclpy.clock import Clock
-from sensor_msgs.msg import Image, PointCloud2
+from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Int32MultiArray, String
 
 from dsse_ros.nodes.settings import PlannerSettings
@@ -27,7 +26,7 @@ from dsse_ros.planners import (
     planner_with,
     read_options,
 )
-from dsse_ros.runtime.qos import COMMANDS, LATCHED, RELIABLE, read_settings
+from dsse_ros.runtime.qos import read_settings
 from dsse_ros.runtime.run_node import AlarmNode, run_node
 from dsse_ros.search import HOLD, FieldError
 from dsse_ros.search.compiler import announced
@@ -81,16 +80,16 @@ class PlannerNode(AlarmNode):
         self._waits_for = ""
         # Whether it has decided without the compiler, which the second step may need again.
         self._ready = self._says_compiling = self._compiled = False
-        self._publisher = endpoints.publisher(Int32MultiArray, "joint_action", COMMANDS)
+        self._publisher = endpoints.publisher("joint_action")
         self._inputs = [
-            endpoints.subscription(kind, topic, partial(self._on, read), LATCHED)
-            for kind, topic, read in (
-                (String, "agents", self._on_agents),
-                (Image, "probability", self._inbox.take_map),
-                (PointCloud2, "step_report", self._on_report),
+            endpoints.subscription(topic, partial(self._on, read))
+            for topic, read in (
+                ("agents", self._on_agents),
+                ("probability", self._inbox.take_map),
+                ("step_report", self._on_report),
             )
         ]
-        self._diagnostics = endpoints.publisher(DiagnosticArray, "/diagnostics", RELIABLE)
+        self._diagnostics = endpoints.publisher("/diagnostics")
         endpoints.check_all_used()
         # A lost command would stop a lockstep mission forever.
         self._resend_alarm = self.alarms.make(self._send)

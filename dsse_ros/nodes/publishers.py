@@ -8,27 +8,24 @@ from collections.abc import Iterable, Mapping
 from typing import Any
 
 from builtin_interfaces.msg import Time
-from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PoseArray, PoseStamped
-from nav_msgs.msg import OccupancyGrid, Odometry, Path
+from nav_msgs.msg import Odometry, Path
 from rclpy.publisher import Publisher
-from rclpy.qos import QoSProfile
 from rosgraph_msgs.msg import Clock
-from sensor_msgs.msg import BatteryState, Image, NavSatFix, PointCloud2
-from std_msgs.msg import Float64MultiArray, String
-from visualization_msgs.msg import MarkerArray
+from sensor_msgs.msg import NavSatFix, PointCloud2
 
 from dsse_ros.mission.mission import Mission, StepResult
 from dsse_ros.mission.step_messages import battery_of, markers_of
 from dsse_ros.mission.step_reports import step_report_of
 from dsse_ros.mission.step_scheduler import Timing
-from dsse_ros.runtime.qos import COMPLETE, LATCHED, RELIABLE, SENSOR, Endpoints
-from dsse_ros.search import SearchDefinition
+from dsse_ros.runtime.qos import Endpoints
+from dsse_ros.search import FieldError, SearchDefinition
 from msg_adapters.agents import AgentsInfo, agents_message, area_rows
 from msg_adapters.diagnostics import Level, diagnostic_array, diagnostic_status, status_name
 from msg_adapters.frames import GridFrame
 from msg_adapters.geodesy import cell_fix
 from msg_adapters.images import probability_image
+from msg_adapters.message_types import message_class
 from msg_adapters.mission_report import make_mission_report, mission_report_message
 from msg_adapters.occupancy import occupancy_grid
 from msg_adapters.particles import particles_message
@@ -45,15 +42,15 @@ from msg_adapters.poses import (
 )
 from msg_adapters.stamps import to_stamp
 from msg_adapters.step_report import step_report_message
+from msg_adapters.topics import TOPICS
 
 
 def tf_type() -> Any:
     """Return tf2_msgs/TFMessage, or None if tf2_msgs is not installed."""
     try:
-        from tf2_msgs.msg import TFMessage
-    except ImportError:
+        return message_class(TOPICS["/tf"].type_name)
+    except FieldError:
         return None
-    return TFMessage
 
 
 class MissionPublishers:
@@ -87,33 +84,33 @@ class MissionPublishers:
         self._names = mission.env.possible_agents
         self._frames = [frame.of_drone(i) for i in range(len(self._names))]
         self._publisher = endpoints.publisher
-        self._grid = self._publisher(OccupancyGrid, "probability_grid", LATCHED)
-        self._image = self._publisher(Image, "probability", LATCHED)
+        self._grid = self._publisher("probability_grid")
+        self._image = self._publisher("probability")
         self._belief_grid = self._belief_image = None
         if publish_belief:
-            self._belief_grid = self._publisher(OccupancyGrid, "belief_grid", LATCHED)
-            self._belief_image = self._publisher(Image, "belief", LATCHED)
+            self._belief_grid = self._publisher("belief_grid")
+            self._belief_image = self._publisher("belief")
         self._particles = None
         if publish_belief and mission.env.world.ensemble is not None:
-            self._particles = self._publisher(PointCloud2, "particles", LATCHED)
-        self._drones = self._publisher(PoseArray, "drones", LATCHED)
-        self._report = self._publisher(PointCloud2, "step_report", COMPLETE)
-        self._mission_report = self._publisher(PointCloud2, "mission_report", LATCHED)
-        self._pos = self._publisher(Float64MultiArray, "probability_of_success", COMPLETE)
-        self._agents = self._publisher(String, "agents", LATCHED)
-        self._markers = self._publisher(MarkerArray, "markers", LATCHED)
-        self._clock = self._publisher(Clock, "/clock", RELIABLE) if publish_clock else None
-        self._diagnostics = self._publisher(DiagnosticArray, "/diagnostics", RELIABLE)
-        self._poses = self._per_drone(PoseStamped, "pose", LATCHED)
-        self._odoms = self._per_drone(Odometry, "odom", RELIABLE)
-        self._fixes = self._per_drone(NavSatFix, "fix", SENSOR)
-        self._paths = self._per_drone(Path, "path", LATCHED)
+            self._particles = self._publisher("particles")
+        self._drones = self._publisher("drones")
+        self._report = self._publisher("step_report")
+        self._mission_report = self._publisher("mission_report")
+        self._pos = self._publisher("probability_of_success")
+        self._agents = self._publisher("agents")
+        self._markers = self._publisher("markers")
+        self._clock = self._publisher("/clock") if publish_clock else None
+        self._diagnostics = self._publisher("/diagnostics")
+        self._poses = self._per_drone("pose")
+        self._odoms = self._per_drone("odom")
+        self._fixes = self._per_drone("fix")
+        self._paths = self._per_drone("path")
         faults, self._batteries = mission.env.world.faults, []
         if faults is not None and faults.has_battery:
-            self._batteries = self._per_drone(BatteryState, "battery", LATCHED)
+            self._batteries = self._per_drone("battery")
         self._tf_type = tf_type()
-        self._tf = self._tf_type and self._publisher(self._tf_type, "/tf", RELIABLE)
-        self._tf_static = self._tf_type and self._publisher(self._tf_type, "/tf_static", LATCHED)
+        self._tf = self._tf_type and self._publisher("/tf")
+        self._tf_static = self._tf_type and self._publisher("/tf_static")
         # The last messages of the topics that are not latched, for late joiners.
         self._of_time: dict[Publisher, Any] = {}
         self._before = self._cells = mission.result.cells
@@ -128,8 +125,8 @@ class MissionPublishers:
         self._report_of_step = PointCloud2()
         self._particles_of_step = PointCloud2()
 
-    def _per_drone(self, kind: Any, topic: str, qos: QoSProfile) -> list[Publisher]:
-        return [self._publisher(kind, f"{name}/{topic}", qos) for name in self._names]
+    def _per_drone(self, topic: str) -> list[Publisher]:
+        return [self._publisher(f"{name}/{topic}") for name in self._names]
 
     def publish_agents(self, timing: Timing) -> None:
         """Publish the agents, their rules and grid, and whether they have been commanded."""

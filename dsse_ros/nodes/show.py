@@ -18,7 +18,7 @@ from std_msgs.msg import String
 from dsse_ros.mission.report_table import ReportTable
 from dsse_ros.nodes.settings import ShowSettings
 from dsse_ros.runtime.exit_codes import FAILED
-from dsse_ros.runtime.qos import COMPLETE, LATCHED, read_settings
+from dsse_ros.runtime.qos import COMPLETE, read_settings
 from dsse_ros.runtime.run_node import AlarmNode, run_node
 from msg_adapters.agents import AgentsInfo, agents_from_message
 from msg_adapters.step_report import step_report_from_message
@@ -54,11 +54,8 @@ class ShowNode(AlarmNode):
         self._printed = False
         self._waits_for = ""
         self._topics = [
-            endpoints.subscription(kind, topic, take, qos).topic_name
-            for kind, topic, take, qos in (
-                (String, "agents", self._on_agents, LATCHED),
-                (PointCloud2, "step_report", self._on_report, COMPLETE),
-            )
+            endpoints.subscription(topic, take).topic_name
+            for topic, take in (("agents", self._on_agents), ("step_report", self._on_report))
         ]
         endpoints.check_all_used()
         self.alarms.make(self._log_waiting).repeat(_WAIT_S)

@@ -18,7 +18,6 @@ from rcl_interfaces.msg import SetParametersResult
 from rclpy.clock import Clock
 from rclpy.duration import Duration
 from rclpy.parameter import Parameter
-from std_msgs.msg import Int32MultiArray, String
 
 from dsse_ros.mission import status
 from dsse_ros.mission.awaited_vehicles import AwaitedVehicles
@@ -42,7 +41,7 @@ from dsse_ros.nodes.sim_parameters import (
 )
 from dsse_ros.nodes.waiting_log import JOINT_ACTION, WaitingLog
 from dsse_ros.runtime.parameters import check_changes, check_flat
-from dsse_ros.runtime.qos import COMMANDS, RELIABLE, Endpoints
+from dsse_ros.runtime.qos import Endpoints
 from dsse_ros.runtime.run_node import AlarmNode, run_node
 from msg_adapters.result import Rejected
 from msg_adapters.stamps import to_nanoseconds, to_stamp
@@ -147,21 +146,16 @@ class SimNode(AlarmNode):
     # Wiring
 
     def _subscribe(self, endpoints: Endpoints) -> None:
-        def subscribe(kind: Any, topic: str, callback: Callable[[Any], None]) -> None:
-            endpoints.subscription(kind, topic, callback, RELIABLE)
-
-        def command(kind: Any, topic: str, take: Callable[[Any], bool]) -> None:
-            self._waiting_log.topics.append(topic)
-            endpoints.subscription(kind, topic, partial(self._on_command, take), COMMANDS)
-
-        commands = self._commands
-        command(Int32MultiArray, JOINT_ACTION, commands.joint_action)
+        commands: dict[str, Callable[[Any], bool]] = {JOINT_ACTION: self._commands.joint_action}
         for i, name in enumerate(self.mission.env.possible_agents):
-            command(String, f"{name}/cmd_action_name", partial(commands.action_name, i))
-            command(PoseStamped, f"{name}/command_pose", partial(commands.goal, i))
+            commands[f"{name}/cmd_action_name"] = partial(self._commands.action_name, i)
+            commands[f"{name}/command_pose"] = partial(self._commands.goal, i)
             if self.settings.wait_for_vehicles:
-                subscribe(PoseStamped, f"{name}/vehicle_pose", partial(self._on_vehicle, i))
-                subscribe(DiagnosticArray, f"{name}/vehicle_state", partial(self._on_state, i))
+                endpoints.subscription(f"{name}/vehicle_pose", partial(self._on_vehicle, i))
+                endpoints.subscription(f"{name}/vehicle_state", partial(self._on_state, i))
+        for topic, take in commands.items():
+            endpoints.subscription(topic, partial(self._on_command, take))
+        self._waiting_log.topics = list(commands)
 
     # Mission
 

@@ -6,7 +6,6 @@ from __future__ import annotations
 
 import contextlib
 import os
-import re
 import zlib
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -26,8 +25,9 @@ from mcap.writer import MCAP0_MAGIC, CompressionType, Writer
 from rclpy.serialization import deserialize_message
 
 from dsse_ros.recording.offered_qos import KEY
-from dsse_ros.recording.schemas import definition, message_class
+from dsse_ros.recording.schemas import definition
 from dsse_ros.search import FieldError
+from msg_adapters.message_types import message_class
 
 _OF_A_MISSION = ("agents", "step_report", "mission_report")
 """Last parts of the names of topics, one of which is in each bag of a mission."""
@@ -71,11 +71,6 @@ class Recorded:
             # The classes of rclpy's errors are not public.
             reason = " ".join(str(error).split())
             raise FieldError(f"{self.topic}: no {self.type_name}: {reason}") from None
-
-
-def of_drones(topic: str) -> str:
-    """Return the common name of a topic of all drones."""
-    return re.sub(r"\bdrone\d+/", "drone<i>/", topic)
 
 
 class BagWriter:

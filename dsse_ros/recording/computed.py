@@ -24,38 +24,6 @@ from msg_adapters.particles import particles_message
 from msg_adapters.pos import pos_message
 from msg_adapters.poses import nav_sat_fix, path, pose_array, pose_stamped
 
-OF_BELIEF = {
-    "belief": "sensor_msgs/msg/Image",
-    "belief_grid": "nav_msgs/msg/OccupancyGrid",
-    "particles": "sensor_msgs/msg/PointCloud2",
-    "probability_of_success": "std_msgs/msg/Float64MultiArray",
-}
-"""Topics that need a belief, with their types."""
-OF_MISSION = {
-    **OF_BELIEF,
-    "probability": "sensor_msgs/msg/Image",
-    "probability_grid": "nav_msgs/msg/OccupancyGrid",
-    "mission_report": "sensor_msgs/msg/PointCloud2",
-    "drones": "geometry_msgs/msg/PoseArray",
-    "markers": "visualization_msgs/msg/MarkerArray",
-}
-"""Topics whose messages are computed."""
-OF_DRONE = {
-    "pose": "geometry_msgs/msg/PoseStamped",
-    "fix": "sensor_msgs/msg/NavSatFix",
-    "path": "nav_msgs/msg/Path",
-    "battery": "sensor_msgs/msg/BatteryState",
-}
-"""Those of each drone."""
-AFTER_REPORT = ("markers", "mission_report", "path")
-"""Last parts of the names of topics that are published after the report of their step."""
-BETWEEN_STEPS = ("belief_grid", "markers", "path", "probability_grid")
-"""Those of topics that are also published between two steps, in wall time with a stamp of then."""
-
-
-NOT_EACH_STEP = ("mission_report", *BETWEEN_STEPS)
-"""Those of topics that may have fewer messages than there are steps."""
-
 
 def computed(
     topic: str, mission: Mission, frame: GridFrame, run_id: int, stamp: Time
@@ -63,7 +31,7 @@ def computed(
     """Yield the messages that the last step may have on a topic; none if this is not known.
 
     Args:
-        topic: One of `OF_MISSION`, or `drone<i>/` with one of `OF_DRONE`.
+        topic: One that `replay` compares.
         mission: The mission.
         frame: Frame of its grid.
         run_id: Identity of the simulation.

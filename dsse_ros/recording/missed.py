@@ -7,7 +7,7 @@ from __future__ import annotations
 from collections import Counter
 
 from dsse_ros.mission.status import counted
-from dsse_ros.recording.bag import of_drones
+from msg_adapters.topics import of_drones
 
 _SHOWN = 6
 """Topics that are named."""

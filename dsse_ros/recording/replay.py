@@ -23,36 +23,20 @@ from sensor_msgs.msg import PointCloud2
 
 from dsse_ros.mission.mission import Mission
 from dsse_ros.mission.step_reports import step_report_of
-from dsse_ros.recording.bag import Recorded, of_drones
-from dsse_ros.recording.computed import (
-    AFTER_REPORT,
-    BETWEEN_STEPS,
-    NOT_EACH_STEP,
-    OF_BELIEF,
-    OF_DRONE,
-    OF_MISSION,
-    computed,
-    digest,
-)
+from dsse_ros.recording.bag import Recorded
+from dsse_ros.recording.computed import computed, digest
 from dsse_ros.scenario.limits import LARGEST_GRID_CELLS, check_cells
 from dsse_ros.search import HOLD, FieldError, SearchEnv
 from msg_adapters.agents import AgentsInfo, agents_from_message
 from msg_adapters.stamps import to_nanoseconds
 from msg_adapters.step_report import step_report_from_message, step_report_message
+from msg_adapters.topics import EACH_DRONE, TOPICS, Reading, of_drones, replayed, topic_of
 
 _FIRST = ("action", "held", "col", "row")
 """Fields of a drone that are compared first: the others follow from them."""
 _ANOTHER = ": the message differs in the replay"
-_TYPES = {
-    "agents": "std_msgs/msg/String",
-    "step_report": "sensor_msgs/msg/PointCloud2",
-    **OF_MISSION,
-    **OF_DRONE,
-}
-_TOPIC = re.compile(
-    rf"(?P<namespace>.*/)(?P<name>agents|step_report|{'|'.join(OF_MISSION)}"
-    rf"|drone\d+/({'|'.join(OF_DRONE)}))"
-)
+_NAMES = "|".join(replayed("followed", "compared")).replace(EACH_DRONE, r"drone\d+/")
+_TOPIC = re.compile(rf"(?P<namespace>.*/)(?P<name>{_NAMES})")
 
 
 @dataclass
@@ -90,7 +74,7 @@ class ReplayedMission:
         expected = {
             name: (self.steps + 1) * (self.drones if name.startswith("drone<i>/") else 1)
             for name in self.compared
-            if name.rpartition("/")[2] not in NOT_EACH_STEP
+            if not {"once", "between steps"} & {*TOPICS[name].replay}
         }
         return {
             name: (self.compared[name], count)
@@ -108,10 +92,9 @@ class _Other:
     key: Any
     digest: bytes
 
-    @property
-    def last_part(self) -> str:
-        """Its topic without namespace and drone."""
-        return self.name.rpartition("/")[2]
+    def may(self, how: Reading) -> bool:
+        """Return whether the messages of its topic are published in this way."""
+        return how in topic_of(self.name).replay
 
 
 @dataclass(frozen=True)
@@ -165,7 +148,7 @@ class _Recording:
             for key in report.keys:
                 of_key[key].append(report)
         for other in sorted(self.others, key=lambda other: other.time_ns):
-            after = other.last_part in AFTER_REPORT
+            after = other.may("after report")
             following = bisect_right(times, other.time_ns)
             before, behind = self.reports[:following][-1:], self.reports[following:][:1]
             if same := of_key.get(other.key):
@@ -200,7 +183,7 @@ class Replay:
     def missions(self) -> Iterator[ReplayedMission]:
         """Replay all missions, and yield each when it is done."""
         for namespace, recording in sorted(self._recordings.items()):
-            belief = any(other.name in OF_BELIEF for other in recording.others)
+            belief = any(other.may("belief") for other in recording.others)
             flight: _Flight | None = None
             for search, reports in recording.missions().items():
                 outcome = ReplayedMission(namespace, *search)
@@ -235,7 +218,7 @@ def _collect(messages: Iterable[Recorded], counts: Counter[str]) -> dict[str, _R
         seen.add(identity)
         counts[of_drones(one.topic)] += 1
         match = _TOPIC.fullmatch(one.topic)
-        if match is None or one.type_name != _TYPES[match["name"].rpartition("/")[2]]:
+        if match is None or one.type_name != topic_of(match["name"]).type_name:
             continue
         name, recording = match["name"], recordings[match["namespace"]]
         try:
@@ -356,7 +339,7 @@ class _Flight:
             if other.key not in report.keys and (
                 # The bag was cut off before the report of the next step.
                 (other.time_ns > report.time_ns and other.key in later)
-                or (not self._mission_time and other.last_part in BETWEEN_STEPS)
+                or (not self._mission_time and other.may("between steps"))
             ):
                 continue
             stamp = report.message.header.stamp

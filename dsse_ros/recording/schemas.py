@@ -1,6 +1,6 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""Message types by their names in ROS: their classes, and their definitions as text."""
+"""Definitions of message types as text, by their names in ROS."""
 
 from __future__ import annotations
 
@@ -9,32 +9,16 @@ import os
 import re
 from functools import cache
 from pathlib import Path
-from typing import Any
 
-from dsse_ros.search import FieldError
+from msg_adapters.message_types import not_installed, parts_of
 
 _SEPARATOR = "=" * 80
-_NAME = re.compile(r"(\w+)/msg/(\w+)")
 # A field's type, without what makes an array or a bounded text of it.
 _FIELD = re.compile(r"^[ \t]*([A-Za-z]\w*(?:/\w+)*)", re.MULTILINE)
 _PRIMITIVES = frozenset(
     {"bool", "byte", "char", "string", "wstring", "float32", "float64"}
     | {f"{sign}int{bits}" for sign in ("", "u") for bits in (8, 16, 32, 64)}
 )
-
-
-@cache
-def message_class(type_name: str) -> Any:
-    """Return the class of a message type, such as `std_msgs/msg/String`.
-
-    Raises:
-        FieldError: If the type is not installed.
-    """
-    package, name = _parts(type_name)
-    try:
-        return getattr(importlib.import_module(f"{package}.msg"), name)
-    except (ImportError, AttributeError):
-        raise _not_installed(type_name) from None
 
 
 @cache
@@ -57,21 +41,14 @@ def definition(type_name: str) -> str:
     own, *others = found.items()
     parts = [own[1]]
     for name, text in others:
-        package, kind = _parts(name)
+        package, kind = parts_of(name)
         parts.append(f"{_SEPARATOR}\nMSG: {package}/{kind}\n{text}")
     return "\n".join(parts)
 
 
-def _parts(type_name: str) -> tuple[str, str]:
-    match = _NAME.fullmatch(type_name)
-    if match is None:
-        raise FieldError(f"type must be package/msg/Name, got {type_name!r}")
-    return match[1], match[2]
-
-
 def _needed(type_name: str, text: str) -> list[str]:
     """Return the message types of the fields in a definition."""
-    package, _ = _parts(type_name)
+    package, _ = parts_of(type_name)
     names = []
     for field in _FIELD.findall(text):
         if field not in _PRIMITIVES:
@@ -82,12 +59,12 @@ def _needed(type_name: str, text: str) -> list[str]:
 
 @cache
 def _text(type_name: str) -> str:
-    package, name = _parts(type_name)
+    package, name = parts_of(type_name)
     for prefix in _prefixes(package):
         path = prefix / "share" / package / "msg" / f"{name}.msg"
         if path.is_file():
             return path.read_text(encoding="utf-8").rstrip("\n") + "\n"
-    raise _not_installed(type_name)
+    raise not_installed(type_name)
 
 
 def _prefixes(package: str) -> list[Path]:
@@ -100,7 +77,3 @@ def _prefixes(package: str) -> list[Path]:
     above = Path(module.__file__ or "").resolve().parents[4:5]
     ament = os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep)
     return [*above, *(Path(prefix) for prefix in ament if prefix)]
-
-
-def _not_installed(type_name: str) -> FieldError:
-    return FieldError(f"type must be installed, got {type_name!r}; source the ROS 2 that has it")

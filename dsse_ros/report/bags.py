@@ -22,6 +22,7 @@ from msg_adapters.images import image_to_probability
 from msg_adapters.mission_report import mission_report_from_message
 from msg_adapters.stamps import to_nanoseconds
 from msg_adapters.step_report import step_report_from_message
+from msg_adapters.topics import TOPICS
 
 _BELIEF = "belief"
 _READ: dict[str, Callable[[Any], Any]] = {
@@ -30,13 +31,6 @@ _READ: dict[str, Callable[[Any], Any]] = {
     "mission_report": mission_report_from_message,
 }
 """Topics, and the readers of their messages."""
-_TYPES = {
-    "agents": "std_msgs/msg/String",
-    "step_report": "sensor_msgs/msg/PointCloud2",
-    "mission_report": "sensor_msgs/msg/PointCloud2",
-    _BELIEF: "sensor_msgs/msg/Image",
-}
-"""Their types, and that of the belief; a topic with another type belongs to other software."""
 
 Key = tuple[int, int]
 """Run and mission."""
@@ -105,7 +99,8 @@ class MissionBag:
         """Yield namespace, name and message of topics."""
         for one in read_bag(self._path):
             place, _, name = one.topic.rpartition("/")
-            if name in names and one.type_name == _TYPES[name]:
+            # A topic with another type belongs to other software.
+            if name in names and one.type_name == TOPICS[name].type_name:
                 yield place, name, one
 
     def _content(self, one: Recorded, read: Callable[[Any], Any]) -> Any:

@@ -20,6 +20,8 @@ from rclpy.subscription import Subscription
 from dsse_ros.runtime.parameters import QOS_PREFIX, declare
 from dsse_ros.runtime.run_node import AlarmNode
 from dsse_ros.scenario.fields import FieldError, Spec, check_known, specs
+from msg_adapters.message_types import message_class
+from msg_adapters.topics import Qos, topic_of
 
 T = TypeVar("T")
 
@@ -44,6 +46,15 @@ one before, and must not take the commands to that one."""
 SENSOR = qos_profile_sensor_data
 """Fixes: fresh rather than complete."""
 
+PROFILES: dict[Qos, QoSProfile] = {
+    "latched": LATCHED,
+    "complete": COMPLETE,
+    "reliable": RELIABLE,
+    "command": COMMANDS,
+    "sensor": SENSOR,
+}
+"""The profiles by their names in the table of topics."""
+
 _POLICIES: dict[str, tuple[Spec, Callable[[Any], Any]]] = {
     "history": (
         Spec("str", "Which messages are kept.", choices=("keep_last", "keep_all")),
@@ -63,8 +74,36 @@ _POLICIES: dict[str, tuple[Spec, Callable[[Any], Any]]] = {
 }
 
 
+def offered(topic: str, program: str) -> tuple[Any, QoSProfile]:
+    """Return the message class and the QoS with which a program publishes a topic.
+
+    Raises:
+        ValueError: If it is not one of the topic's publishers.
+        FieldError: If the type is not installed.
+    """
+    row = topic_of(topic)
+    if program not in row.publishers:
+        raise ValueError(f"{program} must be one of the publishers of {topic}: {row.publishers}")
+    return message_class(row.type_name), PROFILES[row.qos]
+
+
+def requested(topic: str, program: str) -> tuple[Any, QoSProfile]:
+    """Return the message class and the QoS with which a program subscribes to a topic.
+
+    Raises:
+        ValueError: If it is not one of the topic's subscribers.
+        FieldError: If the type is not installed.
+    """
+    row = topic_of(topic)
+    if program not in row.subscribers:
+        raise ValueError(f"{program} must be one of the subscribers of {topic}: {row.subscribers}")
+    return message_class(row.type_name), PROFILES[row.subscriber_qos.get(program, row.qos)]
+
+
 class Endpoints:
-    """Makes the publishers and subscriptions of a node, with the QoS from its parameters.
+    """Makes the publishers and subscriptions of a node as the table of topics has them.
+
+    Parameters change their QoS.
 
     The parameters have the usual names of ROS 2,
     `qos_overrides.<resolved topic>.<publisher or subscription>.<policy>`, with the policies
@@ -80,22 +119,22 @@ class Endpoints:
         self._node = node
         self._given = dict(given)
 
-    def publisher(self, kind: Any, topic: str, qos: QoSProfile) -> Publisher:
-        """Return a publisher.
+    def publisher(self, topic: str) -> Publisher:
+        """Return a publisher of a topic, such as `agents` or `drone3/pose`.
 
         Raises:
-            FieldError: If an override of its QoS is not allowed.
+            FieldError: If its type is not installed, or an override of its QoS is not allowed.
         """
+        kind, qos = offered(topic, self._node.program)
         return self._node.create_publisher(kind, topic, self._profile("publisher", topic, qos))
 
-    def subscription(
-        self, kind: Any, topic: str, callback: Callable[[Any], None], qos: QoSProfile
-    ) -> Subscription:
+    def subscription(self, topic: str, callback: Callable[[Any], None]) -> Subscription:
         """Return a subscription; the node logs what its callback raises.
 
         Raises:
-            FieldError: If an override of its QoS is not allowed.
+            FieldError: If its type is not installed, or an override of its QoS is not allowed.
         """
+        kind, qos = requested(topic, self._node.program)
         return self._node.create_subscription(
             kind,
             topic,

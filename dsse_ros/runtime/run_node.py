@@ -87,6 +87,7 @@ class AlarmNode(Node):
         options: Further arguments of `Node`.
 
     Attributes:
+        program: Name of the node if it is not remapped.
         alarms: Alarms, in seconds of wall time.
         finished: Whether the node has done its work, so that its process ends.
         typed_names: Parameters given with -p, not in a file that other nodes may read too.
@@ -97,6 +98,7 @@ class AlarmNode(Node):
     def __init__(self, name: str, **options: Any) -> None:
         super().__init__(name, automatically_declare_parameters_from_overrides=True, **options)
         _nodes.add(self)
+        self.program = name
         self.typed_names = typed_names(_ros_arguments)
         self.alarms = Alarms(time.monotonic)
         self._warned: dict[str, float] = {}

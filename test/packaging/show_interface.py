@@ -15,13 +15,15 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
-from dsse_ros.nodes.dashboard import EXACT_TOPICS, OF_VEHICLE, TOPICS, DashboardNode
+from dsse_ros.dashboard.history import EXACT_LAYERS
+from dsse_ros.nodes.dashboard import OF_VEHICLE, TOPICS, DashboardNode
 from dsse_ros.nodes.foxglove_viewer import ViewerNode
 from dsse_ros.nodes.mavlink_bridge import BridgeNode
 from dsse_ros.nodes.planner_node import PlannerNode
 from dsse_ros.nodes.recorder import RecorderNode
 from dsse_ros.nodes.show import ShowNode
 from dsse_ros.nodes.sim_node import SimNode
+from dsse_ros.runtime.qos import requested
 
 
 def name_of(node: Node, full: str) -> str:
@@ -112,9 +114,8 @@ if __name__ == "__main__":
         "dashboard": started(DashboardNode, "-p", "allowed_hosts:=['name.example']"),
     }
     # Which it subscribes to once there is a simulation.
-    vehicles = {f"drone<i>/{topic}": one for topic, one in OF_VEHICLE.items()}
-    nodes["dashboard"]["subscribed"] |= {
-        topic: (type_of(kind), quality(qos))
-        for topic, (kind, qos) in (TOPICS | EXACT_TOPICS | vehicles).items()
-    }
+    found = (*TOPICS, *EXACT_LAYERS, *(f"drone<i>/{topic}" for topic in OF_VEHICLE))
+    for topic in found:
+        kind, qos = requested(topic, "dashboard")
+        nodes["dashboard"]["subscribed"][topic] = (type_of(kind), quality(qos))
     print(json.dumps(nodes))

@@ -4,15 +4,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from pathlib import Path
 from xml.etree import ElementTree
 
+from msg_adapters.topics import EACH_DRONE, TOPICS
+
 POLICY = Path(__file__).resolve().parents[2] / "config" / "sros2_policy.xml"
 EVERYTHING = {"/*"}
-COMMANDS = {
-    "joint_action",
-    *(f"drone*/{name}" for name in ("cmd_action_name", "command_pose")),
-}
 WITH_TF2_MSGS = {"/tf", "/tf_static"}
 WITH_SIMULATION_INTERFACES = {
     f"~/{name}"
@@ -44,6 +43,9 @@ def policy() -> dict[str, Rights]:
     return rights
 
 
-def as_expressions(names: set[str]) -> set[str]:
+def as_expressions(names: Iterable[str]) -> set[str]:
     """Names of topics and services as the policy has them, with each drone's in one."""
-    return {name.replace("drone<i>/", "drone*/") for name in names}
+    return {name.replace(EACH_DRONE, "drone*/") for name in names}
+
+
+COMMANDS = as_expressions(name for name, topic in TOPICS.items() if topic.qos == "command")

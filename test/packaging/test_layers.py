@@ -193,7 +193,10 @@ LAYERS: dict[str, tuple[set[str], set[str]]] = {
         },
         {"ros", "messages", "mavlink"},
     ),
-    "dsse_ros.runtime": (WORLD | {"dsse_ros.runtime", "dsse_ros.defects"}, {"mavlink"}),
+    "dsse_ros.runtime": (
+        WORLD | {"dsse_ros.runtime", "dsse_ros.defects", "msg_adapters"},
+        {"mavlink"},
+    ),
     "dsse_ros.nodes": (
         WORLD
         | {

@@ -10,12 +10,13 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from sros2_policy import COMMANDS, EVERYTHING, policy
+from sros2_policy import COMMANDS, EVERYTHING, WITH_SIM_TIME, as_expressions, policy
 from tree import by_name, files
 
 from dsse_ros.mission.command_intake import NAVIGATE_TO_POSE
 from dsse_ros.nodes.dashboard import _SERVICES
 from dsse_ros.nodes.operator_services import OPERATOR_SERVICES
+from msg_adapters.topics import published_by, subscribed_by
 
 ROOT = Path(__file__).resolve().parents[2]
 OURS = ("dsse_ros/", "msg_adapters/", "launch/", "scripts/", "examples/", "docs/")
@@ -27,6 +28,15 @@ SECRETS = {"token", "cookie", "key", "given"}
 
 
 # The policy for sros2; test_docs.py holds it against the running nodes.
+
+
+def test_the_policy_has_the_topics_of_the_table() -> None:
+    of_every_node = {"/parameter_events", "/rosout"}
+    for name, rights in policy().items():
+        assert rights["publish"] - of_every_node == as_expressions(published_by(name)), name
+        if rights["subscribe"] != EVERYTHING:
+            subscribed = as_expressions(subscribed_by(name))
+            assert rights["subscribe"] - WITH_SIM_TIME == subscribed, name
 
 
 def test_nobody_but_planners_and_people_may_command_a_drone() -> None:

@@ -23,12 +23,12 @@ from std_msgs.msg import Empty, String
 
 from dsse_ros.cli.replay import main
 from dsse_ros.recording.bag import Recorded
-from dsse_ros.recording.computed import OF_DRONE, OF_MISSION
 from dsse_ros.recording.replay import Replay, ReplayedMission
 from dsse_ros.search import FieldError, profile
 from msg_adapters.frames import cell_to_map
 from msg_adapters.stamps import to_stamp
 from msg_adapters.step_report import step_report_from_message
+from msg_adapters.topics import of_drones, replayed
 
 SEARCH = 4
 CHANGED_BYTES = 8
@@ -214,9 +214,9 @@ def whole() -> Flown:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", sorted({"step_report"} | OF_MISSION.keys() | OF_DRONE.keys()))
+@pytest.mark.parametrize("name", sorted({"step_report", *replayed("compared")}))
 def test_any_changed_byte_of_a_compared_topic_is_found_and_named(whole: Flown, name: str) -> None:
-    of_topic = [i for i, one in enumerate(whole.messages) if one.topic.endswith(f"/{name}")]
+    of_topic = [i for i, one in enumerate(whole.messages) if of_drones(one.topic) == f"/{name}"]
     draw = np.random.default_rng(len(name))
     left = CHANGED_BYTES
     while left:

@@ -1,0 +1,316 @@
+# Copyright 2026 dsse_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""The topics of all nodes: a row for each.
+
+Publishers, subscriptions, bags and their replay, the live page and docs/topics.md read this table,
+and the tests compare the SROS2 policy with it.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Literal
+
+Qos = Literal["latched", "complete", "reliable", "command", "sensor"]
+"""Quality of service; `dsse_ros.runtime.qos` has the profiles."""
+
+Reading = Literal["followed", "compared", "belief", "after report", "between steps", "once"]
+"""How `replay` reads a topic. It follows the messages, or compares them with its own. These may
+need a belief. They may come after the report of their step, also between steps, and once a mission
+instead of once a step."""
+
+EACH_DRONE = "drone<i>/"
+"""Stands for the name of each drone and a slash."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Topic:
+    """A topic.
+
+    Attributes:
+        type_name: Type of its messages.
+        qos: What its publishers offer.
+        publishers: Programs that publish it.
+        subscribers: Programs that subscribe to it by name; others record or show every topic.
+        subscriber_qos: What a subscriber requests, by program, where it is not what is offered.
+        content: What it contains or commands, for docs/topics.md.
+        use: Who needs it, for docs/topics.md.
+        replay: How `replay` reads it; empty if it does not.
+    """
+
+    type_name: str
+    qos: Qos
+    publishers: tuple[str, ...]
+    subscribers: tuple[str, ...] = ()
+    subscriber_qos: Mapping[str, Qos] = field(default_factory=dict)
+    content: str = ""
+    use: str = ""
+    replay: tuple[Reading, ...] = ()
+
+
+_SIM = ("sim_node",)
+_OF_BRIDGE = ("mavlink_bridge",)
+_PEOPLE = ("operator",)
+"""Enclave of the SROS2 policy for ros2 on the command line and RViz."""
+
+TOPICS = {
+    "probability_grid": Topic(
+        type_name="nav_msgs/msg/OccupancyGrid",
+        qos="latched",
+        publishers=_SIM,
+        subscribers=("dashboard",),
+        content="the map for display, 0 to 100 by `grid_scaling`; any p > 0 gives at least 1; "
+        "unknown and [not searched](rules.md#searching-part-of-the-grid) is -1",
+        use="RViz, Foxglove, the dashboard",
+        replay=("compared", "between steps"),
+    ),
+    "probability": Topic(
+        type_name="sensor_msgs/msg/Image",
+        qos="latched",
+        publishers=_SIM,
+        subscribers=("planner_node", "dashboard", "ros_env", "run_mission"),
+        content="the exact map, 32FC1, row 0 in the north; sums to 1",
+        use="planners",
+        replay=("compared",),
+    ),
+    "belief_grid": Topic(
+        type_name="nav_msgs/msg/OccupancyGrid",
+        qos="latched",
+        publishers=_SIM,
+        subscribers=("dashboard",),
+        content="with `publish_belief`: the [belief](belief.md) for display, 0 to 100 by "
+        "`grid_scaling`",
+        use="RViz, Foxglove, the dashboard",
+        replay=("compared", "belief", "between steps"),
+    ),
+    "belief": Topic(
+        type_name="sensor_msgs/msg/Image",
+        qos="latched",
+        publishers=_SIM,
+        subscribers=("dashboard", "run_mission"),
+        content="with `publish_belief`: the exact belief, 32FC1, row 0 in the north",
+        use="your own nodes",
+        replay=("compared", "belief"),
+    ),
+    "particles": Topic(
+        type_name="sensor_msgs/msg/PointCloud2",
+        qos="latched",
+        publishers=_SIM,
+        content="with `publish_belief`, where persons follow an [ensemble](drift.md): the "
+        "particles of the belief after each step, x, y, z in m and `weight`, which sum to 1 "
+        "(float32); those off the grid too",
+        use="RViz, Foxglove, your own nodes",
+        replay=("compared", "belief"),
+    ),
+    "drone<i>/pose": Topic(
+        type_name="geometry_msgs/msg/PoseStamped",
+        qos="latched",
+        publishers=_SIM,
+        content="centre of the drone's cell, m",
+        use="RViz, and nodes for one drone",
+        replay=("compared",),
+    ),
+    "drone<i>/odom": Topic(
+        type_name="nav_msgs/msg/Odometry",
+        qos="reliable",
+        publishers=_SIM,
+        content="pose in m, twist in m/s; once a step, in real time `odom_rate` times a second, "
+        "interpolated between cells",
+        use="RViz and nodes that need motion between cells",
+    ),
+    "drone<i>/fix": Topic(
+        type_name="sensor_msgs/msg/NavSatFix",
+        qos="sensor",
+        publishers=_SIM,
+        content="WGS84, degrees, and ellipsoidal height, m; exact, covariance 0",
+        use="map displays: Foxglove, Mapviz",
+        replay=("compared",),
+    ),
+    "drone<i>/battery": Topic(
+        type_name="sensor_msgs/msg/BatteryState",
+        qos="latched",
+        publishers=_SIM,
+        content="with [batteries](faults.md): the remaining charge after each step",
+        use="battery displays and monitors",
+        replay=("compared",),
+    ),
+    "drone<i>/path": Topic(
+        type_name="nav_msgs/msg/Path",
+        qos="latched",
+        publishers=_SIM,
+        content="the track flown, m; at most twice a second, only with subscribers",
+        use="RViz, Foxglove",
+        replay=("compared", "after report", "between steps"),
+    ),
+    "drones": Topic(
+        type_name="geometry_msgs/msg/PoseArray",
+        qos="latched",
+        publishers=_SIM,
+        content="all drones in the order of `agents`, m",
+        use="RViz and nodes for the whole fleet: one subscription for any number of drones",
+        replay=("compared",),
+    ),
+    "step_report": Topic(
+        type_name="sensor_msgs/msg/PointCloud2",
+        qos="complete",
+        publishers=_SIM,
+        subscribers=(
+            "planner_node", "mavlink_bridge", "dashboard", "show", "ros_env", "run_mission",
+        ),
+        subscriber_qos={"planner_node": "latched", "run_mission": "latched"},
+        content="one point per drone: run, mission, step, position, action, reward, flags, action "
+        "mask ([layout](ros.md#step-report))",
+        use="planners, the bridge, recordings",
+        replay=("followed",),
+    ),
+    "mission_report": Topic(
+        type_name="sensor_msgs/msg/PointCloud2",
+        qos="latched",
+        publishers=_SIM,
+        subscribers=("mavlink_bridge", "dashboard"),
+        content="at the end of a mission, all its steps at once ([layout](ros.md#mission-report))",
+        use="the bridge and other late joiners",
+        replay=("compared", "after report", "once"),
+    ),
+    "probability_of_success": Topic(
+        type_name="std_msgs/msg/Float64MultiArray",
+        qos="complete",
+        publishers=_SIM,
+        subscribers=("dashboard", "run_mission"),
+        subscriber_qos={"run_mission": "latched"},
+        content="`[run_id, mission, step, POS]`: the [cumulative probability of "
+        "success](belief.md) after each step, if the node computes a belief",
+        use="plots, the dashboard",
+        replay=("compared", "belief"),
+    ),
+    "agents": Topic(
+        type_name="std_msgs/msg/String",
+        qos="latched",
+        publishers=_SIM,
+        subscribers=("planner_node", "mavlink_bridge", "dashboard", "show", "ros_env"),
+        content="JSON: run and mission, order of the drones, names of the actions, rules, seed, "
+        "origin ([keys](ros.md#agents))",
+        use="planners, the bridge",
+        replay=("followed",),
+    ),
+    "markers": Topic(
+        type_name="visualization_msgs/msg/MarkerArray",
+        qos="latched",
+        publishers=_SIM,
+        content="drones, tracks, datum, circle; for an [incident](drift.md) the wind (its path in "
+        "a minute), current (its path in ten), shore and last known positions; persons with "
+        "`reveal_person`; at most twice a second, only with subscribers",
+        use="RViz, Foxglove",
+        replay=("compared", "after report", "between steps"),
+    ),
+    "/clock": Topic(
+        type_name="rosgraph_msgs/msg/Clock",
+        qos="reliable",
+        publishers=_SIM,
+        content="mission time, with `publish_clock`; repeated once a second while the node waits",
+        use="nodes with `use_sim_time`",
+    ),
+    "/tf": Topic(
+        type_name="tf2_msgs/msg/TFMessage",
+        qos="reliable",
+        publishers=_SIM,
+        content="`map` to `drone<i>/base_link`, where `tf2_msgs` is installed; repeated like "
+        "`/clock`",
+        use="RViz and tf2",
+    ),
+    "/tf_static": Topic(
+        type_name="tf2_msgs/msg/TFMessage",
+        qos="latched",
+        publishers=_SIM,
+        content="`earth` (ECEF) to `map`, where `tf2_msgs` is installed: [where the map "
+        "lies](frames.md)",
+        use="RViz and tf2 with several maps, map displays",
+    ),
+    "/diagnostics": Topic(
+        type_name="diagnostic_msgs/msg/DiagnosticArray",
+        qos="reliable",
+        publishers=("sim_node", "planner_node", "mavlink_bridge"),
+        subscribers=("dashboard",),
+        content="once a second, in wall time, as `dsse_ros: sim_node`, and as `dsse_ros: sim_node: "
+        "drone<i>` the cell, the action and the state of each drone; of the node step, POS, for an "
+        "incident `poc_outside` and `stranded`, what the node is waiting for, timeouts, refused "
+        "commands by reason",
+        use="`rqt_robot_monitor`, the dashboard",
+    ),
+    "drone<i>/cmd_action_name": Topic(
+        type_name="std_msgs/msg/String",
+        qos="command",
+        publishers=_PEOPLE,
+        subscribers=_SIM,
+        content="name of an action",
+        use="tutorials, the command line, planners for one drone",
+    ),
+    "drone<i>/command_pose": Topic(
+        type_name="geometry_msgs/msg/PoseStamped",
+        qos="command",
+        publishers=_PEOPLE,
+        subscribers=_SIM,
+        content="go to this position cell by cell, m in `map`",
+        use="RViz and Foxglove, by a click",
+    ),
+    "drone<i>/vehicle_pose": Topic(
+        type_name="geometry_msgs/msg/PoseStamped",
+        qos="reliable",
+        publishers=_OF_BRIDGE,
+        subscribers=("sim_node", "dashboard"),
+        content="position of the drone's vehicle, m in `map`; only with `wait_for_vehicles`",
+        use="`mavlink_bridge`",
+    ),
+    "drone<i>/vehicle_fix": Topic(
+        type_name="sensor_msgs/msg/NavSatFix", qos="sensor", publishers=_OF_BRIDGE
+    ),
+    "drone<i>/vehicle_battery": Topic(
+        type_name="sensor_msgs/msg/BatteryState", qos="latched", publishers=_OF_BRIDGE
+    ),
+    "drone<i>/vehicle_state": Topic(
+        type_name="diagnostic_msgs/msg/DiagnosticArray",
+        qos="latched",
+        publishers=_OF_BRIDGE,
+        subscribers=("sim_node", "dashboard"),
+        # A new simulation must not take the last state that was for another one.
+        subscriber_qos={"sim_node": "reliable"},
+        content="its progress, its battery, and whether it is lost; only with `wait_for_vehicles`",
+        use="`mavlink_bridge`",
+    ),
+    "joint_action": Topic(
+        type_name="std_msgs/msg/Int32MultiArray",
+        qos="command",
+        publishers=("planner_node", "ros_env", *_PEOPLE),
+        subscribers=_SIM,
+        content="`[mission, step, a0, a1, ...]`: all drones at once, only for that step",
+        use="planners",
+    ),
+}  # fmt: skip
+"""The topics by name, relative to the namespace of the search unless it begins with a slash."""
+
+
+def of_drones(topic: str) -> str:
+    """Return the common name of a topic of all drones."""
+    return re.sub(r"\bdrone\d+/", EACH_DRONE, topic)
+
+
+def topic_of(name: str) -> Topic:
+    """Return the row of a topic, such as `agents` or `drone3/pose`."""
+    return TOPICS[of_drones(name)]
+
+
+def published_by(program: str) -> dict[str, Topic]:
+    """Return the topics that a program publishes, by name."""
+    return {name: topic for name, topic in TOPICS.items() if program in topic.publishers}
+
+
+def subscribed_by(program: str) -> dict[str, Topic]:
+    """Return the topics that a program subscribes to by name."""
+    return {name: topic for name, topic in TOPICS.items() if program in topic.subscribers}
+
+
+def replayed(*how: Reading) -> dict[str, Topic]:
+    """Return the topics that `replay` reads in one of these ways, by name."""
+    return {name: topic for name, topic in TOPICS.items() if {*how} & {*topic.replay}}
