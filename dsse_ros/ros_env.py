@@ -33,7 +33,6 @@ from dsse_ros.scenario.options import IGNORED_OPTION, check_seed
 from dsse_ros.search import HOLD, FieldError
 from dsse_ros.search.agent_spaces import AgentSpaces
 from dsse_ros.search.observation import AgentObservation, Started, Stepped, observation_space
-from msg_adapters.agents import AgentsInfo
 from msg_adapters.commands import joint_action_message
 from msg_adapters.observed_step import ObservedStep, StepInbox, step_id_of
 
@@ -130,7 +129,7 @@ class DsseRosEnv(AgentSpaces, ParallelEnv[str, AgentObservation, int]):
         self._publisher = node.create_publisher(kind, "joint_action", qos)
         inbox = self._inbox
         topics: dict[str, Callable[[Any], Any]] = {
-            "agents": inbox.take_agents,
+            "agents": inbox.infos.take,
             "probability": inbox.take_map,
             "step_report": inbox.take_report,
         }
@@ -145,7 +144,7 @@ class DsseRosEnv(AgentSpaces, ParallelEnv[str, AgentObservation, int]):
         for (name, needed), value in zip(_NEEDED.items(), answer.values, strict=True):
             if (found := parameter_value_to_python(value)) != needed:
                 raise FieldError(f"{name} of {node_name} must be {needed!r}, got {found!r}")
-        self.info = self._wait(self._newest_info, "agents", deadline_s)
+        self.info = self._wait(lambda: inbox.infos.last, "agents", deadline_s)
         definition = self.info.definition
         if definition is None:
             raise FieldError("agents.definition: missing; the environment needs it")
@@ -294,9 +293,6 @@ class DsseRosEnv(AgentSpaces, ParallelEnv[str, AgentObservation, int]):
             take(message)
         except ValueError as error:
             self._refused = f"; refused: {topic}: {error}"
-
-    def _newest_info(self) -> AgentsInfo | None:
-        return next(reversed(self._inbox.infos.values()), None)
 
     def _next_step(self) -> ObservedStep | None:
         """Return the step after the last one, or None while it is not here.

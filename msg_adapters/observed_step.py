@@ -11,21 +11,18 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from sensor_msgs.msg import Image, PointCloud2
-from std_msgs.msg import String
 
 from dsse_ros.search.coverage import METRICS
 from dsse_ros.search.observation import AgentObservation, Observation, agent_infos
 from dsse_ros.step.fault_kernels import STATUSES
-from msg_adapters.agents import AgentsInfo, agents_from_message
+from msg_adapters.agents import AgentsInfo
 from msg_adapters.images import image_to_probability
+from msg_adapters.inbox import AgentsInbox
 from msg_adapters.stamps import to_nanoseconds
 from msg_adapters.step_report import finds_of, step_report_from_message
 
 StepId = tuple[int, int, int]
 """run_id, mission and step of a report: no two steps have all alike."""
-
-_RUNS = 10
-"""Runs whose `agents` are kept: more than there are simulations in a namespace by mistake."""
 
 
 def step_id_of(report: NDArray[Any]) -> StepId:
@@ -95,28 +92,15 @@ class StepInbox:
     """Puts together what the topics `agents`, `probability` and `step_report` have of a step.
 
     Attributes:
-        infos: The last `agents` of each run by run_id, the latest last.
+        infos: The last `agents` of each run.
         map: Stamp in nanoseconds and values (G, G) of the last map.
         report: Stamp in nanoseconds and entries (N,) of the last report.
     """
 
     def __init__(self) -> None:
-        self.infos: dict[int, AgentsInfo] = {}
+        self.infos = AgentsInbox()
         self.map: tuple[int, NDArray[np.float32]] | None = None
         self.report: tuple[int, NDArray[Any]] | None = None
-
-    def take_agents(self, message: String) -> AgentsInfo:
-        """Take and return an `agents`.
-
-        Raises:
-            ValueError: If it is malformed; the last one stays.
-        """
-        info = agents_from_message(message)
-        self.infos.pop(info.run_id, None)
-        self.infos[info.run_id] = info
-        if len(self.infos) > _RUNS:
-            del self.infos[next(iter(self.infos))]
-        return info
 
     def take_map(self, message: Image) -> None:
         """Take a `probability`.
@@ -146,7 +130,7 @@ class StepInbox:
         if self.map is None or self.report is None:
             return None
         (stamp, report), (map_stamp, probability) = self.report, self.map
-        info = self.infos.get(int(report["run_id"][0]))
+        info = self.infos.of(report)
         if info is None or stamp != map_stamp:
             return None
         fits = (

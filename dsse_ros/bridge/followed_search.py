@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from msg_adapters.agents import AgentsInfo
+from msg_adapters.inbox import Latest
 from msg_adapters.track_missions import Leg
 
 MISSION_REPORT_S = 5.0
@@ -23,6 +24,10 @@ Identity = tuple[int, int]
 """run_id and mission."""
 _KEPT = 4
 """Number of searches whose reports are kept."""
+
+
+_Reports = Latest[Identity, tuple[int, NDArray[Any]]]
+"""The latest report of each search, with its stamp in nanoseconds."""
 
 
 class News(Enum):
@@ -79,8 +84,8 @@ class FollowedSearch:
         self._over_since_s: float | None = None
         # The latest agents that are not followed yet, and reports, which may come before agents.
         self._other: AgentsInfo | None = None
-        self._reports: dict[Identity, tuple[int, NDArray[Any]]] = {}
-        self._mission_reports: dict[Identity, tuple[int, NDArray[Any]]] = {}
+        self._reports = _Reports(_KEPT)
+        self._mission_reports = _Reports(_KEPT)
         self._look_at_step = self._look_at_tracks = False
 
     def take_agents(self, info: AgentsInfo) -> None:
@@ -212,18 +217,12 @@ def _is_same(info: AgentsInfo, known: AgentsInfo) -> bool:
     return replace(info, commanded=known.commanded) == known
 
 
-def _keep(
-    reports: dict[Identity, tuple[int, NDArray[Any]]], stamp_ns: int, report: NDArray[Any]
-) -> bool:
+def _keep(reports: _Reports, stamp_ns: int, report: NDArray[Any]) -> bool:
     """Keep a report as the latest of its search; returns False if it is empty."""
     if not report.size:
         return False
     first = report.flat[0]
-    identity = (int(first["run_id"]), int(first["mission"]))
-    reports.pop(identity, None)
-    reports[identity] = (stamp_ns, report)
-    while len(reports) > _KEPT:
-        del reports[next(iter(reports))]
+    reports.put((int(first["run_id"]), int(first["mission"])), (stamp_ns, report))
     return True
 
 

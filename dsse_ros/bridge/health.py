@@ -1,16 +1,16 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""Health of the bridge in one line: what keeps its vehicles from flying the search."""
+"""Health of the bridge and of each vehicle in one line: what keeps it from flying the search."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Literal
 
-Level = Literal["ok", "warning", "error"]
+from dsse_ros.flight.vehicle import Vehicle
+from msg_adapters.diagnostics import Level
 
 
-def health(
+def fleet_health(
     vehicles: int,
     *,
     named: Mapping[str, Sequence[str]],
@@ -19,7 +19,7 @@ def health(
     holding: bool,
     trouble: str,
 ) -> tuple[Level, str]:
-    """Return the level and the line to show.
+    """Return the level and the line of the bridge.
 
     Args:
         vehicles: Number of vehicles.
@@ -42,3 +42,33 @@ def health(
     if lines:
         return "warning", "; ".join(lines)
     return "ok", "following" if following else "waiting for step_report"
+
+
+def vehicle_health(
+    vehicle: Vehicle, lost: str, refused: str, blocked: str, leaves_layer: str
+) -> tuple[Level, str]:
+    """Return the level and the line of a vehicle.
+
+    Args:
+        vehicle: The vehicle.
+        lost: Why it no longer follows its drone; empty if it does.
+        refused: Why the bridge sends it nothing; empty if it does.
+        blocked: What keeps it from taking off; empty for nothing.
+        leaves_layer: Why its own return would leave its layer; empty if it would not.
+    """
+    state, outcome = vehicle.state, vehicle.outcome
+    if lost:
+        return "error", f"lost: {lost}"
+    if refused:
+        return "error", f"refused: {refused}"
+    if not state.connected:
+        return "stale", vehicle.trouble or blocked or f"no heartbeat on {vehicle.connection}"
+    if vehicle.state.problem or vehicle.state.identity.twins:
+        return "error", vehicle.state.problem or vehicle.state.identity.twins
+    if blocked:
+        return "warning", f"waits: {blocked}"
+    if state.failsafe or outcome.status in ("failed", "taken_over", "failsafe"):
+        return "warning", f"{outcome.status}: {outcome.reason} {state.failsafe}".strip()
+    if leaves_layer:
+        return "warning", leaves_layer
+    return "ok", f"{state.mode}: {outcome.reason or outcome.status}"

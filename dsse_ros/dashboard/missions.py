@@ -17,9 +17,10 @@ from dsse_ros.dashboard.map_image import map_png
 from dsse_ros.scenario.scenario import ResolvedScenario
 from dsse_ros.scenario.sea_state import SeaState, sea_state
 from dsse_ros.step.looks import Looks, looks_of, own_cell_looks
-from msg_adapters.agents import AgentsInfo, agents_from_message
+from msg_adapters.agents import AgentsInfo
 from msg_adapters.frames import GridFrame
 from msg_adapters.images import image_to_probability
+from msg_adapters.inbox import AgentsInbox
 from msg_adapters.mission_report import mission_report_from_message
 from msg_adapters.occupancy import occupancy_to_array, probability_to_occupancy
 from msg_adapters.pos import pos_from_message
@@ -30,8 +31,6 @@ from msg_adapters.vehicles import place_from_pose
 
 _VALUES = ("paused", "publishers", "planner", "answer", "vehicle_answer")
 """Attributes of a mission that the node sets."""
-_RUNS = 10
-"""Number of runs whose `agents` are kept; they may arrive before or after their reports."""
 _EARLY = 1000
 """Number of POS values that are kept until the first report of their search."""
 MAX_MISSIONS = 20
@@ -124,12 +123,12 @@ class Mission:
         self._former_run: int | None = None
         self._arrived: dict[str, _Map] = {}
         self._reported_ns: int | None = None  # Wall time of publication of the last report.
-        self._infos: dict[int, AgentsInfo] = {}
+        self._infos = AgentsInbox()
         self._looked: tuple[AgentsInfo, Looks | None] | None = None
         self._seen: tuple[AgentsInfo | None, int, SeaState] | None = None
         self._early_pos: deque[tuple[int, int, int, float]] = deque(maxlen=_EARLY)
-        self._read: Mapping[str, Callable[[Any], None]] = {
-            "agents": self._on_agents,
+        self._read: Mapping[str, Callable[[Any], object]] = {
+            "agents": self._infos.take,
             "probability_of_success": self._on_pos,
             "diagnostics": self._on_diagnostics,
             "bridge": self._on_bridge,
@@ -214,13 +213,6 @@ class Mission:
         else:
             self._read[topic](message)
 
-    def _on_agents(self, message: Any) -> None:
-        info = agents_from_message(message)
-        self._infos.pop(info.run_id, None)
-        self._infos[info.run_id] = info
-        if len(self._infos) > _RUNS:
-            del self._infos[next(iter(self._infos))]
-
     def _on_report(self, message: Any, published_ns: int) -> None:
         report = step_report_from_message(message)
         if not len(report):
@@ -281,7 +273,7 @@ class Mission:
 
     def _on_exact_map(self, topic: str, message: Any, published_ns: int) -> None:
         probability = image_to_probability(message)
-        info = next(reversed(self._infos.values()), None)
+        info = self._infos.last
         if info is None or info.frame.grid_size != len(probability):
             return
         occupancy, area = probability_to_occupancy(probability), info.area_mask

@@ -12,12 +12,12 @@ from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticStatus
 
 from dsse_ros.bridge.fleet_controller import shown_order
-from dsse_ros.bridge.health import health
+from dsse_ros.bridge.health import fleet_health, vehicle_health
 from dsse_ros.bridge.vehicle_follower import VehicleFollower
 from dsse_ros.flight.vehicle import Vehicle
+from dsse_ros.nodes.node_diagnostics import NodeDiagnostics
 from dsse_ros.runtime.qos import Endpoints
 from msg_adapters.battery import battery_state
-from msg_adapters.diagnostics import Level, diagnostic_array, diagnostic_status, status_name
 from msg_adapters.frames import GridFrame
 from msg_adapters.poses import base_link
 from msg_adapters.vehicles import Progress, vehicle_fix, vehicle_pose, vehicle_state_message
@@ -31,17 +31,20 @@ class BridgePublishers:
 
     Args:
         endpoints: Makes the publishers.
+        diagnostics: Publishes the health of the node.
         names: Names of the vehicles' drones.
     """
 
-    def __init__(self, endpoints: Endpoints, names: Sequence[str]) -> None:
+    def __init__(
+        self, endpoints: Endpoints, diagnostics: NodeDiagnostics, names: Sequence[str]
+    ) -> None:
         publisher = endpoints.publisher
         self._names = names
         self._poses = [publisher(f"{name}/vehicle_pose") for name in names]
         self._fixes = [publisher(f"{name}/vehicle_fix") for name in names]
         self._states = [publisher(f"{name}/vehicle_state") for name in names]
         self._batteries = [publisher(f"{name}/vehicle_battery") for name in names]
-        self._diagnostics = publisher("/diagnostics")
+        self._diagnostics = diagnostics
         # For each vehicle, the last published state, and when; and when its position was received.
         self._last: dict[int, tuple[object, float]] = {}
         self._statuses: dict[int, DiagnosticStatus] = {}
@@ -103,7 +106,9 @@ class BridgePublishers:
         percent = 100.0 * state.battery
         frame_id = base_link(self._names[i], self._frame_prefix)
         self._batteries[i].publish(battery_state(stamp, frame_id, percent, flying=state.flying))
-        level, message = _summary(vehicle, progress.lost, refused, blocked, follower.leaves_layer)
+        level, message = vehicle_health(
+            vehicle, progress.lost, refused, blocked, follower.leaves_layer
+        )
         values: dict[str, object] = {
             "custody": custody,
             "connected": _text(state.connected),
@@ -140,8 +145,6 @@ class BridgePublishers:
 
     def publish_diagnostics(
         self,
-        stamp: Time,
-        node: str,
         mode: str,
         vehicles: Sequence[Vehicle],
         followers: Sequence[VehicleFollower],
@@ -154,8 +157,6 @@ class BridgePublishers:
         """Publish the health of the node, and the last state of each vehicle.
 
         Args:
-            stamp: Wall time.
-            node: Fully qualified name of the node.
             mode: What the node does with the steps of a search.
             vehicles: All vehicles.
             followers: Their followers.
@@ -176,7 +177,7 @@ class BridgePublishers:
             "leaves_layer": names(lambda one: one.leaves_layer),
             "unreachable": [name for name, vehicle in pairs if vehicle.trouble],
         }
-        level, message = health(
+        own = fleet_health(
             len(vehicles),
             named=named,
             following=following,
@@ -195,37 +196,14 @@ class BridgePublishers:
         }
         values |= {what: ", ".join(drones) for what, drones in named.items()}
         values |= {f"count.{key}": n for key, n in sorted(counts.items())}
-        own = diagnostic_status(status_name(node), level, message, values)
         of_vehicles = [
             DiagnosticStatus(
-                level=status.level, name=status_name(node, self._names[i]), message=status.message,
-                hardware_id=status.hardware_id, values=status.values,
+                level=status.level, name=self._diagnostics.name_of(self._names[i]),
+                message=status.message, hardware_id=status.hardware_id, values=status.values,
             )
             for i, status in sorted(self._statuses.items())
         ]  # fmt: skip
-        self._diagnostics.publish(diagnostic_array(stamp, own, *of_vehicles))
-
-
-def _summary(
-    vehicle: Vehicle, lost: str, refused: str, blocked: str, leaves_layer: str
-) -> tuple[Level, str]:
-    """Return the level and the summary of a vehicle's state."""
-    state, outcome = vehicle.state, vehicle.outcome
-    if lost:
-        return "error", f"lost: {lost}"
-    if refused:
-        return "error", f"refused: {refused}"
-    if not state.connected:
-        return "stale", vehicle.trouble or blocked or f"no heartbeat on {vehicle.connection}"
-    if vehicle.state.problem or vehicle.state.identity.twins:
-        return "error", vehicle.state.problem or vehicle.state.identity.twins
-    if blocked:
-        return "warning", f"waits: {blocked}"
-    if state.failsafe or outcome.status in ("failed", "taken_over", "failsafe"):
-        return "warning", f"{outcome.status}: {outcome.reason} {state.failsafe}".strip()
-    if leaves_layer:
-        return "warning", leaves_layer
-    return "ok", f"{state.mode}: {outcome.reason or outcome.status}"
+        self._diagnostics.publish(own, values, of_vehicles)
 
 
 def _text(flag: bool) -> str:

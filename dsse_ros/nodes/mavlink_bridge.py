@@ -10,7 +10,6 @@ import time
 from collections.abc import Sequence
 from pathlib import Path
 
-from rclpy.clock import Clock
 from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import String
 
@@ -21,6 +20,7 @@ from dsse_ros.flight.autopilots import AUTOPILOTS
 from dsse_ros.flight.vehicle import Fleet, Vehicle, VehicleSettings
 from dsse_ros.nodes import bridge_services
 from dsse_ros.nodes.bridge_publishers import BridgePublishers
+from dsse_ros.nodes.node_diagnostics import PERIOD_S, NodeDiagnostics
 from dsse_ros.runtime.qos import read_settings
 from dsse_ros.runtime.run_node import AlarmNode, run_node
 from dsse_ros.search import FieldError
@@ -31,7 +31,6 @@ from msg_adapters.step_report import step_report_from_message
 
 TURN_S = 0.1
 """Wall time between looks at the vehicles."""
-DIAGNOSTICS_S = 1.0
 ALT_TOLERANCE_M = 1.0
 """With several vehicles, each must be this close to its layer before it moves horizontally."""
 _ALWAYS = (
@@ -52,13 +51,12 @@ class BridgeNode(AlarmNode):
         self.settings, endpoints = read_settings(self, BridgeSettings)
         self._link_troubles: dict[str, str] = {}
         self._simulations = 0
-        # Monitors compare the stamps of diagnostics with the wall clock.
-        self._wall_clock = Clock()
         self.fleet = _fleet(self.settings)
         self._records = self._open_records(self.fleet)
         self.controller = FleetController(self.settings, self.fleet, self._records, self._log)
         names = self.controller.names
-        self.publishers_ = BridgePublishers(endpoints, names)
+        diagnostics = NodeDiagnostics(self, endpoints)
+        self.publishers_ = BridgePublishers(endpoints, diagnostics, names)
         self._agents, *_ = [
             endpoints.subscription(topic, read)
             for topic, read in (
@@ -72,7 +70,7 @@ class BridgeNode(AlarmNode):
         for what, callback, period_s in (
             ("turn", self._turn, TURN_S),
             ("vehicle_pose", self._publish_poses, 1.0 / self.settings.pose_rate),
-            ("/diagnostics", self._publish_diagnostics, DIAGNOSTICS_S),
+            ("/diagnostics", self._publish_diagnostics, PERIOD_S),
         ):
             self.alarms.make(self.isolated(what, callback)).repeat(period_s)
         if self.settings.arm == "always":
@@ -178,8 +176,6 @@ class BridgeNode(AlarmNode):
     def _publish_diagnostics(self) -> None:
         controller = self.controller
         self.publishers_.publish_diagnostics(
-            self._wall_clock.now().to_msg(),
-            self.get_fully_qualified_name(),
             self.settings.mode,
             self.fleet,
             controller.followers,

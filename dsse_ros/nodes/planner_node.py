@@ -13,10 +13,10 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from rclpy.clock import Clock
 from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Int32MultiArray, String
 
+from dsse_ros.nodes.node_diagnostics import PERIOD_S, NodeDiagnostics
 from dsse_ros.nodes.settings import PlannerSettings
 from dsse_ros.planners import (
     PLANNERS,
@@ -32,15 +32,13 @@ from dsse_ros.search import HOLD, FieldError
 from dsse_ros.search.compiler import announced
 from msg_adapters.agents import AgentsInfo
 from msg_adapters.commands import joint_action_message
-from msg_adapters.diagnostics import Level, diagnostic_array, diagnostic_status, status_name
+from msg_adapters.diagnostics import Level
 from msg_adapters.observed_step import ObservedStep, StepId, StepInbox, step_id_of
 
 _RETRY_S = 1.0
 """Wall time after which the node retries a failed planner, and logs what it is waiting for."""
 _SHARE = 0.8
 """Share of a step's waiting time for the planner; the rest is for the transport of messages."""
-_DIAGNOSTICS_S = 1.0
-"""Wall time between diagnostics."""
 _PENDING_S = 10.0
 """Wall time after which the node logs that a step has not come: vehicles take that long."""
 
@@ -89,22 +87,20 @@ class PlannerNode(AlarmNode):
                 ("step_report", self._on_report),
             )
         ]
-        self._diagnostics = endpoints.publisher("/diagnostics")
+        self._diagnostics = NodeDiagnostics(self, endpoints)
         endpoints.check_all_used()
         # A lost command would stop a lockstep mission forever.
         self._resend_alarm = self.alarms.make(self._send)
         self._retry_alarm = self.alarms.make(self._plan)
         self.alarms.make(self._log_waiting).repeat(_RETRY_S)
-        # Monitors compare the stamps of diagnostics with the wall clock.
-        self._wall_clock = Clock()
-        self.alarms.make(self._publish_diagnostics).repeat(_DIAGNOSTICS_S)
+        self.alarms.make(self._publish_diagnostics).repeat(PERIOD_S)
 
     def _on(self, read: Callable[[Any], None], message: Any) -> None:
         read(message)
         self._plan()
 
     def _on_agents(self, message: String) -> None:
-        info = self._inbox.take_agents(message)
+        info = self._inbox.infos.take(message)
         self._leave_search(info.run_id, info.mission)
 
     def _leave_search(self, run_id: int, mission: int) -> None:
@@ -231,17 +227,7 @@ class PlannerNode(AlarmNode):
         report = self._inbox.report
         if report is not None and step_id_of(report[1]) == self._failed:
             level, message = "error", f"the planner failed in step {self._failed[2]}"
-        self._diagnostics.publish(
-            diagnostic_array(
-                self._wall_clock.now().to_msg(),
-                diagnostic_status(
-                    status_name(self.get_fully_qualified_name()),
-                    level,
-                    message,
-                    {"planner": self.settings.planner},
-                ),
-            )
-        )
+        self._diagnostics.publish((level, message), {"planner": self.settings.planner})
 
     def _missing(self) -> str:
         """Return what the node is waiting for; "" for nothing worth logging."""

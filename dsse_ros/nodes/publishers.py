@@ -4,7 +4,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
 from typing import Any
 
 from builtin_interfaces.msg import Time
@@ -21,7 +20,6 @@ from dsse_ros.mission.step_scheduler import Timing
 from dsse_ros.runtime.qos import Endpoints
 from dsse_ros.search import FieldError, SearchDefinition
 from msg_adapters.agents import AgentsInfo, agents_message, area_rows
-from msg_adapters.diagnostics import Level, diagnostic_array, diagnostic_status, status_name
 from msg_adapters.frames import GridFrame
 from msg_adapters.geodesy import cell_fix
 from msg_adapters.images import probability_image
@@ -100,7 +98,6 @@ class MissionPublishers:
         self._agents = self._publisher("agents")
         self._markers = self._publisher("markers")
         self._clock = self._publisher("/clock") if publish_clock else None
-        self._diagnostics = self._publisher("/diagnostics")
         self._poses = self._per_drone("pose")
         self._odoms = self._per_drone("odom")
         self._fixes = self._per_drone("fix")
@@ -280,27 +277,3 @@ class MissionPublishers:
         news = listeners > 0 and self._seen.get(publisher) != (listeners, *state)
         self._seen[publisher] = (listeners, *state)
         return news
-
-    def publish_diagnostics(
-        self,
-        stamp: Time,
-        node: str,
-        health: tuple[Level, str],
-        values: Mapping[str, object],
-        drones: Iterable[tuple[str, Level, str, Mapping[str, object]]],
-    ) -> None:
-        """Publish the health of the node, and that of each drone as by `status.of_drones`.
-
-        Args:
-            stamp: Wall time.
-            node: Fully qualified name of the node.
-            health: Its level and a line.
-            values: Its values.
-            drones: Name, level, line and values of each drone.
-        """
-        own = diagnostic_status(status_name(node), *health, values)
-        of_drones = [
-            diagnostic_status(status_name(node, name), level, line, found, name)
-            for name, level, line, found in drones
-        ]
-        self._diagnostics.publish(diagnostic_array(stamp, own, *of_drones))

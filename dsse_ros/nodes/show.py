@@ -20,13 +20,11 @@ from dsse_ros.nodes.settings import ShowSettings
 from dsse_ros.runtime.exit_codes import FAILED
 from dsse_ros.runtime.qos import COMPLETE, read_settings
 from dsse_ros.runtime.run_node import AlarmNode, run_node
-from msg_adapters.agents import AgentsInfo, agents_from_message
+from msg_adapters.inbox import AgentsInbox
 from msg_adapters.step_report import step_report_from_message
 
 _WITHOUT_TERMINAL = 100
 """Columns where the output is no terminal."""
-_RUNS = 10
-"""Runs whose `agents` are kept: more than there are simulations in a namespace by mistake."""
 _WAIT_S = 1.0
 """Wall time after which the node logs what it is waiting for."""
 
@@ -48,7 +46,7 @@ class ShowNode(AlarmNode):
         settings, endpoints = read_settings(self, ShowSettings)
         terminal = shutil.get_terminal_size((_WITHOUT_TERMINAL, 0)).columns
         self._table = ReportTable(settings.width or terminal)
-        self._infos: dict[int, AgentsInfo] = {}
+        self._infos = AgentsInbox(with_definition=False)
         # Reports whose `agents` has not come yet.
         self._early: deque[NDArray[Any]] = deque(maxlen=COMPLETE.depth)
         self._printed = False
@@ -61,11 +59,7 @@ class ShowNode(AlarmNode):
         self.alarms.make(self._log_waiting).repeat(_WAIT_S)
 
     def _on_agents(self, message: String) -> None:
-        info = agents_from_message(message, with_definition=False)
-        self._infos.pop(info.run_id, None)
-        self._infos[info.run_id] = info
-        if len(self._infos) > _RUNS:
-            del self._infos[next(iter(self._infos))]
+        self._infos.take(message)
         early, self._early = self._early, deque(maxlen=COMPLETE.depth)
         for report in early:
             self._take(report)
@@ -76,7 +70,7 @@ class ShowNode(AlarmNode):
             self._take(report)
 
     def _take(self, report: NDArray[Any]) -> None:
-        info = self._infos.get(int(report["run_id"][0]))
+        info = self._infos.of(report)
         if info is None:
             self._early.append(report)
         elif not self.finished:

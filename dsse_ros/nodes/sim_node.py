@@ -15,7 +15,6 @@ from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PoseStamped
 from rcl_interfaces.msg import SetParametersResult
-from rclpy.clock import Clock
 from rclpy.duration import Duration
 from rclpy.parameter import Parameter
 
@@ -28,6 +27,7 @@ from dsse_ros.mission.simulation_state import NEXT, Request, SimulationState, re
 from dsse_ros.mission.step_scheduler import Due, StepScheduler
 from dsse_ros.nodes import sim_services, simulation_interfaces
 from dsse_ros.nodes.navigate_to_pose import NavigateToPose
+from dsse_ros.nodes.node_diagnostics import PERIOD_S, NodeDiagnostics
 from dsse_ros.nodes.publisher_counts import PublisherCounts, consequences
 from dsse_ros.nodes.publishers import MissionPublishers
 from dsse_ros.nodes.settings import SIM_PARAMETERS, without_effect
@@ -43,13 +43,13 @@ from dsse_ros.nodes.waiting_log import JOINT_ACTION, WaitingLog
 from dsse_ros.runtime.parameters import check_changes, check_flat
 from dsse_ros.runtime.qos import Endpoints
 from dsse_ros.runtime.run_node import AlarmNode, run_node
+from msg_adapters.diagnostics import diagnostic_status
 from msg_adapters.result import Rejected
 from msg_adapters.stamps import to_nanoseconds, to_stamp
 from msg_adapters.track_missions import acceptance_radius_m
 from msg_adapters.vehicles import place_from_pose, progress_from_message
 
 HISTORY_PERIOD_S = 0.5
-DIAGNOSTICS_PERIOD_S = 1.0
 EXIT_S = 1.5
 """Wall time from the end of the mission to that of the node: tracks and diagnostics go out once."""
 ACKNOWLEDGED_S = 5.0
@@ -88,11 +88,11 @@ class SimNode(AlarmNode):
             publish_clock=settings.publish_clock,
             publish_belief=settings.publish_belief,
         )
+        self._diagnostics = NodeDiagnostics(self, endpoints)
         self.state = SimulationState.PLAYING
         self.timeouts = 0
         self._idle = False
         self._waiting_log = WaitingLog(self, self.mission)
-        self._wall_clock = Clock()
         self._scheduler = StepScheduler(
             timing(settings, env.scenario.step_duration_s), time.monotonic()
         )
@@ -111,7 +111,7 @@ class SimNode(AlarmNode):
         self._exit_alarm = self.alarms.make(self._exit)
         self._idle_alarm = self.alarms.make(self._on_idle)
         self.alarms.make(self._publish_history).repeat(HISTORY_PERIOD_S)
-        self.alarms.make(self._publish_diagnostics).repeat(DIAGNOSTICS_PERIOD_S)
+        self.alarms.make(self._publish_diagnostics).repeat(PERIOD_S)
         self.add_on_set_parameters_callback(self._check_change)
         self.add_post_set_parameters_callback(self._on_changed)
         self.publishers_.publish_origin(self.stamp())
@@ -420,10 +420,15 @@ class SimNode(AlarmNode):
             late=late if self.settings.wait_for_vehicles else None,
             lost=self._vehicles.lost, rejected=self._commands.rejected,
         )  # fmt: skip
-        # Monitors compare the stamp with the wall clock.
-        stamp, node = self._wall_clock.now().to_msg(), self.get_fully_qualified_name()
         drones = status.of_drones(self.mission, self._vehicles.lost, waits=self._idle)
-        self.publishers_.publish_diagnostics(stamp, node, health, values, drones)
+        self._diagnostics.publish(
+            health,
+            values,
+            (
+                diagnostic_status(self._diagnostics.name_of(name), level, line, found, name)
+                for name, level, line, found in drones
+            ),
+        )
 
     def destroy_node(self) -> None:
         """Close the log and the node."""

@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from dsse_ros.bridge.health import health
+from dsse_ros.bridge.health import fleet_health
 
 NOT_WELL = {
     "no simulation": ({"following": False, "alive": False}, "warning", "waiting for step_report"),
@@ -24,7 +24,7 @@ NOT_WELL = {
     "trouble": ({"trouble": "two simulations"}, "error", "two simulations"),
 }  # fmt: skip
 
-well = partial(health, 2, named={}, following=True, alive=True, holding=False, trouble="")
+well = partial(fleet_health, 2, named={}, following=True, alive=True, holding=False, trouble="")
 
 
 @pytest.mark.parametrize("one", NOT_WELL.values(), ids=NOT_WELL)
