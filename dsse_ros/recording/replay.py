@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 from sensor_msgs.msg import PointCloud2
 
 from dsse_ros.mission.mission import Mission
+from dsse_ros.mission.step_messages import StepMessages
 from dsse_ros.mission.step_reports import step_report_of
 from dsse_ros.recording.bag import Recorded
 from dsse_ros.recording.computed import computed, digest
@@ -282,6 +283,7 @@ class _Flight:
             env = SearchEnv(info.definition.scenario, info.definition.rules)
             self.mission = Mission(env, info.seed, belief=belief)
         self.mission.number = outcome.number
+        self._messages = StepMessages(self.mission, self.frame, outcome.run_id)
         self._mission_time = True
 
     def repeat(self, reports: Sequence[_Report]) -> None:
@@ -343,8 +345,7 @@ class _Flight:
             ):
                 continue
             stamp = report.message.header.stamp
-            made = computed(other.name, self.mission, self.frame, self.outcome.run_id, stamp)
-            digests = [digest(message) for message in made]
+            digests = list(computed(self._messages, other.name, stamp))
             if digests:
                 self.outcome.compared[of_drones(other.name)] += 1
                 if other.digest not in digests:

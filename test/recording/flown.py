@@ -16,7 +16,7 @@ from std_msgs.msg import String
 
 from dsse_ros.mission.command_intake import CommandIntake
 from dsse_ros.mission.mission import Mission
-from dsse_ros.mission.step_messages import battery_of, markers_of
+from dsse_ros.mission.step_messages import Display, StepMessages
 from dsse_ros.mission.step_reports import step_report_of
 from dsse_ros.recording.bag import BagWriter, Recorded
 from dsse_ros.search import Rules, Scenario, SearchDefinition, SearchEnv, profile
@@ -57,6 +57,7 @@ class Flown:
         self.everything, self.reveal_person = everything, reveal_person
         self.frame = scenario_frame(env.scenario)
         self.run_id, self.namespace = run_id, namespace
+        self.messages_of_step = StepMessages(self.mission, self.frame, run_id)
         self.intake = CommandIntake(self.mission, self.frame, lambda *_: None, lambda _: None)
         self.messages: list[Recorded] = []
         self.time_ns = start_ns
@@ -94,7 +95,9 @@ class Flown:
                 self.publish(f"drone{i}/pose", pose_stamped(frame.of_drone(i), cell, stamp))
                 fix = cell_fix(frame.of_drone(i), *cell)
                 self.publish(f"drone{i}/fix", nav_sat_fix(frame, *fix, stamp, f"drone{i}"))
-                if (battery := battery_of(mission, frame, i, stamp)) is not None:
+                if (
+                    battery := self.messages_of_step.make("drone<i>/battery", stamp, i)
+                ) is not None:
                     self.publish(f"drone{i}/battery", battery)
             self.publish("drones", pose_array(frame, cells, stamp))
         report = step_report_of(mission, frame, self.run_id)
@@ -111,7 +114,8 @@ class Flown:
         mission, frame = self.mission, self.frame
         for i, track in enumerate(mission.tracks):
             self.publish(f"drone{i}/path", path(frame.of_drone(i), track, stamp))
-        self.publish("markers", markers_of(mission, frame, stamp, reveal_person=self.reveal_person))
+        display = Display(reveal_person=self.reveal_person)
+        self.publish("markers", self.messages_of_step.make("markers", stamp, 0, display))
 
     def _publish_maps(self, stamp: Time) -> None:
         mission, frame = self.mission, self.frame
