@@ -33,10 +33,10 @@ COMMA := ,
 OF_TESTS := viz,area,geotiff,gis,movie,onnx,test,sitl,routes,record,dashboard,browser,docs,viewer,campaign,drift,land,ray,compat
 
 # What calls the libraries that have lower bounds.
-TESTS_OF_OLDEST := $(addprefix test/scenario/test_,actions.py scenario.py) test/view/test_rendering.py \
+TESTS_OF_OLDEST := $(addprefix test/scenario/test_,actions.py geodesy.py scenario.py) test/view/test_rendering.py \
 	$(addprefix test/search/test_,conformance.py oracles.py snapshot.py vector_env.py withdraw.py world.py) \
 	test/planners/test_planners.py \
-	$(addprefix test/msg_adapters/test_,geodesy.py occupancy.py poses.py) \
+	$(addprefix test/msg_adapters/test_,occupancy.py poses.py) \
 	$(addprefix test/mavlink/test_,codec.py messages.py) test/flight/test_upload.py test/flight/test_item_messages.py \
 	test/mission/test_mission.py
 
@@ -45,10 +45,10 @@ TESTS_OF_LEARNING := test/training test/compat/test_libraries.py
 
 # Folders of tests without DDS; those marked slow are left out of them.
 TESTS_OF_CHECK := $(addprefix test/,belief bridge campaign compat compiled conformance dashboard drift flight mavlink mission \
-	msg_adapters packaging planners recording report runtime scenario search sensors step targets training view)
+	mission_items msg_adapters packaging planners recording report runtime scenario search sensors step targets training view)
 
 # Commands and their refusals come over DDS.
-TESTS_OF_COVERAGE := $(addprefix test/,belief bridge cli compat compiled conformance drift flight mavlink mission msg_adapters \
+TESTS_OF_COVERAGE := $(addprefix test/,belief bridge cli compat compiled conformance drift flight mavlink mission mission_items msg_adapters \
 	planners recording runtime scenario search sensors step targets view \
 	$(addprefix nodes/test_,bad_input.py lost_drones.py step_modes.py))
 

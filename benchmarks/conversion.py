@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 from builtin_interfaces.msg import Time
 
+from dsse_ros.scenario.frames import GridFrame
 from dsse_ros.search import parallel_env
-from msg_adapters.frames import GridFrame
 from msg_adapters.occupancy import occupancy_grid
 
 GRID_SIZE = 1000

@@ -12,13 +12,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dsse_ros.scenario.definition import SearchDefinition
+from dsse_ros.scenario.frames import GridFrame, altitudes_of
 from dsse_ros.scenario.incident import names_files
+from dsse_ros.scenario.json_keys import Keys, parse_json
 from dsse_ros.scenario.limits import MAX_ID, MAX_SIDE
 from dsse_ros.scenario.rules import profile
 from dsse_ros.scenario.scenario import SPECS, ResolvedScenario, Scenario
 from dsse_ros.scenario.sea_state import sea_state
-from msg_adapters.frames import GridFrame, altitudes_of
-from msg_adapters.json_keys import Keys, parse_json
 
 if TYPE_CHECKING:
     from std_msgs.msg import String

@@ -12,8 +12,8 @@ from typing import Any
 from geometry_msgs.msg import PoseStamped
 from std_msgs.msg import Int32MultiArray, String
 
-from msg_adapters.frames import GridFrame, map_to_cell
-from msg_adapters.result import Accepted, Rejected, Result, shown
+from dsse_ros.result import Accepted, Rejected, Result, shown
+from dsse_ros.scenario.frames import GridFrame, map_to_cell
 
 Cell = tuple[int, int]
 

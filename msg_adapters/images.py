@@ -12,8 +12,8 @@ from builtin_interfaces.msg import Time
 from numpy.typing import NDArray
 from sensor_msgs.msg import Image
 
-from msg_adapters.frames import GridFrame
-from msg_adapters.result import shown
+from dsse_ros.result import shown
+from dsse_ros.scenario.frames import GridFrame
 from msg_adapters.stamps import header
 
 ENCODING = "32FC1"

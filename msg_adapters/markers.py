@@ -15,10 +15,10 @@ from numpy.typing import ArrayLike
 from std_msgs.msg import ColorRGBA
 from visualization_msgs.msg import Marker, MarkerArray
 
+from dsse_ros.mission_items.tracks import corners
+from dsse_ros.scenario.frames import GridFrame, cell_to_map
 from dsse_ros.scenario.sea_state import SeaState
-from msg_adapters.frames import GridFrame, cell_to_map
 from msg_adapters.stamps import header
-from msg_adapters.tracks import corners
 
 Rgb = tuple[float, float, float]
 

@@ -14,9 +14,9 @@ from builtin_interfaces.msg import Time
 from numpy.typing import NDArray
 from sensor_msgs.msg import PointCloud2
 
-from msg_adapters.frames import GridFrame, cell_to_map
+from dsse_ros.result import shown
+from dsse_ros.scenario.frames import GridFrame, cell_to_map
 from msg_adapters.point_clouds import cloud_message, points_from_message
-from msg_adapters.result import shown
 from msg_adapters.step_report import POINT
 
 MISSION_REPORT_DTYPE = np.dtype([*POINT])

@@ -14,7 +14,7 @@ from nav_msgs.msg import OccupancyGrid
 from numba import njit
 from numpy.typing import NDArray
 
-from msg_adapters.frames import GridFrame, matrix_to_map_rows
+from dsse_ros.scenario.frames import GridFrame, matrix_to_map_rows
 from msg_adapters.stamps import header
 
 SCALINGS = ("max", "linear", "log")

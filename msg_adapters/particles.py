@@ -9,7 +9,7 @@ from builtin_interfaces.msg import Time
 from numpy.typing import NDArray
 from sensor_msgs.msg import PointCloud2
 
-from msg_adapters.frames import GridFrame
+from dsse_ros.scenario.frames import GridFrame
 from msg_adapters.point_clouds import cloud_message
 
 PARTICLE = np.dtype([("x", "<f4"), ("y", "<f4"), ("z", "<f4"), ("weight", "<f4")])

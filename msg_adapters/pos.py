@@ -9,7 +9,7 @@ import math
 
 from std_msgs.msg import Float64MultiArray
 
-from msg_adapters.result import shown
+from dsse_ros.result import shown
 
 
 def pos_message(run_id: int, mission: int, step: int, pos: float) -> Float64MultiArray:

@@ -21,8 +21,8 @@ from nav_msgs.msg import Odometry, Path
 from numpy.typing import ArrayLike
 from sensor_msgs.msg import NavSatFix, NavSatStatus
 
-from msg_adapters.frames import GridFrame, cell_to_map
-from msg_adapters.geodesy import map_in_earth
+from dsse_ros.scenario.frames import GridFrame, cell_to_map
+from dsse_ros.scenario.geodesy import map_in_earth
 
 
 def base_link(drone_name: str, frame_prefix: str = "") -> str:

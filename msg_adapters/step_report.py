@@ -16,11 +16,11 @@ from builtin_interfaces.msg import Time
 from numpy.typing import ArrayLike, NDArray
 from sensor_msgs.msg import PointCloud2
 
+from dsse_ros.result import shown
+from dsse_ros.scenario.frames import GridFrame, cell_to_map
 from dsse_ros.search.coverage import METRICS
 from dsse_ros.step.fault_kernels import STATUSES
-from msg_adapters.frames import GridFrame, cell_to_map
 from msg_adapters.point_clouds import cloud_message, points_from_message
-from msg_adapters.result import shown
 
 MAX_ACTIONS = 127
 """Action numbers are int8."""

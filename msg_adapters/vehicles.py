@@ -13,11 +13,11 @@ from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PoseStamped
 from sensor_msgs.msg import NavSatFix
 
+from dsse_ros.result import Accepted, Rejected, Result, shown
+from dsse_ros.scenario.frames import GridFrame
+from dsse_ros.scenario.geodesy import geodetic_to_map
 from msg_adapters.diagnostics import Level, diagnostic_array, diagnostic_status
-from msg_adapters.frames import GridFrame
-from msg_adapters.geodesy import geodetic_to_map
 from msg_adapters.poses import nav_sat_fix
-from msg_adapters.result import Accepted, Rejected, Result, shown
 from msg_adapters.stamps import header
 
 LOST = "lost"

@@ -14,8 +14,8 @@ from typing import Any
 
 from autopilot.running import Running, running_autopilot
 
-from msg_adapters.frames import GridFrame
-from msg_adapters.geodesy import map_to_geodetic
+from dsse_ros.scenario.frames import GridFrame
+from dsse_ros.scenario.geodesy import map_to_geodetic
 from soak.rigs import Bridge, Sim, domain
 from soak.row import Figures, Goal, Row, Run, zero
 

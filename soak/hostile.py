@@ -18,8 +18,8 @@ from hostile_messages import GRID_SIZE, hostile
 
 from dsse_ros.mission.command_intake import CommandIntake
 from dsse_ros.mission.mission import Mission
+from dsse_ros.scenario.frames import GridFrame
 from dsse_ros.search import parallel_env
-from msg_adapters.frames import GridFrame
 from soak.rigs import Bridge, Rig, domain, open_files, resident_bytes, threads
 from soak.row import Figures, Goal, Row, Run, zero
 

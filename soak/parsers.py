@@ -83,8 +83,8 @@ def _commands() -> tuple[Take, list[bytes]]:
     from rclpy.serialization import deserialize_message, serialize_message
     from std_msgs.msg import Int32MultiArray, String
 
+    from dsse_ros.scenario.frames import GridFrame
     from msg_adapters import commands
-    from msg_adapters.frames import GridFrame
 
     frame = GridFrame(8, 130.0, -24.0, -46.0, 0.0, 120.0)
     actions = ("left", "right", "up", "down", "search")
@@ -307,11 +307,13 @@ PARSERS = {
         ("dsse_ros.scenario.yaml_file", "dsse_ros.scenario.scenario", "dsse_ros.scenario.fields"),
     ),
     "geojson": Parser("areas in GeoJSON", _geojson, ("dsse_ros.scenario.area",)),
-    "commands": Parser("commands", _commands, ("msg_adapters.commands", "msg_adapters.frames")),
+    "commands": Parser(
+        "commands", _commands, ("msg_adapters.commands", "dsse_ros.scenario.frames")
+    ),
     "observations": Parser(
         "agents, maps and reports",
         _observations,
-        ("msg_adapters.agents", "msg_adapters.step_report", "msg_adapters.json_keys"),
+        ("msg_adapters.agents", "msg_adapters.step_report", "dsse_ros.scenario.json_keys"),
     ),
     "mavlink": Parser(
         "MAVLink bytes", _mavlink, ("dsse_ros.mavlink.codec", "dsse_ros.flight.vehicle_controller")

@@ -18,8 +18,7 @@ import numpy as np
 from dsse_ros.flight.orders import FlyMission, GoTo, Land, Return, Search, TakeOff
 from dsse_ros.flight.vehicle_controller import Order
 from dsse_ros.flight.vehicle_state import VehicleState
-from msg_adapters.frames import GridFrame
-from msg_adapters.separation import (
+from dsse_ros.mission_items.separation import (
     Point,
     Space,
     leg,
@@ -29,6 +28,7 @@ from msg_adapters.separation import (
     separation_m,
     spot,
 )
+from dsse_ros.scenario.frames import GridFrame
 
 UNKNOWN_FACTOR = 2.0
 """How much wider than usual the column of a vehicle is whose intent is not known: it may move."""

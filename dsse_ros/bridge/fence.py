@@ -14,9 +14,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from dsse_ros.checks import check_number
-from msg_adapters.frames import GridFrame, map_to_cell
-from msg_adapters.geodesy import geodetic_to_map, map_to_geodetic, on_near_side
-from msg_adapters.mission_items import (
+from dsse_ros.mission_items.items import (
     FIRMWARES,
     FRAME_GLOBAL,
     FRAME_MISSION,
@@ -25,7 +23,9 @@ from msg_adapters.mission_items import (
     NAV_WAYPOINT,
     MissionItem,
 )
-from msg_adapters.result import Accepted, Rejected, Result
+from dsse_ros.result import Accepted, Rejected, Result
+from dsse_ros.scenario.frames import GridFrame, map_to_cell
+from dsse_ros.scenario.geodesy import geodetic_to_map, map_to_geodetic, on_near_side
 
 _PLACED = (NAV_WAYPOINT, NAV_TAKEOFF)
 _MAX_PARAMETER = 1e6

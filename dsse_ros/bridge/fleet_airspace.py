@@ -13,7 +13,7 @@ from dsse_ros.bridge.flight_plan import FlightPlan, MissionPlan
 from dsse_ros.bridge.vehicle_follower import VehicleFollower
 from dsse_ros.flight.orders import GoTo
 from dsse_ros.flight.vehicle_controller import Order
-from msg_adapters.separation import Point, places_of
+from dsse_ros.mission_items.separation import Point, places_of
 
 if TYPE_CHECKING:
     from dsse_ros.flight.vehicle import Vehicle

@@ -28,9 +28,9 @@ from dsse_ros.defects import Defects, describe
 from dsse_ros.flight.autopilots import AUTOPILOTS
 from dsse_ros.flight.orders import FlyMission, Hold
 from dsse_ros.flight.vehicle_controller import Order
+from dsse_ros.result import Rejected, Result
 from dsse_ros.scenario.fields import FieldError
 from msg_adapters.agents import AgentsInfo
-from msg_adapters.result import Rejected, Result
 
 if TYPE_CHECKING:
     from dsse_ros.flight.vehicle import Vehicle

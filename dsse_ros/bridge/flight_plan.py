@@ -14,15 +14,15 @@ from dsse_ros.flight.autopilots import AUTOPILOTS
 from dsse_ros.flight.orders import GoTo
 from dsse_ros.flight.vehicle_state import VehicleState
 from dsse_ros.mission.vehicle_missions import Track, layers, search_missions
+from dsse_ros.mission_items.items import Home
+from dsse_ros.mission_items.separation import Space, place_of, track_spaces
+from dsse_ros.mission_items.track_missions import Leg, acceptance_radius_m
+from dsse_ros.mission_items.tracks import without_repeats
+from dsse_ros.result import Rejected, Result
 from dsse_ros.scenario.fields import FieldError
+from dsse_ros.scenario.frames import GridFrame
+from dsse_ros.scenario.geodesy import map_to_geodetic
 from msg_adapters.agents import AgentsInfo
-from msg_adapters.frames import GridFrame
-from msg_adapters.geodesy import map_to_geodetic
-from msg_adapters.mission_items import Home
-from msg_adapters.result import Rejected, Result
-from msg_adapters.separation import Space, place_of, track_spaces
-from msg_adapters.track_missions import Leg, acceptance_radius_m
-from msg_adapters.tracks import without_repeats
 
 HOME_HOLD_S = 600.0
 """Time for which a vehicle on a mission waits over home for those below, if nobody lands it."""

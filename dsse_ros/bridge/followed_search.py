@@ -12,9 +12,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from dsse_ros.mission_items.track_missions import Leg
 from msg_adapters.agents import AgentsInfo
 from msg_adapters.inbox import Latest
-from msg_adapters.track_missions import Leg
 
 MISSION_REPORT_S = 5.0
 """Time within which the report of a finished mission should come."""

@@ -8,7 +8,7 @@ import math
 
 from dsse_ros.bridge.flight_record import FlightRecord
 from dsse_ros.flight.vehicle_state import VehicleState
-from msg_adapters.geodesy import offset_m
+from dsse_ros.scenario.geodesy import offset_m
 
 _HOME_M, _HOME_UP_M = 10.0, 5.0
 """PX4 moves its own home by less in the first minutes of a flight."""

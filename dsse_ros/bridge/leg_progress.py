@@ -6,8 +6,8 @@ from __future__ import annotations
 
 from dsse_ros.bridge.tasks import Task
 from dsse_ros.flight.vehicle_controller import Order
-from msg_adapters.result import Accepted, Rejected, Result
-from msg_adapters.track_missions import Leg
+from dsse_ros.mission_items.track_missions import Leg
+from dsse_ros.result import Accepted, Rejected, Result
 
 
 class LegProgress:

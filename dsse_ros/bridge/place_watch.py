@@ -10,7 +10,7 @@ from enum import Enum, auto
 from dsse_ros.bridge.fence import Fence, check_horizontal
 from dsse_ros.flight.orders import GoTo
 from dsse_ros.flight.vehicle_state import VehicleState
-from msg_adapters.geodesy import offset_m
+from dsse_ros.scenario.geodesy import offset_m
 
 AWAY_S = 2.0
 """How long a vehicle may be out of its place, or of the fence: a fault of the GPS ends sooner."""

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 from dsse_ros.bridge.fence import Fence, check_take_off
 from dsse_ros.flight.vehicle_state import VehicleState
-from msg_adapters.result import Rejected
+from dsse_ros.result import Rejected
 
 
 def lacks(state: VehicleState, because: str) -> tuple[str, str]:

@@ -13,11 +13,11 @@ from dsse_ros.flight.orders import FlyMission, GoTo, Search
 from dsse_ros.flight.vehicle_controller import Order
 from dsse_ros.flight.vehicle_state import VehicleState
 from dsse_ros.mission.vehicle_missions import FlightSettings
-from msg_adapters.frames import GridFrame
-from msg_adapters.geodesy import cell_to_geodetic, offset_m
-from msg_adapters.mission_items import NAV_WAYPOINT, Mission
-from msg_adapters.result import Accepted, Rejected, Result
-from msg_adapters.track_missions import Leg, acceptance_radius_m
+from dsse_ros.mission_items.items import NAV_WAYPOINT, Mission
+from dsse_ros.mission_items.track_missions import Leg, acceptance_radius_m
+from dsse_ros.result import Accepted, Rejected, Result
+from dsse_ros.scenario.frames import GridFrame
+from dsse_ros.scenario.geodesy import cell_to_geodetic, offset_m
 
 Task = tuple[Order, ...]
 """Orders, one after the other."""

@@ -20,7 +20,7 @@ from dsse_ros.flight.autopilots import Autopilot
 from dsse_ros.flight.orders import FlyMission
 from dsse_ros.flight.vehicle_controller import Outcome
 from dsse_ros.flight.vehicle_state import VehicleState
-from msg_adapters.result import Accepted, Rejected, Result
+from dsse_ros.result import Accepted, Rejected, Result
 
 Arm = Literal["false", "true", "always"]
 """Which searches clear a vehicle: the first one, and a person arms it (`false`) or the bridge does

@@ -41,8 +41,8 @@ from dsse_ros.flight.orders import (
 )
 from dsse_ros.flight.vehicle_controller import Order, Outcome
 from dsse_ros.flight.vehicle_state import VehicleState
-from msg_adapters.result import Result
-from msg_adapters.track_missions import Leg
+from dsse_ros.mission_items.track_missions import Leg
+from dsse_ros.result import Result
 
 CRITICAL_S = 5.0
 """Time in which an autopilot that is critical without giving a reason may recover."""

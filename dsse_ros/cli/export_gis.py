@@ -21,8 +21,8 @@ from dsse_ros.report.kml import kml_text
 from dsse_ros.report.record import chosen_steps
 from dsse_ros.report.replay import forecast_for
 from dsse_ros.runtime.exit_codes import fail
+from dsse_ros.scenario.frames import scenario_frame
 from dsse_ros.search import HOLD, FieldError, SearchEnv
-from msg_adapters.frames import scenario_frame
 
 MAPS = 2
 """The start and the end of the mission."""

@@ -23,13 +23,13 @@ from dsse_ros.mission.vehicle_missions import (
     search_missions,
     write_missions,
 )
+from dsse_ros.mission_items.items import Home
 from dsse_ros.planners import planner_for, play
 from dsse_ros.runtime.exit_codes import fail
 from dsse_ros.scenario.fields import specs
+from dsse_ros.scenario.frames import GridFrame, scenario_frame
 from dsse_ros.search import FieldError, SearchEnv
 from dsse_ros.search.compiler import prepared_env
-from msg_adapters.frames import GridFrame, scenario_frame
-from msg_adapters.mission_items import Home
 
 LENGTHS = ("acceptance_radius", "search_altitude", "search_hold", "altitude_step")
 OPTIONS = ("autopilot", "merge_legs", *LENGTHS)

@@ -12,8 +12,12 @@ import numpy as np
 
 from dsse_ros.cli.command_line import Parser, place
 from dsse_ros.mission.vehicle_missions import FlightSettings
+from dsse_ros.mission_items.items import NAV_WAYPOINT, Home, Mission
+from dsse_ros.mission_items.track_missions import track_mission
 from dsse_ros.planners.patterns import SearchPattern
 from dsse_ros.scenario.fields import FieldError, specs
+from dsse_ros.scenario.frames import scenario_frame
+from dsse_ros.scenario.geodesy import cell_to_geodetic
 from dsse_ros.scenario.scenario import ResolvedScenario
 from dsse_ros.sensors.coverage import (
     coverage,
@@ -23,10 +27,6 @@ from dsse_ros.sensors.coverage import (
     total_probable_error,
 )
 from dsse_ros.sensors.swept_strip import width_of
-from msg_adapters.frames import scenario_frame
-from msg_adapters.geodesy import cell_to_geodetic
-from msg_adapters.mission_items import NAV_WAYPOINT, Home, Mission
-from msg_adapters.track_missions import track_mission
 
 OPTIONS = specs(SearchPattern)
 _OTHERS = ("datum", "sweep_width", "errors", "search")

@@ -14,17 +14,17 @@ from numpy.typing import NDArray
 from dsse_ros.dashboard.history import EXACT_LAYERS, LAYERS, MapImage, SearchHistory
 from dsse_ros.dashboard.inbox import Received
 from dsse_ros.dashboard.map_image import map_png
+from dsse_ros.result import Accepted
+from dsse_ros.scenario.frames import GridFrame
 from dsse_ros.scenario.scenario import ResolvedScenario
 from dsse_ros.scenario.sea_state import SeaState, sea_state
 from dsse_ros.step.looks import Looks, looks_of, own_cell_looks
 from msg_adapters.agents import AgentsInfo
-from msg_adapters.frames import GridFrame
 from msg_adapters.images import image_to_probability
 from msg_adapters.inbox import AgentsInbox
 from msg_adapters.mission_report import mission_report_from_message
 from msg_adapters.occupancy import occupancy_to_array, probability_to_occupancy
 from msg_adapters.pos import pos_from_message
-from msg_adapters.result import Accepted
 from msg_adapters.stamps import to_nanoseconds
 from msg_adapters.step_report import step_report_from_message
 from msg_adapters.vehicles import place_from_pose

@@ -17,11 +17,11 @@ from dsse_ros.dashboard.history import LAYERS, DroneState, MapImage, SearchHisto
 from dsse_ros.dashboard.map_chart import Window, chart_of, edges_of
 from dsse_ros.dashboard.map_image import level_at
 from dsse_ros.dashboard.missions import Mission, Missions
+from dsse_ros.scenario.geodesy import cell_to_geodetic
 from dsse_ros.scenario.sea_state import SeaState
 from dsse_ros.view.mission_view import ending
 from dsse_ros.view.palette import drone_colour
 from dsse_ros.view.sea_chart import corner_rows
-from msg_adapters.geodesy import cell_to_geodetic
 
 MAX_POINTS = 400
 """Largest number of points of the POS line, about one for each pixel of the chart."""

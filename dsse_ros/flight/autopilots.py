@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The differences between autopilots: one `Autopilot` each, registered in `AUTOPILOTS`.
 
-`msg_adapters.mission_items.FIRMWARES` has the numbering of missions under the same names.
+`dsse_ros.mission_items.items.FIRMWARES` has the numbering of missions under the same names.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from dsse_ros.mavlink.messages import (
     SysStatus,
     enum_name,
 )
-from msg_adapters.mission_items import FIRMWARES
+from dsse_ros.mission_items.items import FIRMWARES
 
 _NO_MODES: frozenset[str] = frozenset()
 MULTICOPTERS = frozenset(

@@ -8,7 +8,7 @@ import math
 from dataclasses import dataclass, replace
 
 from dsse_ros.mavlink.messages import AutopilotVersion, GlobalPosition
-from msg_adapters.geodesy import offset_m
+from dsse_ros.scenario.geodesy import offset_m
 
 _BACK_S = 1.0
 """How far a clock must go back: messages overtake each other by less."""

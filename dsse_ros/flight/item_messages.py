@@ -14,7 +14,7 @@ from collections.abc import Iterable
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from dsse_ros.checks import check_number
-from msg_adapters.mission_items import FRAME_MISSION, NAV_LOITER_TIME, MissionItem
+from dsse_ros.mission_items.items import FRAME_MISSION, NAV_LOITER_TIME, MissionItem
 
 INTEGER_FRAMES = {
     mavlink.MAV_FRAME_GLOBAL: mavlink.MAV_FRAME_GLOBAL_INT,

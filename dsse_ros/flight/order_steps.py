@@ -15,14 +15,14 @@ from dsse_ros.flight.commands import ARM_DISARM, OrderFailedError, TakenOverErro
 from dsse_ros.flight.item_messages import mission_messages
 from dsse_ros.flight.transfer import Failed
 from dsse_ros.flight.upload import VerifiedUpload
-from msg_adapters.geodesy import offset_m
-from msg_adapters.mission_items import (
+from dsse_ros.mission_items.items import (
     NAV_LAND,
     NAV_LOITER_TIME,
     NAV_RETURN_TO_LAUNCH,
     NAV_WAYPOINT,
     MissionItem,
 )
+from dsse_ros.scenario.geodesy import offset_m
 
 if TYPE_CHECKING:
     from dsse_ros.flight.orders import FlyMission, MakeReady, TakeOff

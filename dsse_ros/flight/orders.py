@@ -39,7 +39,7 @@ from dsse_ros.flight.order_steps import (
 )
 from dsse_ros.flight.vehicle_controller import Order, VehicleController
 from dsse_ros.mavlink.messages import MissionSetCurrent
-from msg_adapters.mission_items import MissionItem
+from dsse_ros.mission_items.items import MissionItem
 
 NAV_TAKEOFF = mavlink.MAV_CMD_NAV_TAKEOFF
 

@@ -9,7 +9,7 @@ from dataclasses import replace
 
 from dsse_ros.flight.commands import OrderFailedError, Situation, TakenOverError
 from dsse_ros.mavlink.messages import SetPositionTarget
-from msg_adapters.geodesy import offset_m
+from dsse_ros.scenario.geodesy import offset_m
 
 _TARGET_DEG = 1e-5
 _TARGET_ALT_M = 1.0

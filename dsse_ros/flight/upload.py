@@ -26,7 +26,7 @@ from dsse_ros.mavlink.messages import (
     MissionRequestInt,
     MissionRequestList,
 )
-from msg_adapters.mission_items import FRAME_MISSION, NAV_RETURN_TO_LAUNCH
+from dsse_ros.mission_items.items import FRAME_MISSION, NAV_RETURN_TO_LAUNCH
 
 _FINAL_RESULTS = MISSION_FAULTS | {mavlink.MAV_MISSION_OPERATION_CANCELLED}
 """Results after which a vehicle waits for no more items."""

@@ -10,7 +10,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from msg_adapters.frames import GridFrame, cell_to_map
+from dsse_ros.scenario.frames import GridFrame, cell_to_map
 from msg_adapters.vehicles import Progress
 
 

@@ -9,14 +9,14 @@ from collections.abc import Callable
 from typing import Any
 
 from dsse_ros.mission.mission import Mission
+from dsse_ros.result import Rejected
+from dsse_ros.scenario.frames import GridFrame
 from msg_adapters.commands import (
     parse_action_name,
     parse_goal,
     parse_joint_action,
     parse_navigation,
 )
-from msg_adapters.frames import GridFrame
-from msg_adapters.result import Rejected
 
 NAVIGATE_TO_POSE = "navigate_to_pose"
 """Name of the action of each drone."""

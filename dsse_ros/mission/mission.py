@@ -16,12 +16,12 @@ from numpy.typing import NDArray
 from dsse_ros.belief.ensemble_belief import EnsembleBelief
 from dsse_ros.mission.command_buffer import CommandBuffer
 from dsse_ros.mission.mission_snapshots import check_mission
+from dsse_ros.result import Rejected
 from dsse_ros.scenario.actions import Cell
 from dsse_ros.scenario.swarm import Swarm
 from dsse_ros.search import HOLD, FieldError, SearchEnv, Snapshot, SnapshotError
 from dsse_ros.search.world_beliefs import WorldBeliefs
 from dsse_ros.step.fault_kernels import LOST
-from msg_adapters.result import Rejected
 
 END_NS = 2**31 * 10**9
 """First mission time that does not fit into a message's stamp."""

@@ -11,8 +11,8 @@ from pathlib import Path
 
 from dsse_ros.mission.mission import Mission
 from dsse_ros.mission.mission_log import MissionLog
+from dsse_ros.scenario.frames import GridFrame
 from dsse_ros.search import FieldError, Snapshot, SnapshotError
-from msg_adapters.frames import GridFrame
 
 
 class MissionFiles:

@@ -15,10 +15,10 @@ import numpy as np
 
 from dsse_ros.mission.definition_log import DefinitionLog
 from dsse_ros.mission.mission import Mission, StepResult
+from dsse_ros.scenario.frames import GridFrame, cell_to_map
+from dsse_ros.scenario.geodesy import cell_to_geodetic
 from dsse_ros.search import FieldError
 from dsse_ros.step.fault_kernels import STATUSES
-from msg_adapters.frames import GridFrame, cell_to_map
-from msg_adapters.geodesy import cell_to_geodetic
 
 COLUMNS = (
     "mission", "step", "time_s", "agent", "col", "row", "east_m", "north_m", "lat_deg", "lon_deg",

@@ -12,12 +12,12 @@ from numpy.typing import NDArray
 
 from dsse_ros.mission.mission import Mission, StepResult
 from dsse_ros.mission.step_reports import step_report_of
+from dsse_ros.scenario.frames import GridFrame
+from dsse_ros.scenario.geodesy import cell_fix
 from dsse_ros.scenario.sea_state import sea_state
 from dsse_ros.step.fault_kernels import HOME, LOST
 from dsse_ros.targets import sea_map
 from msg_adapters.battery import battery_state
-from msg_adapters.frames import GridFrame
-from msg_adapters.geodesy import cell_fix
 from msg_adapters.images import probability_image
 from msg_adapters.markers import marker_array
 from msg_adapters.message_types import message_class

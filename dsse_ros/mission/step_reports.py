@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dsse_ros.mission.mission import Mission
-from msg_adapters.frames import GridFrame
+from dsse_ros.scenario.frames import GridFrame
 from msg_adapters.step_report import make_step_report
 
 

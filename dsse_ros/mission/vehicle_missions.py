@@ -13,14 +13,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from dsse_ros.mission_items.items import FIRMWARES, Home, Mission
+from dsse_ros.mission_items.plan_files import plan_text
+from dsse_ros.mission_items.separation import level_cells
+from dsse_ros.mission_items.track_missions import acceptance_radius_m, track_mission
+from dsse_ros.mission_items.tracks import without_repeats
+from dsse_ros.mission_items.waypoint_files import qgc_wpl
 from dsse_ros.scenario.fields import FieldError, check_all, field
-from msg_adapters.frames import GridFrame
-from msg_adapters.mission_items import FIRMWARES, Home, Mission
-from msg_adapters.plan_files import plan_text
-from msg_adapters.separation import level_cells
-from msg_adapters.track_missions import acceptance_radius_m, track_mission
-from msg_adapters.tracks import without_repeats
-from msg_adapters.waypoint_files import qgc_wpl
+from dsse_ros.scenario.frames import GridFrame
 
 Track = tuple[NDArray[Any], NDArray[np.bool_]]
 """(K, 2) cells (col, row), and (K,) flags of searched cells; the others are moves."""

@@ -17,8 +17,8 @@ from dsse_ros.bridge.vehicle_follower import VehicleFollower
 from dsse_ros.flight.vehicle import Vehicle
 from dsse_ros.nodes.node_diagnostics import NodeDiagnostics
 from dsse_ros.runtime.qos import Endpoints
+from dsse_ros.scenario.frames import GridFrame
 from msg_adapters.battery import battery_state
-from msg_adapters.frames import GridFrame
 from msg_adapters.poses import base_link
 from msg_adapters.vehicles import Progress, vehicle_fix, vehicle_pose, vehicle_state_message
 

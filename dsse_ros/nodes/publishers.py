@@ -15,9 +15,9 @@ from dsse_ros.mission.mission import Mission, StepResult
 from dsse_ros.mission.step_messages import DEFAULT, MESSAGES, Display, StepMessages
 from dsse_ros.mission.step_scheduler import Timing
 from dsse_ros.runtime.qos import Endpoints
+from dsse_ros.scenario.frames import GridFrame
 from dsse_ros.search import FieldError, SearchDefinition
 from msg_adapters.agents import AgentsInfo, agents_message, area_rows
-from msg_adapters.frames import GridFrame
 from msg_adapters.message_types import message_class
 from msg_adapters.poses import (
     earth_transform,

@@ -25,6 +25,7 @@ from dsse_ros.mission.mission import Mission
 from dsse_ros.mission.mission_files import MissionFiles
 from dsse_ros.mission.simulation_state import NEXT, Request, SimulationState, reason_to_refuse
 from dsse_ros.mission.step_scheduler import Due, StepScheduler
+from dsse_ros.mission_items.track_missions import acceptance_radius_m
 from dsse_ros.nodes import sim_services, simulation_interfaces
 from dsse_ros.nodes.navigate_to_pose import NavigateToPose
 from dsse_ros.nodes.node_diagnostics import PERIOD_S, NodeDiagnostics
@@ -40,13 +41,12 @@ from dsse_ros.nodes.sim_parameters import (
     timing,
 )
 from dsse_ros.nodes.waiting_log import JOINT_ACTION, WaitingLog
+from dsse_ros.result import Rejected
 from dsse_ros.runtime.parameters import check_changes, check_flat
 from dsse_ros.runtime.qos import Endpoints
 from dsse_ros.runtime.run_node import AlarmNode, run_node
 from msg_adapters.diagnostics import diagnostic_status
-from msg_adapters.result import Rejected
 from msg_adapters.stamps import to_nanoseconds, to_stamp
-from msg_adapters.track_missions import acceptance_radius_m
 from msg_adapters.vehicles import place_from_pose, progress_from_message
 
 HISTORY_PERIOD_S = 0.5

@@ -28,12 +28,12 @@ from dsse_ros.runtime.qos import Endpoints
 from dsse_ros.runtime.ros_arguments import from_ros, without_prefix
 from dsse_ros.runtime.run_node import AlarmNode
 from dsse_ros.scenario.fields import specs
+from dsse_ros.scenario.frames import GridFrame, scenario_frame
 from dsse_ros.scenario.limits import MAX_ID, check_cells
 from dsse_ros.scenario.rules import AUTO
 from dsse_ros.scenario.scenario import ResolvedScenario
 from dsse_ros.search import FieldError, Rules, Scenario, SearchEnv, profile
 from dsse_ros.search.compiler import announced, prepared_env
-from msg_adapters.frames import GridFrame, scenario_frame
 
 OF_TIMING = {"step_mode", "step_rate", "real_time_factor", "odom_rate", "command_timeout"}
 """Settings of the time at which steps are due."""

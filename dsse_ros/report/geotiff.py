@@ -14,7 +14,7 @@ from pymap3d.rcurve import meridian, transverse
 from rasterio.crs import CRS
 from rasterio.transform import Affine
 
-from msg_adapters.frames import GridFrame
+from dsse_ros.scenario.frames import GridFrame
 
 
 def write_geotiff(path: Path, frame: GridFrame, bands: Mapping[str, NDArray[np.float32]]) -> None:

@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 
 from dsse_ros.report.metrics import cumulative_pod
 from dsse_ros.report.record import RecordedMission
+from dsse_ros.scenario.frames import GridFrame, scenario_frame
+from dsse_ros.scenario.geodesy import cell_to_geodetic
 from dsse_ros.view.mission_view import MissionView
-from msg_adapters.frames import GridFrame, scenario_frame
-from msg_adapters.geodesy import cell_to_geodetic
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,8 +8,8 @@ from collections.abc import Iterable, Mapping, Sequence
 
 from gpxpy import gpx
 
+from dsse_ros.mission_items.items import NAV_WAYPOINT, Mission
 from dsse_ros.report.gis import GisPoint
-from msg_adapters.mission_items import NAV_WAYPOINT, Mission
 
 
 def gpx_text(

@@ -8,9 +8,9 @@ import numpy as np
 import simplekml
 
 from dsse_ros.report.gis import GisMap, GisMission
+from dsse_ros.scenario.frames import GridFrame
+from dsse_ros.scenario.geodesy import cell_to_geodetic
 from dsse_ros.view.palette import DRONE_COLOURS
-from msg_adapters.frames import GridFrame
-from msg_adapters.geodesy import cell_to_geodetic
 
 MAX_KML_SIDE = 100
 """Cells along the side of the largest grid whose cells are in the KML, each as a polygon."""

@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 from dsse_ros.extras import pip_install
 from dsse_ros.scenario.fields import FieldError, shown
+from dsse_ros.scenario.frames import cell_centre
 
 if TYPE_CHECKING:
     from dsse_ros.scenario.geodesy import Origin
@@ -121,18 +122,6 @@ class Area:
             return inside
 
         return contains
-
-
-def cell_centre(grid_size: int, cell_size_m: float, col: Any, row: Any) -> tuple[Any, Any]:
-    """Return the centre of a cell in metres from the grid's south-west corner, x east and y north.
-
-    Args:
-        grid_size: Cells along a side, G.
-        cell_size_m: Side of a cell.
-        col: Column; a fraction lies between cells. A number or an array.
-        row: Row, 0 in the north; a number or an array of the same shape.
-    """
-    return (col + 0.5) * cell_size_m, (grid_size - 1 - row + 0.5) * cell_size_m
 
 
 @lru_cache(maxsize=4)

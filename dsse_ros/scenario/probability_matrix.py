@@ -16,9 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dsse_ros.extras import pip_install
-from dsse_ros.scenario.area import cell_centre
 from dsse_ros.scenario.array_files import check_numbers, read_npy
 from dsse_ros.scenario.fields import FieldError, shown
+from dsse_ros.scenario.frames import cell_centre
 from dsse_ros.scenario.given_array import GivenArray, frozen
 from dsse_ros.scenario.limits import MAX_SIDE
 

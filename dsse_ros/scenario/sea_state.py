@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 
 from dsse_ros.drift.flow import SENSE, Flow, Kind, speed_and_direction, utc
 from dsse_ros.drift.kernels import read_flow
-from dsse_ros.scenario.area import Area, cell_centre
+from dsse_ros.scenario.area import Area
+from dsse_ros.scenario.frames import cell_centre
 from dsse_ros.scenario.geodesy import Origin, surface_to_geodetic
 from dsse_ros.scenario.incident_grid import metres_from
 from dsse_ros.scenario.while_alive import while_alive

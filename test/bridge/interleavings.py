@@ -27,8 +27,8 @@ from dsse_ros.mavlink.messages import (
     PositionTarget,
     SetPositionTarget,
 )
-from msg_adapters.frames import cell_to_map
-from msg_adapters.geodesy import geodetic_to_map
+from dsse_ros.scenario.frames import cell_to_map
+from dsse_ros.scenario.geodesy import geodetic_to_map
 
 ARM, TAKE_OFF, SET_MODE, START = 400, 22, 176, 300
 STARTS = (ARM, TAKE_OFF, START)

@@ -17,9 +17,9 @@ from virtual_fleet import FRAME, SEARCH, VirtualFleet, VirtualSearch
 from dsse_ros.bridge.airspace import Airspace, Flyer
 from dsse_ros.flight.orders import GoTo, Hold, Land, Order, Return, Search, TakeOff
 from dsse_ros.flight.vehicle_state import VehicleState
-from msg_adapters.frames import GridFrame, cell_to_map
-from msg_adapters.geodesy import map_to_geodetic
-from msg_adapters.separation import separation_m
+from dsse_ros.mission_items.separation import separation_m
+from dsse_ros.scenario.frames import GridFrame, cell_to_map
+from dsse_ros.scenario.geodesy import map_to_geodetic
 
 # To find a shorter one that fails takes too many flights.
 AS_DRAWN = (Phase.explicit, Phase.reuse, Phase.generate)

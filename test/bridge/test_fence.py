@@ -20,11 +20,11 @@ from dsse_ros.bridge.fence import (
     check_search,
     check_take_off,
 )
-from msg_adapters.frames import GridFrame
-from msg_adapters.geodesy import geodetic_to_map, map_to_geodetic
-from msg_adapters.mission_items import FRAME_MISSION, Home, Mission, MissionItem
-from msg_adapters.result import Accepted, Rejected
-from msg_adapters.track_missions import track_mission
+from dsse_ros.mission_items.items import FRAME_MISSION, Home, Mission, MissionItem
+from dsse_ros.mission_items.track_missions import track_mission
+from dsse_ros.result import Accepted, Rejected
+from dsse_ros.scenario.frames import GridFrame
+from dsse_ros.scenario.geodesy import geodetic_to_map, map_to_geodetic
 
 FRAME = GridFrame(20, 130.0, -24.04, -46.17, 0.0, 120.0)
 SIDE_M = 2600.0

@@ -18,7 +18,7 @@ from virtual_flight import VirtualFlight
 from dsse_ros.bridge.airspace import UNKNOWN_FACTOR
 from dsse_ros.flight.orders import Search
 from dsse_ros.mavlink.messages import CommandLong, SetPositionTarget
-from msg_adapters.separation import separation_m
+from dsse_ros.mission_items.separation import separation_m
 
 ARM, TAKE_OFF, SET_MODE = 400, 22, 176
 both = pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])

@@ -23,8 +23,8 @@ from dsse_ros.flight.identity import Identity
 from dsse_ros.flight.orders import FlyMission, GoTo, Land, TakeOff
 from dsse_ros.flight.vehicle_controller import Outcome
 from dsse_ros.flight.vehicle_state import VehicleState
-from msg_adapters.mission_items import MissionItem
-from msg_adapters.result import Accepted, Rejected
+from dsse_ros.mission_items.items import MissionItem
+from dsse_ros.result import Accepted, Rejected
 
 SEARCH = (7, 1)
 TOP_M = 60.0

@@ -36,11 +36,11 @@ from dsse_ros.flight.orders import (
 from dsse_ros.flight.vehicle_controller import Outcome
 from dsse_ros.flight.vehicle_state import VehicleState
 from dsse_ros.mission.vehicle_missions import search_missions
-from msg_adapters.frames import GridFrame
-from msg_adapters.geodesy import cell_to_geodetic
-from msg_adapters.mission_items import Home
-from msg_adapters.result import Accepted, Rejected
-from msg_adapters.track_missions import Leg
+from dsse_ros.mission_items.items import Home
+from dsse_ros.mission_items.track_missions import Leg
+from dsse_ros.result import Accepted, Rejected
+from dsse_ros.scenario.frames import GridFrame
+from dsse_ros.scenario.geodesy import cell_to_geodetic
 
 FRAME = GridFrame(10, 130.0, -24.0, -46.0, 0.0, 120.0)
 SETTINGS = BridgeSettings()

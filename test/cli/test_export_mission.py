@@ -13,8 +13,8 @@ import pytest
 
 from dsse_ros.cli.export_gis import main as export_gis
 from dsse_ros.cli.export_mission import main, search
+from dsse_ros.mission_items.items import NAV_RETURN_TO_LAUNCH, NAV_TAKEOFF, NAV_WAYPOINT
 from dsse_ros.search import Scenario, SearchEnv, profile
-from msg_adapters.mission_items import NAV_RETURN_TO_LAUNCH, NAV_TAKEOFF, NAV_WAYPOINT
 
 ROOT = Path(__file__).resolve().parents[2]
 SCENARIO = ROOT / "config" / "sitl.yaml"

@@ -13,8 +13,8 @@ import pytest
 from pymap3d.vincenty import vdist
 
 from dsse_ros.cli.export_mission import main
+from dsse_ros.mission_items.items import NAV_RETURN_TO_LAUNCH, NAV_TAKEOFF, NAV_WAYPOINT
 from dsse_ros.planners.patterns import SearchPattern
-from msg_adapters.mission_items import NAV_RETURN_TO_LAUNCH, NAV_TAKEOFF, NAV_WAYPOINT
 
 PS = ("--pattern", "PS", "--length", "2000", "--width", "1000", "--track-spacing", "200")
 

@@ -20,8 +20,8 @@ from dsse_ros.cli.run_mission import Watcher
 from dsse_ros.mission.mission import Mission
 from dsse_ros.mission.step_reports import step_report_of
 from dsse_ros.runtime.qos import COMPLETE
+from dsse_ros.scenario.frames import GridFrame
 from dsse_ros.search import parallel_env
-from msg_adapters.frames import GridFrame
 from msg_adapters.images import probability_image
 from msg_adapters.pos import pos_message
 from msg_adapters.stamps import to_stamp

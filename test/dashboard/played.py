@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 
 from dsse_ros.mission.mission import Mission
 from dsse_ros.scenario.definition import SearchDefinition
+from dsse_ros.scenario.frames import GridFrame, scenario_frame
 from dsse_ros.search import parallel_env
 from msg_adapters.agents import AgentsInfo, agents_message
-from msg_adapters.frames import GridFrame, scenario_frame
 from msg_adapters.mission_report import make_mission_report, mission_report_message
 from msg_adapters.occupancy import occupancy_grid
 from msg_adapters.pos import pos_message

@@ -16,8 +16,8 @@ from browsers import violations
 from rig import TIMEOUT_S, Rig, Sim
 from std_msgs.msg import String
 
+from dsse_ros.scenario.geodesy import cell_to_geodetic
 from msg_adapters.agents import agents_from_message
-from msg_adapters.geodesy import cell_to_geodetic
 
 pytestmark = pytest.mark.slow
 

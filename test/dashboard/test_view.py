@@ -22,7 +22,7 @@ from dsse_ros.dashboard.map_chart import Window
 from dsse_ros.dashboard.map_image import MAX_SIDE, map_png
 from dsse_ros.dashboard.missions import Missions
 from dsse_ros.dashboard.view import MAX_ROWS, PageView
-from msg_adapters.geodesy import cell_to_geodetic, map_to_geodetic
+from dsse_ros.scenario.geodesy import cell_to_geodetic, map_to_geodetic
 from msg_adapters.images import probability_image
 from msg_adapters.occupancy import occupancy_to_array
 from msg_adapters.poses import pose_stamped

@@ -34,7 +34,7 @@ from dsse_ros.flight.orders import (
 from dsse_ros.flight.vehicle_controller import VehicleController
 from dsse_ros.mavlink.codec import Codec
 from dsse_ros.mavlink.messages import INCOMING, Address
-from msg_adapters.mission_items import MissionItem
+from dsse_ros.mission_items.items import MissionItem
 
 VEHICLE, OURSELVES = Address(7, 1), Address(245, 191)
 AUTOPILOTS = (mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA, mavlink.MAV_AUTOPILOT_PX4)

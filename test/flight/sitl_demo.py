@@ -48,10 +48,10 @@ from dsse_ros.runtime.exit_codes import fail  # noqa: E402
 from dsse_ros.runtime.qos import COMPLETE  # noqa: E402
 from dsse_ros.runtime.run_node import new_executor  # noqa: E402
 from dsse_ros.scenario.fields import specs  # noqa: E402
+from dsse_ros.scenario.frames import GridFrame, cell_to_map, scenario_frame  # noqa: E402
+from dsse_ros.scenario.geodesy import map_to_geodetic  # noqa: E402
 from dsse_ros.search import FieldError  # noqa: E402
 from dsse_ros.view.rendering import save_picture  # noqa: E402
-from msg_adapters.frames import GridFrame, cell_to_map, scenario_frame  # noqa: E402
-from msg_adapters.geodesy import map_to_geodetic  # noqa: E402
 from msg_adapters.step_report import step_report_from_message  # noqa: E402
 
 RADIUS_M = 10.0

@@ -15,7 +15,7 @@ from dsse_ros.flight.autopilots import AUTOPILOTS, PX4, Autopilot
 from dsse_ros.flight.commands import ControllerSettings
 from dsse_ros.flight.orders import FlyMission, GoTo, Return, TakeOff
 from dsse_ros.flight.vehicle_controller import VehicleController
-from msg_adapters.mission_items import FIRMWARES
+from dsse_ros.mission_items.items import FIRMWARES
 
 ROOT = Path(__file__).resolve().parents[2]
 SOURCES = [file for top in ("dsse_ros", "msg_adapters") for file in (ROOT / top).rglob("*.py")]

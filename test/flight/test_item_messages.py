@@ -11,7 +11,7 @@ from mission_strategies import ITEMS, MISSIONS
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from dsse_ros.flight.item_messages import item_message, mission_messages
-from msg_adapters.mission_items import FRAME_MISSION, MissionItem
+from dsse_ros.mission_items.items import FRAME_MISSION, MissionItem
 
 DEGREES = st.tuples(st.floats(-90, 90), st.floats(-180, 180))
 

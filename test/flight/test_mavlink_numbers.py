@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from msg_adapters import mission_items
+from dsse_ros.mission_items import items as mission_items
 
 ROOT = Path(__file__).resolve().parents[2]
 FILES = sorted((ROOT / "dsse_ros/flight").glob("*.py"))

@@ -10,7 +10,7 @@ from collections.abc import Callable
 import pytest
 
 from dsse_ros.flight.orders import FlyMission, GoTo, Order, Search, TakeOff
-from msg_adapters.mission_items import MissionItem
+from dsse_ros.mission_items.items import MissionItem
 
 
 @pytest.mark.parametrize(

@@ -22,7 +22,7 @@ from pace import Pace
 from dsse_ros.flight import vehicle as vehicle_module
 from dsse_ros.flight.orders import FlyMission, GoTo, Hold, Land, Order, Return, Search, TakeOff
 from dsse_ros.flight.vehicle import Vehicle, VehicleSettings
-from msg_adapters.mission_items import FRAME_GLOBAL, FRAME_MISSION, MissionItem
+from dsse_ros.mission_items.items import FRAME_GLOBAL, FRAME_MISSION, MissionItem
 
 pytestmark = pytest.mark.slow
 

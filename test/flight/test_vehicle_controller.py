@@ -34,7 +34,7 @@ from dsse_ros.mavlink.messages import (
     SetPositionTarget,
     StatusText,
 )
-from msg_adapters.mission_items import FRAME_MISSION, MissionItem
+from dsse_ros.mission_items.items import FRAME_MISSION, MissionItem
 
 AUTOPILOTS = ("ardupilot", "px4")
 ARM, TAKEOFF, SET_MODE, CHANGE_SPEED, START, INTERVAL = 400, 22, 176, 178, 300, 511

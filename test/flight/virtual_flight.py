@@ -28,7 +28,7 @@ from dsse_ros.mavlink.messages import (
     Outgoing,
     SetPositionTarget,
 )
-from msg_adapters.mission_items import FRAME_MISSION, MissionItem
+from dsse_ros.mission_items.items import FRAME_MISSION, MissionItem
 
 VEHICLE, OURSELVES, STATION = Address(1, 1), Address(245, 191), Address(255, 190)
 HEARTBEAT = Heartbeat(18, 8, 0, 0, 4, 3)

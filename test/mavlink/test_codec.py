@@ -27,7 +27,7 @@ from dsse_ros.mavlink.messages import (
     StatusText,
     command_long,
 )
-from msg_adapters.mission_items import FRAME_MISSION, MissionItem
+from dsse_ros.mission_items.items import FRAME_MISSION, MissionItem
 
 VEHICLE, OURSELVES = Address(7, 1), Address(245, 191)
 HEARTBEAT = Heartbeat(18, 8, 0, 0, 4, 3)

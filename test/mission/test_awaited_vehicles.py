@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from dsse_ros.mission.awaited_vehicles import AwaitedVehicles
-from msg_adapters.frames import GridFrame, cell_to_map
+from dsse_ros.scenario.frames import GridFrame, cell_to_map
 from msg_adapters.vehicles import Progress
 
 FRAME = GridFrame(6, 130.0, -24.04, -46.17, 0.0, 120.0)

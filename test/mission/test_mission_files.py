@@ -11,8 +11,8 @@ import pytest
 from dsse_ros.mission.mission import Mission
 from dsse_ros.mission.mission_files import MissionFiles
 from dsse_ros.report.record import read_csv
+from dsse_ros.scenario.frames import GridFrame
 from dsse_ros.search import FieldError, parallel_env
-from msg_adapters.frames import GridFrame
 
 FRAME = GridFrame(6, 130.0, -24.04, -46.17, 0.0, 120.0)
 

@@ -16,9 +16,9 @@ from dsse_ros.mission.definition_log import definition_file
 from dsse_ros.mission.mission import Mission
 from dsse_ros.mission.mission_log import COLUMNS, MissionLog
 from dsse_ros.report.record import read_csv
+from dsse_ros.scenario.frames import GridFrame, cell_to_map
+from dsse_ros.scenario.geodesy import geodetic_to_map
 from dsse_ros.search import FieldError, parallel_env
-from msg_adapters.frames import GridFrame, cell_to_map
-from msg_adapters.geodesy import geodetic_to_map
 
 FRAME = GridFrame(
     grid_size=6, cell_size_m=130, origin_lat_deg=-24.04, origin_lon_deg=-46.17,

@@ -19,11 +19,11 @@ from dsse_ros.mission.mission_log import MissionLog, columns_of
 from dsse_ros.mission.step_reports import step_report_of
 from dsse_ros.report.record import read_csv
 from dsse_ros.report.replay import mission_views
+from dsse_ros.result import Accepted
+from dsse_ros.scenario.frames import scenario_frame
 from dsse_ros.search import HOLD, Snapshot, parallel_env
 from dsse_ros.search.world_beliefs import DRIFT_SAMPLES
 from dsse_ros.step.fault_kernels import STATUSES
-from msg_adapters.frames import scenario_frame
-from msg_adapters.result import Accepted
 from msg_adapters.stamps import to_stamp
 from msg_adapters.step_report import step_report_from_message, step_report_message
 from msg_adapters.vehicles import Progress, progress_from_message, vehicle_state_message

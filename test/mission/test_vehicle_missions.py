@@ -17,11 +17,11 @@ from numpy.typing import NDArray
 
 from dsse_ros.cli import export_mission
 from dsse_ros.mission.vehicle_missions import FlightSettings, layers, search_missions
+from dsse_ros.mission_items.items import NAV_WAYPOINT, Home, Mission
 from dsse_ros.planners import COVERAGE_PLANNERS, PLANNER_NAMES
+from dsse_ros.scenario.frames import GridFrame, scenario_frame
+from dsse_ros.scenario.geodesy import map_to_geodetic
 from dsse_ros.search import FieldError, parallel_env
-from msg_adapters.frames import GridFrame, scenario_frame
-from msg_adapters.geodesy import map_to_geodetic
-from msg_adapters.mission_items import NAV_WAYPOINT, Home, Mission
 
 FRAME = GridFrame(10, 130.0, -24.0, -46.0, 0.0, 120.0)
 

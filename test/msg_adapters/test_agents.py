@@ -13,6 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from std_msgs.msg import String
 
+from dsse_ros.scenario.frames import GridFrame
 from dsse_ros.search import Scenario, SearchDefinition, profile
 from msg_adapters.agents import (
     AgentsInfo,
@@ -20,7 +21,6 @@ from msg_adapters.agents import (
     agents_message,
     area_rows,
 )
-from msg_adapters.frames import GridFrame
 
 KAYAK = Path(__file__).resolve().parents[2] / "config" / "kayak.yaml"
 CHARACTERS = st.characters(exclude_categories=["Cs"], exclude_characters="\0")

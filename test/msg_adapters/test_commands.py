@@ -13,10 +13,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from std_msgs.msg import Header, Int32MultiArray, String
 
+from dsse_ros.result import Accepted, Rejected, shown
+from dsse_ros.scenario.frames import GridFrame
 from msg_adapters import commands
-from msg_adapters.frames import GridFrame
 from msg_adapters.poses import pose_stamped
-from msg_adapters.result import Accepted, Rejected, shown
 from msg_adapters.stamps import to_stamp
 
 ACTIONS = ("left", "right", "up", "down", "search")

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 from sensor_msgs.msg import Image
 
-from msg_adapters.frames import GridFrame
+from dsse_ros.scenario.frames import GridFrame
 from msg_adapters.images import image_to_probability, probability_image
 from msg_adapters.stamps import to_stamp
 

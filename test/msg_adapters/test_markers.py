@@ -10,10 +10,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from visualization_msgs.msg import Marker
 
-from msg_adapters.frames import GridFrame, cell_to_map
+from dsse_ros.mission_items.tracks import corners, without_repeats
+from dsse_ros.scenario.frames import GridFrame, cell_to_map
 from msg_adapters.markers import drone_color, marker_array
 from msg_adapters.stamps import to_stamp
-from msg_adapters.tracks import corners, without_repeats
 
 FRAME = GridFrame(20, 130.0, -24.04, -46.17, 0.0, 120.0)
 STAMP = to_stamp(0)

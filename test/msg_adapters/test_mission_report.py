@@ -12,7 +12,7 @@ from hypothesis.extra import numpy as hnp
 from sensor_msgs.msg import PointCloud2, PointField
 
 from dsse_ros.mission.mission import HISTORY_DTYPE
-from msg_adapters.frames import GridFrame, cell_to_map
+from dsse_ros.scenario.frames import GridFrame, cell_to_map
 from msg_adapters.mission_report import (
     MISSION_REPORT_DTYPE,
     make_mission_report,

@@ -6,17 +6,17 @@ import math
 
 import numpy as np
 import pytest
+from grid_frames import FRAMES
 from hypothesis import given
 from hypothesis import strategies as st
 from sensor_msgs.msg import NavSatFix, NavSatStatus
 
+from dsse_ros.result import Accepted
+from dsse_ros.scenario.frames import GridFrame, cell_to_map
 from msg_adapters import poses
 from msg_adapters.commands import parse_goal
-from msg_adapters.frames import GridFrame, cell_to_map
-from msg_adapters.result import Accepted
 from msg_adapters.stamps import to_stamp
 
-FRAMES = st.from_type(GridFrame)
 STAMP, LATER = to_stamp(13 * 10**9), to_stamp(26 * 10**9)
 SPEEDS = st.floats(-40, 40).filter(lambda speed: speed == 0 or abs(speed) > 1e-6)
 CELLS = st.lists(st.tuples(st.integers(0, 399), st.integers(0, 399)), max_size=8)

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 from sensor_msgs.msg import PointCloud2, PointField
 
-from msg_adapters.frames import GridFrame, cell_to_map
+from dsse_ros.scenario.frames import GridFrame, cell_to_map
 from msg_adapters.stamps import to_stamp
 from msg_adapters.step_report import (
     MAX_ACTIONS,

@@ -14,9 +14,9 @@ from diagnostic_msgs.msg import DiagnosticArray
 from hypothesis import given
 from hypothesis import strategies as st
 
-from msg_adapters.frames import GridFrame
-from msg_adapters.geodesy import map_to_geodetic
-from msg_adapters.result import Accepted, Rejected
+from dsse_ros.result import Accepted, Rejected
+from dsse_ros.scenario.frames import GridFrame
+from dsse_ros.scenario.geodesy import map_to_geodetic
 from msg_adapters.vehicles import (
     Progress,
     place_from_pose,

@@ -10,11 +10,12 @@ import numpy as np
 import pytest
 from rclpy.serialization import deserialize_message, serialize_message
 
+from dsse_ros.scenario import geodesy
+from dsse_ros.scenario.frames import GridFrame
 from msg_adapters import (
     agents,
     commands,
     diagnostics,
-    geodesy,
     images,
     markers,
     mission_report,
@@ -23,7 +24,6 @@ from msg_adapters import (
     stamps,
     step_report,
 )
-from msg_adapters.frames import GridFrame
 
 # ROS 2's own imports, on the first message that is converted.
 pytestmark = pytest.mark.filterwarnings("ignore:module 'sre_:DeprecationWarning")

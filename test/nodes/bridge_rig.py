@@ -18,8 +18,8 @@ from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PoseStamped
 from rig import ALL, Process, Rig, Sim
 
-from msg_adapters.frames import GridFrame, cell_to_map
-from msg_adapters.geodesy import map_to_geodetic
+from dsse_ros.scenario.frames import GridFrame, cell_to_map
+from dsse_ros.scenario.geodesy import map_to_geodetic
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "flight"))
 

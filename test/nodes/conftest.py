@@ -9,7 +9,7 @@ import sys
 from pathlib import Path
 
 HERE = Path(__file__).parent
-sys.path[:0] = [str(HERE), str(HERE.parent / "msg_adapters"), str(HERE.parent / "search")]
+sys.path[:0] = [str(HERE), str(HERE.parent / "search")]
 
 from rig import ENVIRONMENT, rig_of_module  # noqa: E402, F401
 

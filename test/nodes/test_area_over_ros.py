@@ -13,9 +13,9 @@ from std_msgs.msg import String
 
 from dsse_ros.mission.scenario_files import find_scenario
 from dsse_ros.planners import planner_for
+from dsse_ros.scenario.frames import cell_to_map, scenario_frame
 from dsse_ros.search import parallel_env
 from msg_adapters.agents import agents_from_message
-from msg_adapters.frames import cell_to_map, scenario_frame
 from msg_adapters.occupancy import occupancy_to_array
 from msg_adapters.step_report import step_report_from_message
 

@@ -18,12 +18,12 @@ from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import Image, PointCloud2
 from std_msgs.msg import String
 
+from dsse_ros.result import Accepted
 from msg_adapters.agents import agents_from_message
 from msg_adapters.commands import parse_goal
 from msg_adapters.images import image_to_probability
 from msg_adapters.occupancy import probability_to_occupancy
 from msg_adapters.poses import pose_stamped
-from msg_adapters.result import Accepted
 from msg_adapters.stamps import to_stamp
 from msg_adapters.step_report import step_report_from_message
 

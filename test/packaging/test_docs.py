@@ -37,9 +37,9 @@ from dsse_ros.mission.command_buffer import MISSING_ACTIONS
 from dsse_ros.mission.mission_log import COLUMNS
 from dsse_ros.nodes.settings import SHORT_NAMES
 from dsse_ros.report.record import RecordedMission, read_csv
+from dsse_ros.scenario.frames import GridFrame
 from dsse_ros.search import PROFILES, SearchEnv
 from msg_adapters.agents import AgentsInfo, agents_message
-from msg_adapters.frames import GridFrame
 from msg_adapters.step_report import step_report_dtype
 
 ROOT = Path(__file__).resolve().parents[2]

@@ -19,11 +19,11 @@ from dsse_ros.mission.mission import Mission
 from dsse_ros.mission.step_messages import Display, StepMessages
 from dsse_ros.mission.step_reports import step_report_of
 from dsse_ros.recording.bag import BagWriter, Recorded
+from dsse_ros.scenario.frames import scenario_frame
+from dsse_ros.scenario.geodesy import cell_fix
 from dsse_ros.search import Rules, Scenario, SearchDefinition, SearchEnv, profile
 from msg_adapters.agents import AgentsInfo, agents_message
 from msg_adapters.commands import joint_action_message
-from msg_adapters.frames import scenario_frame
-from msg_adapters.geodesy import cell_fix
 from msg_adapters.images import probability_image
 from msg_adapters.mission_report import make_mission_report, mission_report_message
 from msg_adapters.occupancy import occupancy_grid

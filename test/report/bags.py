@@ -12,9 +12,9 @@ from rclpy.serialization import serialize_message
 
 from dsse_ros.mission.mission import Mission
 from dsse_ros.recording.bag import BagWriter
+from dsse_ros.scenario.frames import scenario_frame
 from dsse_ros.search import SearchEnv
 from msg_adapters.agents import AgentsInfo, SearchDefinition, agents_message, area_rows
-from msg_adapters.frames import scenario_frame
 from msg_adapters.images import probability_image
 from msg_adapters.mission_report import make_mission_report, mission_report_message
 from msg_adapters.stamps import to_stamp

@@ -12,8 +12,8 @@ import numpy as np
 
 from dsse_ros.mission.mission import Mission, StepResult
 from dsse_ros.mission.mission_log import MissionLog
+from dsse_ros.scenario.frames import scenario_frame
 from dsse_ros.search import Scenario, SearchEnv, profile
-from msg_adapters.frames import scenario_frame
 
 SCENARIO = {
     "name": "A test & its <name>", "grid_size": 9, "num_drones": 3, "cell_size": 130.0,

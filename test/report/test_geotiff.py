@@ -13,9 +13,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from dsse_ros.scenario.frames import GridFrame
+from dsse_ros.scenario.geodesy import cell_to_geodetic
 from dsse_ros.scenario.probability_matrix import ProbabilityMatrix
-from msg_adapters.frames import GridFrame
-from msg_adapters.geodesy import cell_to_geodetic
 
 rasterio = pytest.importorskip("rasterio")
 from rasterio.transform import xy  # noqa: E402

@@ -20,8 +20,8 @@ from rig import TIMEOUT_S, Rig, Sim, stamp_ns
 from dsse_ros.mission.scenario_files import find_scenario
 from dsse_ros.ros_env import TIMEOUT_S as TIMEOUT_S_OF_ENV
 from dsse_ros.ros_env import DsseRosEnv, SearchLostError
+from dsse_ros.scenario.frames import cell_to_map
 from dsse_ros.search import FieldError, parallel_env
-from msg_adapters.frames import cell_to_map
 from msg_adapters.stamps import to_stamp
 from msg_adapters.vehicles import Progress, vehicle_state_message
 

@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from dsse_ros.scenario.area import cell_centre
+from dsse_ros.scenario.frames import cell_centre
 from dsse_ros.scenario.geodesy import surface_to_geodetic
 from dsse_ros.search import FieldError, Scenario, parallel_env, profile
 

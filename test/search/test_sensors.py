@@ -22,13 +22,13 @@ from dsse_ros.planners.registry import PLANNER_NAMES, planner_for
 from dsse_ros.report.metrics import effort
 from dsse_ros.report.record import read_csv
 from dsse_ros.scenario.fields import FieldError
+from dsse_ros.scenario.frames import GridFrame
 from dsse_ros.scenario.scenario import scenario_and_rules
 from dsse_ros.search import HOLD, parallel_env, vector_env
 from dsse_ros.search.world import World
 from dsse_ros.search.world_beliefs import WorldBeliefs
 from dsse_ros.sensors.registry import SENSORS
 from dsse_ros.targets.registry import TARGET_MODELS
-from msg_adapters.frames import GridFrame
 from msg_adapters.step_report import finds_of, step_report_from_message, step_report_message
 
 FIELDS: dict[str, Any] = {

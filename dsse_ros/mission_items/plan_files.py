@@ -11,7 +11,7 @@ import json
 import math
 from typing import Any
 
-from msg_adapters.mission_items import FIRMWARES, Mission, MissionItem, check_item
+from dsse_ros.mission_items.items import FIRMWARES, Mission, MissionItem, check_item
 
 MAV_TYPE_QUADROTOR = 2
 

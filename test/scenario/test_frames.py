@@ -6,12 +6,12 @@ import math
 
 import numpy as np
 import pytest
+from grid_frames import FRAMES
 from hypothesis import given
 from hypothesis import strategies as st
 
-from msg_adapters.frames import GridFrame, cell_to_map, map_to_cell, matrix_to_map_rows
+from dsse_ros.scenario.frames import GridFrame, cell_to_map, map_to_cell, matrix_to_map_rows
 
-FRAMES = st.from_type(GridFrame)
 SANTOS = GridFrame(8, 130.0, -24.04, -46.17, 0.0, 120.0)
 
 

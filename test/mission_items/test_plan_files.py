@@ -12,10 +12,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from mission_strategies import MISSIONS
 
-from msg_adapters.frames import GridFrame
-from msg_adapters.mission_items import FRAME_MISSION, Home, Mission, MissionItem
-from msg_adapters.plan_files import plan_text
-from msg_adapters.track_missions import track_mission
+from dsse_ros.mission_items.items import FRAME_MISSION, Home, Mission, MissionItem
+from dsse_ros.mission_items.plan_files import plan_text
+from dsse_ros.mission_items.track_missions import track_mission
+from dsse_ros.scenario.frames import GridFrame
 
 FRAME = GridFrame(20, 130.0, -24.04, -46.17, 0.0, 120.0)
 MISSION = track_mission(FRAME, [(0, 0), (1, 0)], [False, True], home=Home(-24.1, -46.2, 3.0))

@@ -6,7 +6,7 @@ import math
 
 from hypothesis import strategies as st
 
-from msg_adapters.mission_items import Home, Mission, MissionItem
+from dsse_ros.mission_items.items import Home, Mission, MissionItem
 
 NUMBERS = st.floats(-1e6, 1e6)
 ITEMS = st.builds(

@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from msg_adapters.frames import GridFrame, cell_to_map
-from msg_adapters.geodesy import geodetic_to_map
-from msg_adapters.mission_items import Home
+from dsse_ros.mission_items.items import Home
+from dsse_ros.scenario.frames import GridFrame, cell_to_map
+from dsse_ros.scenario.geodesy import geodetic_to_map
 
 Point = tuple[float, float]
 """x east and y north in the map frame, m."""

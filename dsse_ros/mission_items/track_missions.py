@@ -11,9 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from msg_adapters.frames import GridFrame
-from msg_adapters.geodesy import cell_to_geodetic
-from msg_adapters.mission_items import (
+from dsse_ros.mission_items.items import (
     FRAME_GLOBAL,
     FRAME_GLOBAL_RELATIVE_ALT,
     FRAME_MISSION,
@@ -24,7 +22,9 @@ from msg_adapters.mission_items import (
     Mission,
     MissionItem,
 )
-from msg_adapters.tracks import stops
+from dsse_ros.mission_items.tracks import stops
+from dsse_ros.scenario.frames import GridFrame
+from dsse_ros.scenario.geodesy import cell_to_geodetic
 
 
 @dataclass(frozen=True)

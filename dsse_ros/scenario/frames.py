@@ -14,7 +14,6 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from dsse_ros.scenario.area import cell_centre
 from dsse_ros.scenario.limits import CELL_SIZE_M
 
 if TYPE_CHECKING:
@@ -131,6 +130,18 @@ def scenario_frame(
         map_frame=map_frame,
         frame_prefix=frame_prefix,
     )
+
+
+def cell_centre(grid_size: int, cell_size_m: float, col: Any, row: Any) -> tuple[Any, Any]:
+    """Return the centre of a cell in metres from the grid's south-west corner, x east and y north.
+
+    Args:
+        grid_size: Cells along a side, G.
+        cell_size_m: Side of a cell.
+        col: Column; a fraction lies between cells. A number or an array.
+        row: Row, 0 in the north; a number or an array of the same shape.
+    """
+    return (col + 0.5) * cell_size_m, (grid_size - 1 - row + 0.5) * cell_size_m
 
 
 def cell_to_map(frame: GridFrame, col: F, row: F) -> tuple[F, F]:

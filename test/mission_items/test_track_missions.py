@@ -10,9 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from dsse_ros.bridge.fence import Fence, check_mission
-from msg_adapters.frames import GridFrame, cell_to_map
-from msg_adapters.geodesy import geodetic_to_map
-from msg_adapters.mission_items import (
+from dsse_ros.mission_items.items import (
     FRAME_GLOBAL,
     FRAME_GLOBAL_RELATIVE_ALT,
     FRAME_MISSION,
@@ -21,9 +19,11 @@ from msg_adapters.mission_items import (
     NAV_WAYPOINT,
     Home,
 )
-from msg_adapters.result import Accepted
-from msg_adapters.track_missions import track_mission
-from msg_adapters.tracks import corners, stops, without_repeats
+from dsse_ros.mission_items.track_missions import track_mission
+from dsse_ros.mission_items.tracks import corners, stops, without_repeats
+from dsse_ros.result import Accepted
+from dsse_ros.scenario.frames import GridFrame, cell_to_map
+from dsse_ros.scenario.geodesy import geodetic_to_map
 
 FRAME = GridFrame(20, 130.0, -24.04, -46.17, 0.0, 120.0)
 CELLS = st.lists(st.tuples(st.integers(0, 19), st.integers(0, 19)), min_size=1, max_size=12)

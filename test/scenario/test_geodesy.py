@@ -8,11 +8,12 @@ import math
 import numpy as np
 import pymap3d
 import pytest
+from grid_frames import FRAMES
 from hypothesis import given
 from hypothesis import strategies as st
 
-from msg_adapters.frames import GridFrame, cell_to_map
-from msg_adapters.geodesy import (
+from dsse_ros.scenario.frames import GridFrame, cell_to_map
+from dsse_ros.scenario.geodesy import (
     cell_fix,
     cell_to_geodetic,
     geodetic_to_map,
@@ -20,7 +21,6 @@ from msg_adapters.geodesy import (
     map_to_geodetic,
 )
 
-FRAMES = st.from_type(GridFrame)
 SANTOS = GridFrame(8, 130.0, -24.04, -46.17, 0.0, 120.0)
 DISTANCES_M = st.floats(-50_000, 50_000)
 HEIGHTS_M = st.floats(-100, 1000)

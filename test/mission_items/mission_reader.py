@@ -8,7 +8,7 @@ import json
 import math
 from typing import Any
 
-from msg_adapters.mission_items import Home, Mission, MissionItem
+from dsse_ros.mission_items.items import Home, Mission, MissionItem
 
 
 def waypoints(text: str) -> list[MissionItem]:

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 
-from msg_adapters.mission_items import MissionItem, check_item
+from dsse_ros.mission_items.items import MissionItem, check_item
 
 _HEADER = "QGC WPL 110"
 

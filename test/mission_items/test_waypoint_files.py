@@ -11,10 +11,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from mission_strategies import ITEMS
 
-from msg_adapters.frames import GridFrame
-from msg_adapters.mission_items import FRAME_MISSION, MissionItem
-from msg_adapters.track_missions import track_mission
-from msg_adapters.waypoint_files import qgc_wpl
+from dsse_ros.mission_items.items import FRAME_MISSION, MissionItem
+from dsse_ros.mission_items.track_missions import track_mission
+from dsse_ros.mission_items.waypoint_files import qgc_wpl
+from dsse_ros.scenario.frames import GridFrame
 
 FRAME = GridFrame(20, 130.0, -24.04, -46.17, 0.0, 120.0)
 
