@@ -129,7 +129,7 @@ class DsseRosEnv(AgentSpaces, ParallelEnv[str, AgentObservation, int]):
         self._publisher = node.create_publisher(kind, "joint_action", qos)
         inbox = self._inbox
         topics: dict[str, Callable[[Any], Any]] = {
-            "agents": inbox.infos.take,
+            "agents": lambda message: inbox.infos.take(message.data),
             "probability": inbox.take_map,
             "step_report": inbox.take_report,
         }

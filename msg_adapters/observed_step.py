@@ -12,12 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 from sensor_msgs.msg import Image, PointCloud2
 
+from dsse_ros.scenario.agents import AgentsInfo
+from dsse_ros.scenario.agents_inbox import AgentsInbox
 from dsse_ros.search.coverage import METRICS
 from dsse_ros.search.observation import AgentObservation, Observation, agent_infos
 from dsse_ros.step.fault_kernels import STATUSES
-from msg_adapters.agents import AgentsInfo
 from msg_adapters.images import image_to_probability
-from msg_adapters.inbox import AgentsInbox
 from msg_adapters.stamps import to_nanoseconds
 from msg_adapters.step_report import finds_of, step_report_from_message
 

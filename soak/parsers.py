@@ -118,13 +118,13 @@ def _observations() -> tuple[Take, list[bytes]]:
     from sensor_msgs.msg import Image, PointCloud2
     from std_msgs.msg import String
 
-    from msg_adapters.agents import agents_from_message
+    from dsse_ros.scenario.agents import agents_from_json
     from msg_adapters.images import image_to_probability
     from msg_adapters.mission_report import mission_report_from_message
     from msg_adapters.step_report import step_report_from_message
 
     kinds: list[tuple[Any, Take]] = [
-        (String, agents_from_message),
+        (String, lambda message: agents_from_json(message.data)),
         (Image, image_to_probability),
         (PointCloud2, step_report_from_message),
         (PointCloud2, mission_report_from_message),
@@ -313,7 +313,7 @@ PARSERS = {
     "observations": Parser(
         "agents, maps and reports",
         _observations,
-        ("msg_adapters.agents", "msg_adapters.step_report", "dsse_ros.scenario.json_keys"),
+        ("dsse_ros.scenario.agents", "msg_adapters.step_report", "dsse_ros.scenario.json_keys"),
     ),
     "mavlink": Parser(
         "MAVLink bytes", _mavlink, ("dsse_ros.mavlink.codec", "dsse_ros.flight.vehicle_controller")

@@ -29,8 +29,8 @@ from dsse_ros.flight.autopilots import AUTOPILOTS
 from dsse_ros.flight.orders import FlyMission, Hold
 from dsse_ros.flight.vehicle_controller import Order
 from dsse_ros.result import Rejected, Result
+from dsse_ros.scenario.agents import AgentsInfo
 from dsse_ros.scenario.fields import FieldError
-from msg_adapters.agents import AgentsInfo
 
 if TYPE_CHECKING:
     from dsse_ros.flight.vehicle import Vehicle

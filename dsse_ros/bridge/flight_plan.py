@@ -19,10 +19,10 @@ from dsse_ros.mission_items.separation import Space, place_of, track_spaces
 from dsse_ros.mission_items.track_missions import Leg, acceptance_radius_m
 from dsse_ros.mission_items.tracks import without_repeats
 from dsse_ros.result import Rejected, Result
+from dsse_ros.scenario.agents import AgentsInfo
 from dsse_ros.scenario.fields import FieldError
 from dsse_ros.scenario.frames import GridFrame
 from dsse_ros.scenario.geodesy import map_to_geodetic
-from msg_adapters.agents import AgentsInfo
 
 HOME_HOLD_S = 600.0
 """Time for which a vehicle on a mission waits over home for those below, if nobody lands it."""

@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dsse_ros.mission_items.track_missions import Leg
-from msg_adapters.agents import AgentsInfo
-from msg_adapters.inbox import Latest
+from dsse_ros.scenario.agents import AgentsInfo
+from dsse_ros.scenario.agents_inbox import Latest
 
 MISSION_REPORT_S = 5.0
 """Time within which the report of a finished mission should come."""

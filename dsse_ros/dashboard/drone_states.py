@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from dsse_ros.dashboard.history import DroneState, SearchHistory, has_field
+from dsse_ros.scenario.agents import AgentsInfo
 from dsse_ros.step.fault_kernels import STATUSES
-from msg_adapters.agents import AgentsInfo
 
 STATES = {
     DroneState.FLYING: "in flight",

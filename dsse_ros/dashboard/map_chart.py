@@ -6,11 +6,11 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
+from dsse_ros.scenario.agents import AgentsInfo
 from dsse_ros.scenario.sea_state import SeaState
 from dsse_ros.view.chart import edge_marks, round_length
 from dsse_ros.view.palette import DRONE_COLOURS
 from dsse_ros.view.sea_chart import label_sides
-from msg_adapters.agents import AgentsInfo
 
 
 class Window(NamedTuple):

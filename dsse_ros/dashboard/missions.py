@@ -15,13 +15,13 @@ from dsse_ros.dashboard.history import EXACT_LAYERS, LAYERS, MapImage, SearchHis
 from dsse_ros.dashboard.inbox import Received
 from dsse_ros.dashboard.map_image import map_png
 from dsse_ros.result import Accepted
+from dsse_ros.scenario.agents import AgentsInfo
+from dsse_ros.scenario.agents_inbox import AgentsInbox
 from dsse_ros.scenario.frames import GridFrame
 from dsse_ros.scenario.scenario import ResolvedScenario
 from dsse_ros.scenario.sea_state import SeaState, sea_state
 from dsse_ros.step.looks import Looks, looks_of, own_cell_looks
-from msg_adapters.agents import AgentsInfo
 from msg_adapters.images import image_to_probability
-from msg_adapters.inbox import AgentsInbox
 from msg_adapters.mission_report import mission_report_from_message
 from msg_adapters.occupancy import occupancy_to_array, probability_to_occupancy
 from msg_adapters.pos import pos_from_message
@@ -128,7 +128,7 @@ class Mission:
         self._seen: tuple[AgentsInfo | None, int, SeaState] | None = None
         self._early_pos: deque[tuple[int, int, int, float]] = deque(maxlen=_EARLY)
         self._read: Mapping[str, Callable[[Any], object]] = {
-            "agents": self._infos.take,
+            "agents": lambda message: self._infos.take(message.data),
             "probability_of_success": self._on_pos,
             "diagnostics": self._on_diagnostics,
             "bridge": self._on_bridge,

@@ -15,9 +15,9 @@ from pathlib import Path
 from typing import Any
 
 from dsse_ros.mission.mission import Mission
+from dsse_ros.scenario.agents import definition_values
 from dsse_ros.scenario.json_keys import Keys, parse_json
 from dsse_ros.search import SearchDefinition
-from msg_adapters.agents import definition_values
 
 
 def definition_file(path: str | os.PathLike[str]) -> Path:

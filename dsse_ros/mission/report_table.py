@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from dsse_ros.scenario.agents import AgentsInfo
 from dsse_ros.step.fault_kernels import SEARCHING, STATUSES
-from msg_adapters.agents import AgentsInfo
 
 HEADER_EVERY = 20
 """Steps after which the header is repeated."""

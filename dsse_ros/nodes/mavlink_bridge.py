@@ -23,8 +23,8 @@ from dsse_ros.nodes.bridge_publishers import BridgePublishers
 from dsse_ros.nodes.node_diagnostics import PERIOD_S, NodeDiagnostics
 from dsse_ros.runtime.qos import read_settings
 from dsse_ros.runtime.run_node import AlarmNode, run_node
+from dsse_ros.scenario.agents import agents_from_json
 from dsse_ros.search import FieldError
-from msg_adapters.agents import agents_from_message
 from msg_adapters.mission_report import mission_report_from_message
 from msg_adapters.stamps import to_nanoseconds
 from msg_adapters.step_report import step_report_from_message
@@ -118,7 +118,7 @@ class BridgeNode(AlarmNode):
     # The search
 
     def _on_agents(self, message: String) -> None:
-        info = agents_from_message(message, with_definition=False)
+        info = agents_from_json(message.data, with_definition=False)
         self.controller.take_agents(info, time.monotonic())
 
     def _on_report(self, message: PointCloud2) -> None:

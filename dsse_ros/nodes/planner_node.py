@@ -28,9 +28,9 @@ from dsse_ros.planners import (
 )
 from dsse_ros.runtime.qos import read_settings
 from dsse_ros.runtime.run_node import AlarmNode, run_node
+from dsse_ros.scenario.agents import AgentsInfo
 from dsse_ros.search import HOLD, FieldError
 from dsse_ros.search.compiler import announced
-from msg_adapters.agents import AgentsInfo
 from msg_adapters.commands import joint_action_message
 from msg_adapters.diagnostics import Level
 from msg_adapters.observed_step import ObservedStep, StepId, StepInbox, step_id_of
@@ -100,7 +100,7 @@ class PlannerNode(AlarmNode):
         self._plan()
 
     def _on_agents(self, message: String) -> None:
-        info = self._inbox.infos.take(message)
+        info = self._inbox.infos.take(message.data)
         self._leave_search(info.run_id, info.mission)
 
     def _leave_search(self, run_id: int, mission: int) -> None:

@@ -10,14 +10,15 @@ from builtin_interfaces.msg import Time
 from nav_msgs.msg import Odometry
 from rclpy.publisher import Publisher
 from rosgraph_msgs.msg import Clock
+from std_msgs.msg import String
 
 from dsse_ros.mission.mission import Mission, StepResult
 from dsse_ros.mission.step_messages import DEFAULT, MESSAGES, Display, StepMessages
 from dsse_ros.mission.step_scheduler import Timing
 from dsse_ros.runtime.qos import Endpoints
+from dsse_ros.scenario.agents import AgentsInfo, agents_json, area_rows
 from dsse_ros.scenario.frames import GridFrame
 from dsse_ros.search import FieldError, SearchDefinition
-from msg_adapters.agents import AgentsInfo, agents_message, area_rows
 from msg_adapters.message_types import message_class
 from msg_adapters.poses import (
     earth_transform,
@@ -144,7 +145,7 @@ class MissionPublishers:
             decision_time_s=timing.decision_time_s,
             commanded=begun or timing.mode != "lockstep",
         )
-        self._publishers["agents"][0].publish(agents_message(info))
+        self._publishers["agents"][0].publish(String(data=agents_json(info)))
 
     def publish_first_commands(self, timing: Timing) -> None:
         """Publish that the drones have been commanded: vehicles may take off from then on."""

@@ -20,7 +20,7 @@ from dsse_ros.nodes.settings import ShowSettings
 from dsse_ros.runtime.exit_codes import FAILED
 from dsse_ros.runtime.qos import COMPLETE, read_settings
 from dsse_ros.runtime.run_node import AlarmNode, run_node
-from msg_adapters.inbox import AgentsInbox
+from dsse_ros.scenario.agents_inbox import AgentsInbox
 from msg_adapters.step_report import step_report_from_message
 
 _WITHOUT_TERMINAL = 100
@@ -59,7 +59,7 @@ class ShowNode(AlarmNode):
         self.alarms.make(self._log_waiting).repeat(_WAIT_S)
 
     def _on_agents(self, message: String) -> None:
-        self._infos.take(message)
+        self._infos.take(message.data)
         early, self._early = self._early, deque(maxlen=COMPLETE.depth)
         for report in early:
             self._take(report)

@@ -26,9 +26,9 @@ from dsse_ros.mission.step_messages import StepMessages
 from dsse_ros.mission.step_reports import step_report_of
 from dsse_ros.recording.bag import Recorded
 from dsse_ros.recording.computed import computed, digest
+from dsse_ros.scenario.agents import AgentsInfo, agents_from_json
 from dsse_ros.scenario.limits import LARGEST_GRID_CELLS, check_cells
 from dsse_ros.search import HOLD, FieldError, SearchEnv
-from msg_adapters.agents import AgentsInfo, agents_from_message
 from msg_adapters.stamps import to_nanoseconds
 from msg_adapters.step_report import step_report_from_message, step_report_message
 from msg_adapters.topics import EACH_DRONE, TOPICS, Reading, of_drones, replayed, topic_of
@@ -225,7 +225,7 @@ def _collect(messages: Iterable[Recorded], counts: Counter[str]) -> dict[str, _R
         try:
             message = one.message
             if name == "agents":
-                info = agents_from_message(message)
+                info = agents_from_json(message.data)
                 recording.infos[info.run_id, info.mission] = info
             elif name == "step_report":
                 points = step_report_from_message(message)

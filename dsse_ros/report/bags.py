@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 from dsse_ros.recording.bag import Recorded, read_bag
 from dsse_ros.report.record import RecordedMission, Search, check_limit
 from dsse_ros.report.replay import Maps
+from dsse_ros.scenario.agents import AgentsInfo, agents_from_json
 from dsse_ros.scenario.limits import LARGEST_GRID_CELLS, check_cells
 from dsse_ros.search import FieldError
-from msg_adapters.agents import AgentsInfo, agents_from_message
 from msg_adapters.images import image_to_probability
 from msg_adapters.mission_report import mission_report_from_message
 from msg_adapters.stamps import to_nanoseconds
@@ -26,7 +26,7 @@ from msg_adapters.topics import TOPICS
 
 _BELIEF = "belief"
 _READ: dict[str, Callable[[Any], Any]] = {
-    "agents": agents_from_message,
+    "agents": lambda message: agents_from_json(message.data),
     "step_report": step_report_from_message,
     "mission_report": mission_report_from_message,
 }

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from dsse_ros.mission.definition_log import definition_file, read_definitions
 from dsse_ros.mission.mission_log import COLUMNS, OF_COVERAGE
+from dsse_ros.scenario.agents import definition_from
 from dsse_ros.scenario.definition import SearchDefinition
 from dsse_ros.scenario.frames import cell_to_map, scenario_frame
 from dsse_ros.scenario.json_keys import Keys
@@ -24,7 +25,6 @@ from dsse_ros.scenario.limits import LARGEST_GRID_CELLS, check_cells
 from dsse_ros.scenario.scenario import ResolvedScenario
 from dsse_ros.search import FieldError, Rules
 from dsse_ros.step.looks import looks_of
-from msg_adapters.agents import definition_from
 
 Search = Callable[[int], SearchDefinition]
 """Returns what so many drones have searched."""

@@ -7,7 +7,7 @@ from __future__ import annotations
 import json
 from typing import Any, NoReturn
 
-from dsse_ros.result import shown
+from dsse_ros.scenario.fields import shown
 
 LONGEST_TEXT = 1000
 """Characters of a text: names of frames, drones and actions are much shorter."""

@@ -13,8 +13,8 @@ import pytest
 from numpy.typing import NDArray
 
 from dsse_ros.bridge.followed_search import MISSION_REPORT_S, FollowedSearch, News
+from dsse_ros.scenario.agents import AgentsInfo
 from dsse_ros.scenario.frames import GridFrame
-from msg_adapters.agents import AgentsInfo
 from msg_adapters.mission_report import MISSION_REPORT_DTYPE
 from msg_adapters.step_report import step_report_dtype
 

@@ -23,9 +23,9 @@ from dsse_ros.flight.orders import Hold
 from dsse_ros.flight.vehicle_controller import Order, Outcome
 from dsse_ros.flight.vehicle_state import VehicleState
 from dsse_ros.mavlink.messages import StatusText
+from dsse_ros.scenario.agents import AgentsInfo
 from dsse_ros.scenario.frames import GridFrame
 from dsse_ros.scenario.geodesy import map_to_geodetic
-from msg_adapters.agents import AgentsInfo
 from msg_adapters.mission_report import MISSION_REPORT_DTYPE
 from msg_adapters.step_report import step_report_dtype
 

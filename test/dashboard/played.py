@@ -10,12 +10,13 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from std_msgs.msg import String
 
 from dsse_ros.mission.mission import Mission
+from dsse_ros.scenario.agents import AgentsInfo, agents_json
 from dsse_ros.scenario.definition import SearchDefinition
 from dsse_ros.scenario.frames import GridFrame, scenario_frame
 from dsse_ros.search import parallel_env
-from msg_adapters.agents import AgentsInfo, agents_message
 from msg_adapters.mission_report import make_mission_report, mission_report_message
 from msg_adapters.occupancy import occupancy_grid
 from msg_adapters.pos import pos_message
@@ -57,18 +58,20 @@ class Played:
     def agents(self) -> Any:
         """The message of the topic of that name."""
         env = self.env
-        return agents_message(
-            AgentsInfo(
-                agents=tuple(env.possible_agents),
-                actions=env.rules.actions,
-                rules=env.rules.profile,
-                seed=0,
-                frame=self.frame,
-                timestep_limit=int(env.scenario.timestep_limit or 0),
-                step_duration_s=env.scenario.step_duration_s,
-                mission=self.mission.number,
-                run_id=self.run_id,
-                definition=SearchDefinition(env.rules, env.mission_scenario),
+        return String(
+            data=agents_json(
+                AgentsInfo(
+                    agents=tuple(env.possible_agents),
+                    actions=env.rules.actions,
+                    rules=env.rules.profile,
+                    seed=0,
+                    frame=self.frame,
+                    timestep_limit=int(env.scenario.timestep_limit or 0),
+                    step_duration_s=env.scenario.step_duration_s,
+                    mission=self.mission.number,
+                    run_id=self.run_id,
+                    definition=SearchDefinition(env.rules, env.mission_scenario),
+                )
             )
         )
 

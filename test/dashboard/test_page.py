@@ -16,8 +16,8 @@ from browsers import violations
 from rig import TIMEOUT_S, Rig, Sim
 from std_msgs.msg import String
 
+from dsse_ros.scenario.agents import agents_from_json
 from dsse_ros.scenario.geodesy import cell_to_geodetic
-from msg_adapters.agents import agents_from_message
 
 pytestmark = pytest.mark.slow
 
@@ -173,12 +173,12 @@ def test_reset_starts_a_new_mission_once_it_is_confirmed(sim: Sim, shown: Open) 
     run, mission = before.split("/")
     shown.until(f"{CANVAS}.dataset.search == '{run}/{int(mission) + 1}'")
     shown.until(f"{CANVAS}.dataset.step >= 2")
-    assert agents_from_message(sim.rig.first(String, "/agents")).seed == RUNNING["seed"] + 1
+    assert agents_from_json(sim.rig.first(String, "/agents").data).seed == RUNNING["seed"] + 1
     shown.button("Reset").click()
     shown.page.get_by_label("Seed").fill(str(RUNNING["seed"]))
     shown.button("Reset the mission").click()
     shown.until(f"{CANVAS}.dataset.search == '{run}/{int(mission) + 2}'")
-    assert agents_from_message(sim.rig.first(String, "/agents")).seed == RUNNING["seed"]
+    assert agents_from_json(sim.rig.first(String, "/agents").data).seed == RUNNING["seed"]
 
 
 def test_the_time_line_shows_an_earlier_step_while_the_mission_goes_on(
@@ -207,7 +207,7 @@ def test_the_time_line_shows_an_earlier_step_while_the_mission_goes_on(
 def test_latitude_and_longitude_are_those_under_the_mouse_and_the_keys(
     sim: Sim, shown: Open
 ) -> None:
-    frame = agents_from_message(sim.rig.first(String, "/agents")).frame
+    frame = agents_from_json(sim.rig.first(String, "/agents").data).frame
     canvas = shown.page.locator("canvas.mission-map")
     box = canvas.bounding_box()
     cell = box["width"] / frame.grid_size

@@ -19,11 +19,11 @@ from dsse_ros.mission.mission_log import MissionLog
 from dsse_ros.report.metrics import metrics, work
 from dsse_ros.report.record import read_csv
 from dsse_ros.report.report import Report
+from dsse_ros.scenario.agents import definition_values
 from dsse_ros.scenario.frames import scenario_frame
 from dsse_ros.scenario.geodesy import map_to_geodetic
 from dsse_ros.scenario.sea_state import SeaState, sea_state
 from dsse_ros.search import Scenario, SearchDefinition, SearchEnv, profile
-from msg_adapters.agents import definition_values
 from msg_adapters.markers import marker_array
 from msg_adapters.particles import PARTICLE, particles_message
 from msg_adapters.point_clouds import points_from_message

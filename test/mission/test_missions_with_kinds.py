@@ -16,13 +16,13 @@ from dsse_ros.mission.mission_log import MissionLog
 from dsse_ros.mission.step_reports import step_report_of
 from dsse_ros.report.record import read_csv
 from dsse_ros.report.replay import mission_views
+from dsse_ros.scenario.agents import AgentsInfo, agents_from_json, agents_json
 from dsse_ros.scenario.definition import SearchDefinition
 from dsse_ros.scenario.frames import scenario_frame
 from dsse_ros.search import SearchEnv, parallel_env
 from dsse_ros.searchers.registry import SEARCHERS
 from dsse_ros.searchers.searcher import Searcher
 from dsse_ros.step.fault_kernels import STATUSES, UNDER_WAY
-from msg_adapters.agents import AgentsInfo, agents_from_message, agents_message
 from msg_adapters.markers import marker_array
 from msg_adapters.mission_report import make_mission_report
 from msg_adapters.poses import path, pose_array, pose_stamped, transforms
@@ -119,7 +119,7 @@ def test_the_topic_agents_lets_a_planner_know_the_kinds() -> None:
         mission=1, run_id=1,
         definition=SearchDefinition(env.rules, env.mission_scenario),
     )  # fmt: skip
-    read = agents_from_message(agents_message(info))
+    read = agents_from_json(agents_json(info))
     assert read.frame == frame
     assert read.definition is not None
     assert read.definition.scenario.searchers == ("drone", "low", "high")

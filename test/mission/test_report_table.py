@@ -14,8 +14,8 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from dsse_ros.mission.report_table import HEADER_EVERY, ReportTable
+from dsse_ros.scenario.agents import AgentsInfo
 from dsse_ros.scenario.frames import GridFrame
-from msg_adapters.agents import AgentsInfo
 from msg_adapters.step_report import make_step_report
 
 ACTIONS = ("left", "right", "up", "down", "search")

@@ -13,7 +13,6 @@ from rclpy.serialization import deserialize_message, serialize_message
 from dsse_ros.scenario import geodesy
 from dsse_ros.scenario.frames import GridFrame
 from msg_adapters import (
-    agents,
     commands,
     diagnostics,
     images,
@@ -53,20 +52,6 @@ def report():
     )
 
 
-def info():
-    return agents.AgentsInfo(
-        agents=NAMES,
-        actions=("left", "search"),
-        rules="paper",
-        seed=1,
-        frame=GridFrame(4, 130.0, -24.04, -46.17, 0.0, 120.0),
-        timestep_limit=100,
-        step_duration_s=13.0,
-        mission=0,
-        run_id=1,
-    )
-
-
 def all_messages():
     fix = geodesy.cell_fix(FRAME, 1, 2)
     yield stamps.to_stamp(np.int64(13))
@@ -84,7 +69,6 @@ def all_messages():
     yield step_report.step_report_message(FRAME, report(), STAMP)
     whole = np.zeros((3, 2), mission_report.MISSION_REPORT_DTYPE)
     yield mission_report.mission_report_message(FRAME, whole, STAMP)
-    yield agents.agents_message(info())
     yield markers.marker_array(
         FRAME,
         STAMP,

@@ -13,9 +13,9 @@ from std_msgs.msg import String
 
 from dsse_ros.mission.scenario_files import find_scenario
 from dsse_ros.planners import planner_for
+from dsse_ros.scenario.agents import agents_from_json
 from dsse_ros.scenario.frames import cell_to_map, scenario_frame
 from dsse_ros.search import parallel_env
-from msg_adapters.agents import agents_from_message
 from msg_adapters.occupancy import occupancy_to_array
 from msg_adapters.step_report import step_report_from_message
 
@@ -60,7 +60,7 @@ def test_topics_and_commands_know_the_area(rig: Rig) -> None:
     scenario = parallel_env(find_scenario(PLACE), **FIELDS).scenario
     mask = scenario.area_mask
     assert mask is not None
-    info = agents_from_message(rig.first(String, "/bay/agents"))
+    info = agents_from_json(rig.first(String, "/bay/agents").data)
     np.testing.assert_array_equal(info.area_mask, mask)
     assert info.definition is not None and info.definition.scenario == scenario
     grid = rig.first(OccupancyGrid, "/bay/probability_grid", LATCHED)

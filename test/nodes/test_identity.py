@@ -12,7 +12,7 @@ from rig import ALL, Rig, Sim, stamp_ns, steps_of
 from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import String
 
-from msg_adapters.agents import AgentsInfo, agents_from_message
+from dsse_ros.scenario.agents import AgentsInfo, agents_from_json
 from msg_adapters.mission_report import mission_report_from_message
 from msg_adapters.step_report import step_report_from_message
 
@@ -29,7 +29,7 @@ STEP_NS = 13 * 10**9
 
 
 def agents(sim: Sim) -> AgentsInfo:
-    return agents_from_message(sim.rig.first(String, sim.topic("agents")))
+    return agents_from_json(sim.rig.first(String, sim.topic("agents")).data)
 
 
 def mission_report(sim: Sim) -> Any:

@@ -19,7 +19,7 @@ from sensor_msgs.msg import Image, PointCloud2
 from std_msgs.msg import String
 
 from dsse_ros.result import Accepted
-from msg_adapters.agents import agents_from_message
+from dsse_ros.scenario.agents import agents_from_json
 from msg_adapters.commands import parse_goal
 from msg_adapters.images import image_to_probability
 from msg_adapters.occupancy import probability_to_occupancy
@@ -61,7 +61,7 @@ def sim(node: Sim) -> Iterator[Sim]:
 
 
 def goal(sim: Sim, drone: int, cell: tuple[int, int]) -> None:
-    frame = agents_from_message(sim.rig.first(String, sim.topic("agents"))).frame
+    frame = agents_from_json(sim.rig.first(String, sim.topic("agents")).data).frame
     sim.talk(PoseStamped, f"drone{drone}/command_pose").publish(
         pose_stamped(frame, cell, to_stamp(0))
     )
@@ -190,7 +190,7 @@ def test_a_late_joiner_gets_everything_about_the_last_step(sim: Sim) -> None:
             cloud = reports.last
         here = cells(step_report_from_message(cloud))
         assert here == [(0, 0), (4, 1), (5, 1)]
-        info = agents_from_message(listener.first(String, "agents"))
+        info = agents_from_json(listener.first(String, "agents").data)
         assert info.agents == ("drone0", "drone1", "drone2") and info.seed == 7
         grid = listener.first(OccupancyGrid, "probability_grid")
         image = listener.first(Image, "probability")

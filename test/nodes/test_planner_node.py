@@ -22,10 +22,10 @@ from std_msgs.msg import Int32MultiArray, String
 from dsse_ros.cli.run_mission import compiling
 from dsse_ros.mission.mission import Mission
 from dsse_ros.planners import make_planner
+from dsse_ros.scenario.agents import AgentsInfo, agents_json
 from dsse_ros.scenario.frames import GridFrame
 from dsse_ros.search import Observation, parallel_env
 from dsse_ros.search.compiler import COMPILING
-from msg_adapters.agents import AgentsInfo, agents_message
 from msg_adapters.images import probability_image
 from msg_adapters.stamps import to_stamp
 from msg_adapters.step_report import make_step_report, step_report_message
@@ -67,7 +67,7 @@ class Stage:
             found=result.found, held=result.held, action_mask=env.action_masks(),
         )  # fmt: skip
         messages = {
-            "agents": agents_message(info),
+            "agents": String(data=agents_json(info)),
             "probability": probability_image(info.frame, env.probability, stamp),
             "step_report": step_report_message(info.frame, report, stamp),
         }

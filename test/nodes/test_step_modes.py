@@ -15,7 +15,7 @@ from rig import Inbox, Rig, Sim, stamp_ns
 from rosgraph_msgs.msg import Clock
 from std_msgs.msg import String
 
-from msg_adapters.agents import agents_from_message
+from dsse_ros.scenario.agents import agents_from_json
 from msg_adapters.poses import pose_stamped
 from msg_adapters.stamps import to_stamp
 from msg_adapters.step_report import step_report_from_message
@@ -69,7 +69,7 @@ def times_of(clock: Inbox) -> list[int]:
 
 
 def go_east(sim: Sim) -> None:
-    frame = agents_from_message(sim.rig.first(String, "agents")).frame
+    frame = agents_from_json(sim.rig.first(String, "agents").data).frame
     goal = pose_stamped(frame, (19, 10), to_stamp(0))
     sim.talk(PoseStamped, "drone0/command_pose").publish(goal)
 

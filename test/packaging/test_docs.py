@@ -37,9 +37,9 @@ from dsse_ros.mission.command_buffer import MISSING_ACTIONS
 from dsse_ros.mission.mission_log import COLUMNS
 from dsse_ros.nodes.settings import SHORT_NAMES
 from dsse_ros.report.record import RecordedMission, read_csv
+from dsse_ros.scenario.agents import AgentsInfo, agents_json
 from dsse_ros.scenario.frames import GridFrame
 from dsse_ros.search import PROFILES, SearchEnv
-from msg_adapters.agents import AgentsInfo, agents_message
 from msg_adapters.step_report import step_report_dtype
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -378,7 +378,7 @@ def test_the_layouts_are_those_of_the_messages_and_files() -> None:
     assert {name: row["Type"] for name, row in documented.items()} == fields
     frame = GridFrame(8, 130.0, 0.0, 0.0, 0.0, 120.0)
     info = AgentsInfo(("drone0",), ("search",), "paper", 0, frame, 100, 13.0, mission=1, run_id=1)
-    assert set(table(ROS, "Agents", "Key")) == json.loads(agents_message(info).data).keys()
+    assert set(table(ROS, "Agents", "Key")) == json.loads(agents_json(info)).keys()
     assert set(COLUMNS) <= set(re.findall(r"`(\w+)`", section(ROS, "Files")))
     assert tuple(table(ROS, "Lockstep", "`missing_action`")) == MISSING_ACTIONS
 

@@ -62,7 +62,6 @@ LAYERS: dict[str, tuple[set[str], set[str]]] = {
             "dsse_ros.sensors",
             "dsse_ros.targets",
             "dsse_ros.extras",
-            "dsse_ros.result",
         },
         {"ros", "messages", "mavlink"},
     ),

@@ -19,10 +19,10 @@ from dsse_ros.mission.mission import Mission
 from dsse_ros.mission.step_messages import Display, StepMessages
 from dsse_ros.mission.step_reports import step_report_of
 from dsse_ros.recording.bag import BagWriter, Recorded
+from dsse_ros.scenario.agents import AgentsInfo, agents_json
 from dsse_ros.scenario.frames import scenario_frame
 from dsse_ros.scenario.geodesy import cell_fix
 from dsse_ros.search import Rules, Scenario, SearchDefinition, SearchEnv, profile
-from msg_adapters.agents import AgentsInfo, agents_message
 from msg_adapters.commands import joint_action_message
 from msg_adapters.images import probability_image
 from msg_adapters.mission_report import make_mission_report, mission_report_message
@@ -82,7 +82,7 @@ class Flown:
             run_id=self.run_id,
             definition=SearchDefinition(env.rules, env.mission_scenario),
         )  # fmt: skip
-        self.publish("agents", agents_message(info))
+        self.publish("agents", String(data=agents_json(info)))
         self.report()
 
     def report(self) -> None:

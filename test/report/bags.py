@@ -9,12 +9,13 @@ from pathlib import Path
 from typing import Any
 
 from rclpy.serialization import serialize_message
+from std_msgs.msg import String
 
 from dsse_ros.mission.mission import Mission
 from dsse_ros.recording.bag import BagWriter
+from dsse_ros.scenario.agents import AgentsInfo, SearchDefinition, agents_json, area_rows
 from dsse_ros.scenario.frames import scenario_frame
 from dsse_ros.search import SearchEnv
-from msg_adapters.agents import AgentsInfo, SearchDefinition, agents_message, area_rows
 from msg_adapters.images import probability_image
 from msg_adapters.mission_report import make_mission_report, mission_report_message
 from msg_adapters.stamps import to_stamp
@@ -78,7 +79,7 @@ class Bag:
         result, frame, env = mission.result, self._frame, self._env
         stamp = to_stamp(result.stamp_ns)
         if result.step == 0:
-            self._write("agents", agents_message(self._info(mission)))
+            self._write("agents", String(data=agents_json(self._info(mission))))
         if result.step not in self._skip:
             self._write("probability", probability_image(frame, env.probability, stamp))
             if "belief" in self._channels:

@@ -1,17 +1,14 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""The latest messages of several searches, which may come in any order."""
+"""The latest `agents` of several searches, whose messages may come in any order."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import Any, TypeVar
 
 from numpy.typing import NDArray
 
-from msg_adapters.agents import AgentsInfo, agents_from_message
-
-if TYPE_CHECKING:
-    from std_msgs.msg import String
+from dsse_ros.scenario.agents import AgentsInfo, agents_from_json
 
 K = TypeVar("K")
 V = TypeVar("V")
@@ -55,13 +52,13 @@ class AgentsInbox(Latest[int, AgentsInfo]):
         super().__init__(_RUNS)
         self._with_definition = with_definition
 
-    def take(self, message: String) -> AgentsInfo:
-        """Take and return an `agents`.
+    def take(self, text: str) -> AgentsInfo:
+        """Take the text of an `agents` and return what it states.
 
         Raises:
             ValueError: If it is malformed; the last one stays.
         """
-        info = agents_from_message(message, with_definition=self._with_definition)
+        info = agents_from_json(text, with_definition=self._with_definition)
         self.put(info.run_id, info)
         return info
 

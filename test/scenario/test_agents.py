@@ -11,16 +11,15 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from std_msgs.msg import String
 
-from dsse_ros.scenario.frames import GridFrame
-from dsse_ros.search import Scenario, SearchDefinition, profile
-from msg_adapters.agents import (
+from dsse_ros.scenario.agents import (
     AgentsInfo,
-    agents_from_message,
-    agents_message,
+    agents_from_json,
+    agents_json,
     area_rows,
 )
+from dsse_ros.scenario.frames import GridFrame
+from dsse_ros.search import Scenario, SearchDefinition, profile
 
 KAYAK = Path(__file__).resolve().parents[2] / "config" / "kayak.yaml"
 CHARACTERS = st.characters(exclude_categories=["Cs"], exclude_characters="\0")
@@ -64,24 +63,24 @@ INFO = AgentsInfo(
 
 
 def changed(path, value):
-    document = json.loads(agents_message(INFO).data)
+    document = json.loads(agents_json(INFO))
     inner = document
     for key in path[:-1]:
         inner = inner[key]
     inner[path[-1]] = value
-    return String(data=json.dumps(document))
+    return json.dumps(document)
 
 
 @given(INFOS)
 def test_the_information_comes_back(info):
-    assert agents_from_message(agents_message(info)) == info
+    assert agents_from_json(agents_json(info)) == info
 
 
 @given(INFOS)
 def test_the_same_information_gives_the_same_ascii_text(info):
-    text = agents_message(info).data
+    text = agents_json(info)
     assert text.isascii()
-    assert text == agents_message(agents_from_message(String(data=text))).data
+    assert text == agents_json(agents_from_json(text))
     keys = list(json.loads(text))
     assert keys == sorted(keys)
 
@@ -96,7 +95,7 @@ def test_an_area_comes_back_as_its_mask_and_as_its_polygons():
     mask = scenario.area_mask
     area = area_rows(mask)
     info = dataclasses.replace(INFO, area=area, definition=SearchDefinition(rules, scenario))
-    heard = agents_from_message(agents_message(info))
+    heard = agents_from_json(agents_json(info))
     assert heard == info
     np.testing.assert_array_equal(heard.area_mask, mask)
     np.testing.assert_array_equal(heard.definition.scenario.area_mask, mask)
@@ -118,21 +117,19 @@ def test_an_array_comes_back_from_its_file_by_path_and_digest(field, values, rul
     path = tmp_path / "array.npy"
     np.save(path, values)
     scenario = Scenario(**{field: path}, num_drones=2).resolve(rules)
-    message = agents_message(
-        dataclasses.replace(INFO, definition=SearchDefinition(rules, scenario))
-    )
-    heard = agents_from_message(message).definition.scenario
+    message = agents_json(dataclasses.replace(INFO, definition=SearchDefinition(rules, scenario)))
+    heard = agents_from_json(message).definition.scenario
     assert heard == scenario
     np.testing.assert_array_equal(getattr(heard, field).values, values)
-    sent = json.loads(message.data)["definition"]["scenario"][field]
+    sent = json.loads(message)["definition"]["scenario"][field]
     assert sent["path"] == str(path) and len(sent["sha256"]) == 64
 
     np.save(path, values[::-1])
     with pytest.raises(ValueError, match=rf"^agents.definition: .* '{path}' with the SHA-256"):
-        agents_from_message(message)
+        agents_from_json(message)
     path.unlink()
     with pytest.raises(ValueError, match=rf"^agents.definition: .* '{path}': No such file"):
-        agents_from_message(message)
+        agents_from_json(message)
 
 
 def test_an_incident_comes_back_with_its_grid():
@@ -143,10 +140,10 @@ def test_an_incident_comes_back_with_its_grid():
         frame=dataclasses.replace(INFO.frame, grid_size=scenario.grid_size),
         definition=SearchDefinition(rules, scenario),
     )  # fmt: skip
-    message = agents_message(info)
-    heard = agents_from_message(message).definition.scenario
+    message = agents_json(info)
+    heard = agents_from_json(message).definition.scenario
     assert heard == scenario
-    sea = json.loads(message.data)["sea"]
+    sea = json.loads(message)["sea"]
     assert sea["wind"] == pytest.approx({"speed_mps": 6.0, "from_deg": 140.0}, abs=1e-4)
     assert sea["current"] == pytest.approx({"speed_mps": 0.2, "toward_deg": 30.0}, abs=1e-4)
     assert sea["stranded"] == scenario.incident.laid.stranded
@@ -156,17 +153,17 @@ def test_an_incident_comes_back_with_its_grid():
 def test_a_message_names_no_file_of_an_incident():
     seen = {"lat": 0.0, "lon": 0.0, "time": "2026-01-17"}
     given = {"object": "PIW-1", "seen": [seen], "search_start": "2026-01-17"}
-    message = json.loads(agents_message(INFO).data)
+    message = json.loads(agents_json(INFO))
     for files in ({"wind": {"file": "wind.csv"}}, {"shore": "land.json"}, {"tracks": "drift.nc"}):
         message["definition"] = {"rules": {}, "scenario": {"incident": {**given, **files}}}
         with pytest.raises(ValueError, match="incident.* an object without files or null"):
-            agents_from_message(String(data=json.dumps(message)))
+            agents_from_json(json.dumps(message))
 
 
 def test_a_message_names_no_file_to_be_read(tmp_path):
     rules = profile("paper")
     definition = SearchDefinition(rules, Scenario(num_drones=2).resolve(rules))
-    document = json.loads(agents_message(dataclasses.replace(INFO, definition=definition)).data)
+    document = json.loads(agents_json(dataclasses.replace(INFO, definition=definition)))
     for name, wanted in (
         ("area", "a GeoJSON object"),
         ("probability_matrix", "an object with path"),
@@ -175,7 +172,7 @@ def test_a_message_names_no_file_to_be_read(tmp_path):
         message = json.loads(json.dumps(document))
         message["definition"]["scenario"][name] = str(tmp_path / "file")
         with pytest.raises(ValueError, match=rf"^agents.*scenario.{name} must be {wanted}"):
-            agents_from_message(String(data=json.dumps(message)))
+            agents_from_json(json.dumps(message))
 
 
 @pytest.mark.parametrize(
@@ -193,16 +190,16 @@ def test_a_message_names_no_file_to_be_read(tmp_path):
 def test_a_definition_of_another_search_takes_no_memory(fields, line, little_memory):
     rules = profile("paper")
     definition = SearchDefinition(rules, Scenario(num_drones=2).resolve(rules))
-    document = json.loads(agents_message(dataclasses.replace(INFO, definition=definition)).data)
+    document = json.loads(agents_json(dataclasses.replace(INFO, definition=definition)))
     document["definition"]["scenario"] |= fields
-    message = String(data=json.dumps(document))
+    message = json.dumps(document)
     with little_memory(), pytest.raises(ValueError, match=f"^agents.definition: {line}"):
-        agents_from_message(message)
+        agents_from_json(message)
 
 
 def test_no_grid_is_larger_than_that_of_a_scenario():
     with pytest.raises(ValueError, match="^agents.grid_size must be at most 10000, got 10001"):
-        agents_from_message(changed(["grid_size"], 10_001))
+        agents_from_json(changed(["grid_size"], 10_001))
 
 
 def test_the_grid_of_the_information_is_the_simulators():
@@ -210,24 +207,24 @@ def test_the_grid_of_the_information_is_the_simulators():
 
 
 def test_keys_of_later_versions_are_ignored():
-    assert agents_from_message(changed(["battery_wh"], 80)) == INFO
+    assert agents_from_json(changed(["battery_wh"], 80)) == INFO
 
 
-REQUIRED = json.loads(agents_message(INFO).data).keys() - {"commanded"}
+REQUIRED = json.loads(agents_json(INFO)).keys() - {"commanded"}
 
 
 @pytest.mark.parametrize("field", sorted(REQUIRED))
 def test_a_missing_key_is_named(field):
-    document = json.loads(agents_message(INFO).data)
+    document = json.loads(agents_json(INFO))
     del document[field]
     with pytest.raises(ValueError, match=f"^agents.{field}: missing$"):
-        agents_from_message(String(data=json.dumps(document)))
+        agents_from_json(json.dumps(document))
 
 
 def test_who_does_not_report_whether_drones_were_commanded_does_not_wait_for_that():
-    document = json.loads(agents_message(INFO).data)
+    document = json.loads(agents_json(INFO))
     del document["commanded"]
-    assert agents_from_message(String(data=json.dumps(document))).commanded
+    assert agents_from_json(json.dumps(document)).commanded
 
 
 @pytest.mark.parametrize(
@@ -264,14 +261,14 @@ def test_who_does_not_report_whether_drones_were_commanded_does_not_wait_for_tha
 )
 def test_a_value_of_the_wrong_kind_is_refused_by_its_key(path, value):
     with pytest.raises(ValueError, match=f"^agents.{'.'.join(path)} must be .*, got ") as error:
-        agents_from_message(changed(path, value))
+        agents_from_json(changed(path, value))
     assert len(str(error.value)) < 200
 
 
 @pytest.mark.parametrize(("path", "value"), [(["cell_size_m"], 0), (["origin", "lat_deg"], 91)])
 def test_a_grid_that_cannot_be_is_refused(path, value):
     with pytest.raises(ValueError, match=f"^agents: .*{path[-1]} must be "):
-        agents_from_message(changed(path, value))
+        agents_from_json(changed(path, value))
 
 
 @pytest.mark.parametrize(
@@ -279,7 +276,7 @@ def test_a_grid_that_cannot_be_is_refused(path, value):
 )
 def test_text_that_is_no_such_document_is_refused_in_one_line(text):
     with pytest.raises(ValueError, match="^agents(: | must be an object)") as error:
-        agents_from_message(String(data=text))
+        agents_from_json(text)
     assert len(str(error.value)) < 200 and str(error.value).isprintable()
 
 
@@ -300,7 +297,7 @@ JSON = st.recursive(
 )
 def test_hostile_text_is_refused_in_one_line(text):
     with pytest.raises(ValueError, match="^agents") as error:
-        agents_from_message(String(data=text))
+        agents_from_json(text)
     assert str(error.value).isprintable()
 
 
@@ -308,7 +305,7 @@ def test_hostile_text_is_refused_in_one_line(text):
 @given(st.sampled_from([field.name for field in dataclasses.fields(AgentsInfo)]), JSON)
 def test_one_hostile_value_is_taken_or_refused_in_one_line(field, value):
     try:
-        info = agents_from_message(changed([field], value))
+        info = agents_from_json(changed([field], value))
     except ValueError as error:
         assert str(error).startswith("agents") and str(error).isprintable()
     else:

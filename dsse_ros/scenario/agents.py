@@ -1,12 +1,12 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""The description of a search for planners, as JSON in std_msgs/String."""
+"""The description of a search for planners as JSON, the text of the topic `agents`."""
 
 from __future__ import annotations
 
 import json
 from dataclasses import asdict, dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,10 +19,6 @@ from dsse_ros.scenario.limits import MAX_ID, MAX_SIDE
 from dsse_ros.scenario.rules import profile
 from dsse_ros.scenario.scenario import SPECS, ResolvedScenario, Scenario
 from dsse_ros.scenario.sea_state import sea_state
-
-if TYPE_CHECKING:
-    from std_msgs.msg import String
-
 
 _ARRAYS = ("probability_matrix", "transition_probabilities")
 """Fields of a scenario that a message has as path and digest."""
@@ -97,11 +93,8 @@ def definition_values(definition: SearchDefinition) -> dict[str, Any]:
     return {"rules": asdict(rules), "scenario": fields}
 
 
-def agents_message(info: AgentsInfo) -> String:
-    """Return the message for `agents`; the same information gives the same bytes."""
-    # Records are read without ROS.
-    from std_msgs.msg import String
-
+def agents_json(info: AgentsInfo) -> str:
+    """Return the text for `agents`; the same information gives the same bytes."""
     values = asdict(replace(info, definition=None))
     values |= values.pop("frame")
     del values["alts_m"]
@@ -109,7 +102,7 @@ def agents_message(info: AgentsInfo) -> String:
     if info.definition is not None:
         values["definition"] = definition_values(info.definition)
         values |= _of_incident(info.definition.scenario)
-    return String(data=json.dumps(values, sort_keys=True, allow_nan=False))
+    return json.dumps(values, sort_keys=True, allow_nan=False)
 
 
 def _of_incident(scenario: Scenario) -> dict[str, Any]:
@@ -166,19 +159,19 @@ def definition_from(keys: Keys, num_drones: int, grid_size: int | None) -> Searc
         raise ValueError(f"{keys.where}: {error}") from None
 
 
-def agents_from_message(message: String, *, with_definition: bool = True) -> AgentsInfo:
-    """Return the information in a message of `agents`: the inverse of `agents_message`.
+def agents_from_json(text: str, *, with_definition: bool = True) -> AgentsInfo:
+    """Return the information in a text of `agents`: the inverse of `agents_json`.
 
     Unknown keys are ignored, so that later versions may add some.
 
     Args:
-        message: The message.
+        text: The text.
         with_definition: Whether to read the definition, which may name files.
 
     Raises:
         ValueError: If the text is not such JSON; one line that names the key.
     """
-    keys = Keys(parse_json(message.data, "agents"), "agents")
+    keys = Keys(parse_json(text, "agents"), "agents")
     agents, definition = keys.names("agents"), None
     if agents != tuple(f"drone{i}" for i in range(len(agents))):
         keys.refuse("agents", "drone0, drone1, ...")
