@@ -8,37 +8,30 @@ import array
 from typing import Any
 
 import numpy as np
-from builtin_interfaces.msg import Time
 from numpy.typing import NDArray
 from sensor_msgs.msg import Image
-
-from dsse_ros.result import shown
-from dsse_ros.scenario.frames import GridFrame
-from msg_adapters.stamps import header
+from std_msgs.msg import Header
 
 ENCODING = "32FC1"
 
 
-def probability_image(
-    frame: GridFrame, probability: NDArray[np.floating[Any]], stamp: Time
-) -> Image:
+def probability_image(header: Header, probability: NDArray[np.floating[Any]]) -> Image:
     """Return the map as little-endian float32, row 0 north.
 
     Args:
-        frame: The grid.
+        header: Time of the map, and its frame.
         probability: (G, G) floats, row 0 north.
-        stamp: Time of the map.
 
     Raises:
-        ValueError: If the shape is not the grid's.
+        ValueError: If the map is not square.
     """
-    size = frame.grid_size
+    size = len(probability)
     if probability.shape != (size, size):
-        raise ValueError(f"probability must be ({size}, {size}), got {probability.shape}")
+        raise ValueError(f"probability must be a square matrix, got {probability.shape}")
     pixels = np.ascontiguousarray(probability, dtype="<f4")
     data = array.array("B")
     data.frombytes(pixels.data.cast("B"))
-    message = Image(header=header(frame.map_frame, stamp))
+    message = Image(header=header)
     message.height = size
     message.width = size
     message.encoding = ENCODING
@@ -56,7 +49,7 @@ def image_to_probability(message: Image) -> NDArray[np.float32]:
     """
     size = message.width
     if message.encoding != ENCODING:
-        raise ValueError(f"encoding must be '{ENCODING}', got {shown(message.encoding)}")
+        raise ValueError(f"encoding must be '{ENCODING}', got {message.encoding!r:.60}")
     if size < 1 or message.height != size:
         raise ValueError(f"width x height must be a square, got {size} x {message.height}")
     if message.step < 4 * size:

@@ -10,11 +10,10 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from builtin_interfaces.msg import Time
 from numpy.typing import NDArray
 from sensor_msgs.msg import PointCloud2
+from std_msgs.msg import Header
 
-from dsse_ros.result import shown
 from dsse_ros.scenario.frames import GridFrame, cell_to_map
 from msg_adapters.point_clouds import cloud_message, points_from_message
 from msg_adapters.step_report import POINT
@@ -50,13 +49,12 @@ def make_mission_report(
     return report
 
 
-def mission_report_message(frame: GridFrame, report: NDArray[Any], stamp: Time) -> PointCloud2:
+def mission_report_message(header: Header, report: NDArray[Any]) -> PointCloud2:
     """Return a report as a cloud with a row per step and a column per drone.
 
     Args:
-        frame: The grid.
+        header: Time of the last step, and the map frame.
         report: (K, N) of `MISSION_REPORT_DTYPE`.
-        stamp: Time of the last step.
 
     Raises:
         ValueError: If the array is not a report.
@@ -64,9 +62,9 @@ def mission_report_message(frame: GridFrame, report: NDArray[Any], stamp: Time) 
     if report.dtype != MISSION_REPORT_DTYPE or report.ndim != 2:
         raise ValueError(
             "report must be (K, N) of MISSION_REPORT_DTYPE, "
-            f"got {report.shape} of {shown(report.dtype)}"
+            f"got {report.shape} of {report.dtype!r:.60}"
         )
-    return cloud_message(frame.map_frame, report, stamp)
+    return cloud_message(header, report)
 
 
 def mission_report_from_message(message: PointCloud2) -> NDArray[Any]:

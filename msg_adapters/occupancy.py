@@ -6,16 +6,13 @@ from __future__ import annotations
 
 import array
 import math
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
-from builtin_interfaces.msg import Time
 from nav_msgs.msg import OccupancyGrid
 from numba import njit
 from numpy.typing import NDArray
-
-from dsse_ros.scenario.frames import GridFrame, matrix_to_map_rows
-from msg_adapters.stamps import header
+from std_msgs.msg import Header
 
 SCALINGS = ("max", "linear", "log")
 """Ways from probability to occupancy, the values of the parameter `grid_scaling`."""
@@ -25,6 +22,17 @@ LOG_DECADES = 6
 
 # Below this the factor 100 / max overflows float32.
 _TINY = 1e-30
+
+
+S = TypeVar("S", bound=np.generic)
+
+
+def matrix_to_map_rows(matrix: NDArray[S]) -> NDArray[S]:
+    """Flip a matrix with row 0 in the north to rows from the south up, as a map message has them.
+
+    Its own inverse, and a view: nothing is copied.
+    """
+    return matrix[::-1]
 
 
 def probability_to_occupancy(
@@ -64,36 +72,36 @@ def probability_to_occupancy(
 
 
 def occupancy_grid(
-    frame: GridFrame,
+    header: Header,
+    resolution_m: float,
     probability: NDArray[np.floating[Any]],
-    stamp: Time,
     scaling: str = "max",
     area: NDArray[np.bool_] | None = None,
 ) -> OccupancyGrid:
     """Return the map in the map frame, cells from the south-west corner to the east and north.
 
     Args:
-        frame: The grid.
+        header: Time of the map, also its load time, and its frame.
+        resolution_m: Side of a cell.
         probability: (G, G) floats, row 0 north.
-        stamp: Time of the map, also its load time.
         scaling: As `probability_to_occupancy`.
         area: (G, G) bool, row 0 north: cells that are not in it become -1; None for none.
 
     Raises:
-        ValueError: If the scaling is unknown or the shape is not the grid's.
+        ValueError: If the scaling is unknown or the map is not square.
     """
-    size = frame.grid_size
+    size = len(probability)
     if probability.shape != (size, size):
-        raise ValueError(f"probability must be ({size}, {size}), got {probability.shape}")
+        raise ValueError(f"probability must be a square matrix, got {probability.shape}")
     data = array.array("b", [0]) * (size * size)
     rows = np.frombuffer(data, dtype=np.int8).reshape(size, size)
     rows[...] = matrix_to_map_rows(probability_to_occupancy(probability, scaling))
     if area is not None:
         rows[matrix_to_map_rows(~area)] = -1
 
-    message = OccupancyGrid(header=header(frame.map_frame, stamp))
-    message.info.map_load_time = stamp
-    message.info.resolution = frame.cell_size_m
+    message = OccupancyGrid(header=header)
+    message.info.map_load_time = header.stamp
+    message.info.resolution = float(resolution_m)
     message.info.width = size
     message.info.height = size
     message.data = data

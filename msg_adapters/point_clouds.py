@@ -8,11 +8,9 @@ import array
 from typing import Any, Literal
 
 import numpy as np
-from builtin_interfaces.msg import Time
 from numpy.typing import NDArray
 from sensor_msgs.msg import PointCloud2, PointField
-
-from msg_adapters.stamps import header
+from std_msgs.msg import Header
 
 _ORDER: dict[bool, Literal["<", ">"]] = {False: "<", True: ">"}
 _DATATYPES = {
@@ -28,19 +26,18 @@ _DATATYPES = {
 
 
 def cloud_message(
-    frame_id: str, points: NDArray[Any], stamp: Time, into: PointCloud2 | None = None
+    header: Header, points: NDArray[Any], into: PointCloud2 | None = None
 ) -> PointCloud2:
     """Return points (H, W) of a structured dtype as a cloud of that height and width.
 
     Args:
-        frame_id: Frame of the coordinates.
+        header: Time of the points, and the frame of their coordinates.
         points: Structured array without padding.
-        stamp: Time of the cloud.
         into: Message to fill and return, an earlier result for points of the same dtype.
     """
     dtype = points.dtype
     message = PointCloud2() if into is None else into
-    message.header = header(frame_id, stamp)
+    message.header = header
     message.height, message.width = points.shape
     if message.point_step != dtype.itemsize:
         fields: Any = dtype.fields

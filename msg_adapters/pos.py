@@ -9,8 +9,6 @@ import math
 
 from std_msgs.msg import Float64MultiArray
 
-from dsse_ros.result import shown
-
 
 def pos_message(run_id: int, mission: int, step: int, pos: float) -> Float64MultiArray:
     """Return the message `[run_id, mission, step, pos]`; float64 holds each of them exactly.
@@ -34,7 +32,7 @@ def pos_from_message(message: Float64MultiArray) -> tuple[int, int, int, float]:
     if len(values) != 4 or not all(map(math.isfinite, values)):
         raise ValueError(
             "data must be four finite numbers [run_id, mission, step, pos], "
-            f"got {shown(list(values))}"
+            f"got {list(values)!r:.60}"
         )
     run_id, mission, step, pos = values
     return int(run_id), int(mission), int(step), float(pos)

@@ -12,11 +12,10 @@ from functools import cache
 from typing import Any
 
 import numpy as np
-from builtin_interfaces.msg import Time
 from numpy.typing import ArrayLike, NDArray
 from sensor_msgs.msg import PointCloud2
+from std_msgs.msg import Header
 
-from dsse_ros.result import shown
 from dsse_ros.scenario.frames import GridFrame, cell_to_map
 from dsse_ros.search.coverage import METRICS
 from dsse_ros.step.fault_kernels import STATUSES
@@ -182,14 +181,13 @@ def finds_of(report: NDArray[Any]) -> NDArray[np.uint64]:
 
 
 def step_report_message(
-    frame: GridFrame, report: NDArray[Any], stamp: Time, into: PointCloud2 | None = None
+    header: Header, report: NDArray[Any], into: PointCloud2 | None = None
 ) -> PointCloud2:
     """Return a report as a cloud of one row.
 
     Args:
-        frame: The grid.
+        header: Time of the step, and the map frame.
         report: (N,) of a `step_report_dtype`.
-        stamp: Time of the step.
         into: Message to fill and return, one of this function's own earlier results.
 
     Raises:
@@ -199,8 +197,8 @@ def step_report_message(
     names = dtype.names or ()
     mask = dtype[_MASK] if _MASK in names else dtype
     if len(mask.shape) != 1 or dtype != _dtype_of(mask.shape[0], names):
-        raise ValueError(f"report must be of a step_report_dtype, got {shown(dtype)}")
-    return cloud_message(frame.map_frame, report[np.newaxis], stamp, into)
+        raise ValueError(f"report must be of a step_report_dtype, got {dtype!r:.60}")
+    return cloud_message(header, report[np.newaxis], into)
 
 
 def step_report_from_message(message: PointCloud2) -> NDArray[Any]:

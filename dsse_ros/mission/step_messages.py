@@ -10,22 +10,31 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from dsse_ros.message_types import message_class
 from dsse_ros.mission.mission import Mission, StepResult
-from dsse_ros.mission.step_reports import step_report_of
-from dsse_ros.scenario.frames import GridFrame
+from dsse_ros.mission.step_reports import mission_report_of, step_report_of
+from dsse_ros.mission_items.tracks import corners
+from dsse_ros.scenario.frames import GridFrame, cell_to_map, map_positions
 from dsse_ros.scenario.geodesy import cell_fix
 from dsse_ros.scenario.sea_state import sea_state
 from dsse_ros.step.fault_kernels import HOME, LOST
 from dsse_ros.targets import sea_map
 from msg_adapters.battery import battery_state
 from msg_adapters.images import probability_image
-from msg_adapters.markers import marker_array
-from msg_adapters.message_types import message_class
-from msg_adapters.mission_report import make_mission_report, mission_report_message
+from msg_adapters.markers import (
+    Scene,
+    ShownDrone,
+    ShownFlow,
+    ShownPerson,
+    ShownSighting,
+    marker_array,
+)
+from msg_adapters.mission_report import mission_report_message
 from msg_adapters.occupancy import occupancy_grid
 from msg_adapters.particles import particles_message
 from msg_adapters.pos import pos_message
-from msg_adapters.poses import base_link, nav_sat_fix, path, pose_array, pose_stamped
+from msg_adapters.poses import Position, base_link, nav_sat_fix, path, pose_array, pose_stamped
+from msg_adapters.stamps import header
 from msg_adapters.step_report import step_report_message
 from msg_adapters.topics import TOPICS
 
@@ -50,16 +59,15 @@ class StepMessages:
 
     Attributes:
         mission, frame, run_id: As given.
-        frames: The frame of each drone.
     """
 
     def __init__(self, mission: Mission, frame: GridFrame, run_id: int) -> None:
         self.mission = mission
         self.frame = frame
         self.run_id = run_id
-        self.frames = [frame.of_drone(i) for i in range(len(mission.env.possible_agents))]
+        self._bodies = [base_link(n, frame.frame_prefix) for n in mission.env.possible_agents]
         self._reused: dict[tuple[str, int], Any] = {}
-        self._cells: tuple[StepResult, list[list[int]]] | None = None
+        self._positions: tuple[StepResult, list[Position]] | None = None
 
     def make(self, topic: str, stamp: Any, drone: int = 0, display: Display = DEFAULT) -> Any:
         """Return the message of a topic, None if the mission has none.
@@ -81,12 +89,20 @@ class StepMessages:
             message = self._reused[topic, drone] = message_class(TOPICS[topic].type_name)()
         return message
 
+    def header(self, stamp: Any) -> Any:
+        """Return the header of a message in the map frame."""
+        return header(self.frame.map_frame, stamp)
+
+    def body_header(self, stamp: Any, drone: int) -> Any:
+        """Return the header of a message in the body frame of a drone."""
+        return header(self._bodies[drone], stamp)
+
     @property
-    def cells(self) -> list[list[int]]:
-        """The cell [col, row] of each drone."""
-        result, found = self.mission.result, self._cells
+    def positions(self) -> list[Position]:
+        """Where each drone is in the map frame."""
+        result, found = self.mission.result, self._positions
         if found is None or found[0] is not result:
-            found = self._cells = result, result.cells.tolist()
+            found = self._positions = result, map_positions(self.frame, result.cells)
         return found[1]
 
     @property
@@ -102,22 +118,22 @@ def _grid(
     if probability is None:
         return None
     area = of.mission.env.scenario.area_mask
-    return occupancy_grid(of.frame, probability, stamp, display.grid_scaling, area)
+    head, resolution_m = of.header(stamp), of.frame.cell_size_m
+    return occupancy_grid(head, resolution_m, probability, display.grid_scaling, area)
 
 
 def _image(of: StepMessages, stamp: Any, probability: NDArray[np.float32] | None) -> Any:
-    return None if probability is None else probability_image(of.frame, probability, stamp)
+    return None if probability is None else probability_image(of.header(stamp), probability)
 
 
 def _particles(of: StepMessages, stamp: Any) -> Any:
     found, into = of.mission.particles(), of.reused("particles")
-    return None if found is None else particles_message(of.frame, *found, stamp, into)
+    return None if found is None else particles_message(of.header(stamp), *found, into)
 
 
 def _fix(of: StepMessages, stamp: Any, drone: int) -> Any:
-    place = cell_fix(of.frames[drone], *of.cells[drone])
-    name = of.mission.env.possible_agents[drone]
-    return nav_sat_fix(of.frame, *place, stamp, name, of.reused("drone<i>/fix", drone))
+    fix = cell_fix(of.frame, drone, *of.mission.result.cells[drone].tolist())
+    return nav_sat_fix(of.body_header(stamp, drone), fix, of.reused("drone<i>/fix", drone))
 
 
 def _battery(of: StepMessages, stamp: Any, drone: int) -> Any:
@@ -125,9 +141,8 @@ def _battery(of: StepMessages, stamp: Any, drone: int) -> Any:
     if faults is None or not faults.has_battery or conditions is None:
         return None
     condition = conditions[drone]
-    frame_id = base_link(of.mission.env.possible_agents[drone], of.frame.frame_prefix)
     flying = condition["status"] not in (HOME, LOST)
-    return battery_state(stamp, frame_id, float(condition["battery"]), flying=flying)
+    return battery_state(of.body_header(stamp, drone), float(condition["battery"]), flying=flying)
 
 
 def _pos(of: StepMessages) -> Any:
@@ -138,32 +153,53 @@ def _pos(of: StepMessages) -> Any:
 
 def _step_report(of: StepMessages, stamp: Any) -> Any:
     report = step_report_of(of.mission, of.frame, of.run_id)
-    return step_report_message(of.frame, report, stamp, of.reused("step_report"))
+    return step_report_message(of.header(stamp), report, of.reused("step_report"))
 
 
 def _mission_report(of: StepMessages, stamp: Any) -> Any:
-    number, history = of.mission.number, of.mission.history
-    report = make_mission_report(of.frame, run_id=of.run_id, mission=number, history=history)
-    return mission_report_message(of.frame, report, stamp)
+    report = mission_report_of(of.mission, of.frame, of.run_id)
+    return mission_report_message(of.header(stamp), report)
+
+
+def _path(of: StepMessages, stamp: Any, drone: int) -> Any:
+    positions = map_positions(of.frame, of.mission.tracks[drone], drone)
+    return path(of.header(stamp), positions, of.reused("drone<i>/path", drone))
 
 
 def _markers(of: StepMessages, stamp: Any, reveal_person: bool) -> Any:
-    env, result = of.mission.env, of.mission.result
+    env, result, frame = of.mission.env, of.mission.result, of.frame
+    live = ~(result.terminated | result.truncated)
+    tracks = enumerate(zip(env.possible_agents, of.mission.tracks, strict=True))
     world, persons = env.world.worlds[0], env.world.persons[0]
     circle = env.rules.circle and env.world.ensemble is None
-    return marker_array(
-        of.frame,
-        stamp,
-        drone_cells=result.cells,
-        names=env.possible_agents,
-        tracks=of.mission.tracks,
-        live=(~(result.terminated | result.truncated)).tolist(),
-        datum=None if env.rules.covers else (int(world["datum_x"]), int(world["datum_y"])),
-        radius_cells=sea_map.radius(world) if circle else None,
-        person_cells=np.stack([persons["x"], persons["y"]], axis=1) if reveal_person else None,
-        found=persons["found"].tolist() if reveal_person else None,
-        sea=sea_state(env.scenario, result.step),
+    datum = int(world["datum_x"]), int(world["datum_y"])
+    sea = sea_state(env.scenario, result.step)
+    scene = Scene(
+        frame.cell_size_m,
+        frame.side_m,
+        drones=[
+            ShownDrone(name, of.positions[i], map_positions(frame, corners(track), i), live[i])
+            for i, (name, track) in tracks
+        ],
+        datum=None if env.rules.covers else _at_sea(frame, *datum),
+        radius_m=sea_map.radius(world) * frame.cell_size_m if circle else None,
+        persons=[
+            ShownPerson(_at_sea(frame, int(one["x"]), int(one["y"])), bool(one["found"]))
+            for one in (persons if reveal_person else ())
+        ],
+        flows=[ShownFlow(flow.kind, flow.velocity_mps, flow.label) for flow in sea.flows],
+        shore=sea.shore,
+        sightings=[
+            ShownSighting((seen.x_m, seen.y_m, 0.0), seen.radius_m, seen.label)
+            for seen in sea.sightings
+        ],
     )
+    return marker_array(of.header(stamp), scene)
+
+
+def _at_sea(frame: GridFrame, col: int, row: int) -> Position:
+    """Return where the centre of a cell is in the map frame."""
+    return (*cell_to_map(frame, col, row), 0.0)
 
 
 MESSAGES: dict[str, Callable[[StepMessages, Any, int, Display], Any]] = {
@@ -175,15 +211,13 @@ MESSAGES: dict[str, Callable[[StepMessages, Any, int, Display], Any]] = {
     "belief": lambda of, stamp, *_: _image(of, stamp, of.belief),
     "particles": lambda of, stamp, *_: _particles(of, stamp),
     "drone<i>/pose": lambda of, stamp, drone, _: pose_stamped(
-        of.frames[drone], of.cells[drone], stamp, of.reused("drone<i>/pose", drone)
+        of.header(stamp), of.positions[drone], of.reused("drone<i>/pose", drone)
     ),
     "drone<i>/fix": lambda of, stamp, drone, _: _fix(of, stamp, drone),
     "drone<i>/battery": lambda of, stamp, drone, _: _battery(of, stamp, drone),
-    "drone<i>/path": lambda of, stamp, drone, _: path(
-        of.frames[drone], of.mission.tracks[drone], stamp, of.reused("drone<i>/path", drone)
-    ),
+    "drone<i>/path": lambda of, stamp, drone, _: _path(of, stamp, drone),
     "drones": lambda of, stamp, *_: pose_array(
-        of.frame, of.mission.result.cells, stamp, of.reused("drones")
+        of.header(stamp), of.positions, of.reused("drones")
     ),
     "markers": lambda of, stamp, _, show: _markers(of, stamp, show.reveal_person),
     "probability_of_success": lambda of, *_: _pos(of),

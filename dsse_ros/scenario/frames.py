@@ -1,6 +1,6 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""The grid in the `map` frame: cells (col, row) to metres and back, and the one flip of a matrix.
+"""The grid in the `map` frame: cells (col, row) to metres and back.
 
 The map frame is ENU (REP-103, REP-105): x east, y north, z up, in metres, with its origin at the
 grid's south-west corner. Columns grow to the east; rows grow to the south, row 0 is north.
@@ -11,7 +11,6 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, TypeVar
 
-import numpy as np
 from numpy.typing import NDArray
 
 from dsse_ros.scenario.limits import CELL_SIZE_M
@@ -19,7 +18,6 @@ from dsse_ros.scenario.limits import CELL_SIZE_M
 if TYPE_CHECKING:
     from dsse_ros.scenario.scenario import ResolvedScenario, Scenario
 
-S = TypeVar("S", bound=np.generic)
 F = TypeVar("F", float, NDArray[Any])
 """Numbers or arrays of them."""
 
@@ -165,11 +163,3 @@ def map_to_cell(frame: GridFrame, x_m: float, y_m: float) -> tuple[int, int] | N
     if not (0 <= east < frame.grid_size and 0 <= north < frame.grid_size):
         return None
     return int(east), frame.grid_size - 1 - int(north)
-
-
-def matrix_to_map_rows(matrix: NDArray[S]) -> NDArray[S]:
-    """Flip a matrix with row 0 in the north to rows from the south up, as a map message has them.
-
-    Its own inverse, and a view: nothing is copied.
-    """
-    return matrix[::-1]

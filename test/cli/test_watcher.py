@@ -24,7 +24,7 @@ from dsse_ros.scenario.frames import GridFrame
 from dsse_ros.search import parallel_env
 from msg_adapters.images import probability_image
 from msg_adapters.pos import pos_message
-from msg_adapters.stamps import to_stamp
+from msg_adapters.stamps import header, to_stamp
 from msg_adapters.step_report import step_report_message
 
 FRAME = GridFrame(7, 130.0, -24.04, -46.17, 0.0, 120.0)
@@ -43,8 +43,10 @@ def over() -> Iterator[dict[str, Any]]:
     rclpy.init(args=[], domain_id=free_domain())
     try:
         yield {
-            "step_report": step_report_message(FRAME, step_report_of(mission, FRAME, RUN), stamp),
-            "belief": probability_image(FRAME, mission.belief(), stamp),
+            "step_report": step_report_message(
+                header(FRAME.map_frame, stamp), step_report_of(mission, FRAME, RUN)
+            ),
+            "belief": probability_image(header(FRAME.map_frame, stamp), mission.belief()),
             "probability_of_success": pos_message(RUN, mission.number, step, 0.25),
         }
     finally:

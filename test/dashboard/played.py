@@ -20,7 +20,7 @@ from dsse_ros.search import parallel_env
 from msg_adapters.mission_report import make_mission_report, mission_report_message
 from msg_adapters.occupancy import occupancy_grid
 from msg_adapters.pos import pos_message
-from msg_adapters.stamps import to_stamp
+from msg_adapters.stamps import header, to_stamp
 from msg_adapters.step_report import make_step_report, step_report_message
 
 RUN_ID = 77
@@ -94,12 +94,14 @@ class Played:
         return Step(
             number=result.step,
             messages={
-                "probability_grid": occupancy_grid(frame, self.env.probability, stamp),
+                "probability_grid": occupancy_grid(
+                    header(frame.map_frame, stamp), frame.cell_size_m, self.env.probability
+                ),
                 **self._belief_grid(stamp),
                 "probability_of_success": pos_message(
                     self.run_id, mission.number, result.step, pos
                 ),
-                "step_report": step_report_message(frame, report, stamp),
+                "step_report": step_report_message(header(frame.map_frame, stamp), report),
             },
             cells=result.cells,
             rewards=result.rewards,
@@ -112,7 +114,11 @@ class Played:
     def _belief_grid(self, stamp: Any) -> dict[str, Any]:
         if self.env.rules.covers:
             return {}
-        return {"belief_grid": occupancy_grid(self.frame, self.mission.belief(), stamp)}
+        return {
+            "belief_grid": occupancy_grid(
+                header(self.frame.map_frame, stamp), self.frame.cell_size_m, self.mission.belief()
+            )
+        }
 
     def play(self, seed: int, steps: int = 10**6) -> Iterator[Step]:
         """Play a mission, or its first steps, by chance."""
@@ -135,4 +141,6 @@ class Played:
         report = make_mission_report(
             self.frame, run_id=self.run_id, mission=mission.number, history=mission.history
         )
-        return mission_report_message(self.frame, report, to_stamp(mission.result.stamp_ns))
+        return mission_report_message(
+            header(self.frame.map_frame, to_stamp(mission.result.stamp_ns)), report
+        )

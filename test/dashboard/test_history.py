@@ -23,7 +23,7 @@ from dsse_ros.dashboard.map_image import map_png
 from dsse_ros.dashboard.missions import Mission, Missions
 from msg_adapters.images import probability_image
 from msg_adapters.occupancy import occupancy_to_array
-from msg_adapters.stamps import to_stamp
+from msg_adapters.stamps import header, to_stamp
 
 FOUND, STATE = 16, 7
 FIELDS = {"grid_size": 7, "num_drones": 3, "sigma": 2.0, "timestep_limit": 25}
@@ -242,7 +242,9 @@ def test_an_exact_map_takes_the_place_of_the_one_for_display(
     (step,) = played.play(3, steps=0)
     receive(mission, "agents", played.agents)
     belief = played.mission.belief()
-    exact = probability_image(played.frame, belief, to_stamp(played.mission.result.stamp_ns))
+    exact = probability_image(
+        header(played.frame.map_frame, to_stamp(played.mission.result.stamp_ns)), belief
+    )
     messages = [("belief_grid", step.messages["belief_grid"]), ("belief", exact)]
     for topic, message in reversed(messages) if exact_first else messages:
         receive(mission, topic, message)

@@ -26,7 +26,7 @@ from dsse_ros.scenario.geodesy import cell_to_geodetic, map_to_geodetic
 from msg_adapters.images import probability_image
 from msg_adapters.occupancy import occupancy_to_array
 from msg_adapters.poses import pose_stamped
-from msg_adapters.stamps import to_stamp
+from msg_adapters.stamps import header, to_stamp
 
 FIELDS = {"grid_size": 7, "num_drones": 3, "sigma": 2.0, "timestep_limit": 25}
 
@@ -309,7 +309,7 @@ def test_where_the_exact_map_is_known_colours_and_cells_have_their_percent(page:
     page.draw()
     belief = page.played.mission.belief()
     stamp = step.messages["belief_grid"].header.stamp
-    page.receive("belief", probability_image(page.played.frame, belief, stamp))
+    page.receive("belief", probability_image(header(page.played.frame.map_frame, stamp), belief))
     top = 100 * float(belief.max())
 
     def number(text: str) -> float:

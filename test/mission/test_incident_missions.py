@@ -27,6 +27,7 @@ from dsse_ros.search import Scenario, SearchDefinition, SearchEnv, profile
 from msg_adapters.markers import marker_array
 from msg_adapters.particles import PARTICLE, particles_message
 from msg_adapters.point_clouds import points_from_message
+from msg_adapters.stamps import header
 
 LAND = {
     "type": "Polygon",
@@ -73,7 +74,9 @@ def test_the_cloud_has_a_weight_for_each_particle(mission: Mission) -> None:
     frame = scenario_frame(mission.env.scenario)
     found = mission.particles()
     assert found is not None
-    points = points_from_message(particles_message(frame, *found, Time()), PARTICLE)[0]
+    points = points_from_message(
+        particles_message(header(frame.map_frame, Time()), *found), PARTICLE
+    )[0]
     assert np.array_equal(np.stack([points["x"], points["y"]], 1), found[0])
     assert points["weight"].sum() == pytest.approx(1.0, abs=1e-5)
 

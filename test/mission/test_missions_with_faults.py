@@ -24,7 +24,7 @@ from dsse_ros.scenario.frames import scenario_frame
 from dsse_ros.search import HOLD, Snapshot, parallel_env
 from dsse_ros.search.world_beliefs import DRIFT_SAMPLES
 from dsse_ros.step.fault_kernels import STATUSES
-from msg_adapters.stamps import to_stamp
+from msg_adapters.stamps import header, to_stamp
 from msg_adapters.step_report import step_report_from_message, step_report_message
 from msg_adapters.vehicles import Progress, progress_from_message, vehicle_state_message
 
@@ -153,14 +153,18 @@ def test_a_report_has_battery_and_status_with_faults_only() -> None:
         frame = scenario_frame(mission.env.scenario)
         report = step_report_of(mission, frame, 1)
         assert ("status" in (report.dtype.names or ())) == faulty
-        read = step_report_from_message(step_report_message(frame, report, to_stamp(1)))
+        read = step_report_from_message(
+            step_report_message(header(frame.map_frame, to_stamp(1)), report)
+        )
         assert read.tobytes() == report.tobytes()
         if faulty and mission.result.conditions is not None:
             assert read["battery"].tolist() == mission.result.conditions["battery"].tolist()
             assert read["status"].tolist() == mission.result.conditions["status"].tolist()
             report["status"][1] = len(STATUSES)
             with pytest.raises(ValueError, match=f"^status must be .* got {len(STATUSES)}$"):
-                step_report_from_message(step_report_message(frame, report, to_stamp(1)))
+                step_report_from_message(
+                    step_report_message(header(frame.map_frame, to_stamp(1)), report)
+                )
 
 
 def test_the_battery_of_a_drone_is_that_of_its_vehicle() -> None:

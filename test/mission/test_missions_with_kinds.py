@@ -26,7 +26,7 @@ from dsse_ros.step.fault_kernels import STATUSES, UNDER_WAY
 from msg_adapters.markers import marker_array
 from msg_adapters.mission_report import make_mission_report
 from msg_adapters.poses import path, pose_array, pose_stamped, transforms
-from msg_adapters.stamps import to_stamp
+from msg_adapters.stamps import header, to_stamp
 from msg_adapters.step_report import step_report_from_message, step_report_message
 
 ALTITUDES = [120.0, 60.0, 300.0]
@@ -73,7 +73,9 @@ def test_a_step_report_has_status_mask_and_altitude_of_each_kind() -> None:
     frame = scenario_frame(mission.env.scenario)
     mission.command_all([1, 1, 1])
     mission.advance("hold")
-    message = step_report_message(frame, step_report_of(mission, frame, 7), to_stamp(0))
+    message = step_report_message(
+        header(frame.map_frame, to_stamp(0)), step_report_of(mission, frame, 7)
+    )
     report = step_report_from_message(message)
     assert report["status"].tolist() == [0, UNDER_WAY, 0]
     assert report["action"].tolist() == [1, -1, 1]

@@ -11,9 +11,8 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 from sensor_msgs.msg import Image
 
-from dsse_ros.scenario.frames import GridFrame
 from msg_adapters.images import image_to_probability, probability_image
-from msg_adapters.stamps import to_stamp
+from msg_adapters.stamps import header, to_stamp
 
 STAMP = to_stamp(13)
 MATRICES = hnp.arrays(
@@ -22,7 +21,7 @@ MATRICES = hnp.arrays(
 
 
 def image_of(matrix):
-    return probability_image(GridFrame(len(matrix), 1.0, 0.0, 0.0, 0.0, 0.0), matrix, STAMP)
+    return probability_image(header("map", STAMP), matrix)
 
 
 @given(MATRICES)
@@ -62,10 +61,9 @@ def test_the_map_read_is_read_only():
         image_to_probability(image_of(np.zeros((2, 2), dtype=np.float32)))[0, 0] = 1
 
 
-def test_a_map_of_another_size_than_the_grid_is_refused():
-    frame = GridFrame(3, 1.0, 0.0, 0.0, 0.0, 0.0)
-    with pytest.raises(ValueError, match=r"^probability must be .*, got \(2, 2\)"):
-        probability_image(frame, np.zeros((2, 2), dtype=np.float32), STAMP)
+def test_a_map_that_is_not_square_is_refused():
+    with pytest.raises(ValueError, match=r"^probability must be a square matrix, got \(3, 2\)"):
+        probability_image(header("map", STAMP), np.zeros((3, 2), dtype=np.float32))
 
 
 UINT32 = st.integers(0, 6) | st.integers(0, 2**32 - 1)

@@ -19,7 +19,7 @@ from msg_adapters.mission_report import (
     mission_report_from_message,
     mission_report_message,
 )
-from msg_adapters.stamps import to_stamp
+from msg_adapters.stamps import header, to_stamp
 from msg_adapters.step_report import step_report_dtype
 
 FRAME = GridFrame(8, 130.0, -24.04, -46.17, 0.0, 120.0)
@@ -51,19 +51,19 @@ def test_its_entries_are_those_of_the_step_reports_up_to_all_found():
 @pytest.mark.slow
 @given(SHAPES.flatmap(lambda shape: hnp.arrays(MISSION_REPORT_DTYPE, shape)))
 def test_a_report_comes_back_and_is_written_again_with_the_same_bytes(report):
-    message = mission_report_message(FRAME, report, STAMP)
+    message = mission_report_message(header(FRAME.map_frame, STAMP), report)
     assert (message.height, message.width) == report.shape
     assert message.row_step == message.width * message.point_step
     assert message.header.frame_id == "map" and message.header.stamp == STAMP
     read = mission_report_from_message(message)
     assert read.dtype == report.dtype and read.tobytes() == report.tobytes()
-    assert mission_report_message(FRAME, read, STAMP) == message
+    assert mission_report_message(header(FRAME.map_frame, STAMP), read) == message
 
 
 def test_an_array_that_is_no_report_is_refused():
     for report in (np.zeros((2, 3)), np.zeros(3, MISSION_REPORT_DTYPE)):
         with pytest.raises(ValueError, match="^report must be "):
-            mission_report_message(FRAME, report, STAMP)
+            mission_report_message(header(FRAME.map_frame, STAMP), report)
 
 
 UINT32 = st.integers(0, 64) | st.integers(0, 2**32 - 1)
@@ -79,7 +79,7 @@ FIELDS = st.builds(
 @given(st.data())
 def test_a_hostile_cloud_is_a_report_or_one_clear_line(data):
     report = np.zeros((3, 2), MISSION_REPORT_DTYPE)
-    message = mission_report_message(FRAME, report, STAMP)
+    message = mission_report_message(header(FRAME.map_frame, STAMP), report)
     kind = data.draw(st.sampled_from(["size", "field", "data", "alien"]))
     if kind == "size":
         name = data.draw(st.sampled_from(["height", "width", "point_step", "row_step"]))

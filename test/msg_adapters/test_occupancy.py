@@ -14,12 +14,14 @@ from hypothesis.extra import numpy as hnp
 from dsse_ros.scenario.frames import GridFrame, cell_to_map
 from msg_adapters.occupancy import (
     SCALINGS,
+    matrix_to_map_rows,
     occupancy_grid,
     occupancy_to_array,
     probability_to_occupancy,
 )
-from msg_adapters.stamps import to_stamp
+from msg_adapters.stamps import header, to_stamp
 
+FRAME = ("map", 130.0)
 STAMP = to_stamp(26 * 10**9)
 SIZES = st.integers(1, 12)
 
@@ -31,10 +33,6 @@ def maps(elements):
 
 PROBABILITIES = st.floats(0, 1, width=32)
 ANY = st.floats(0, width=32) | st.just(math.nan)
-
-
-def frame_of(matrix):
-    return GridFrame(len(matrix), 130.0, -24.04, -46.17, 0.0, 120.0)
 
 
 def expected_level(p, largest, scaling):
@@ -120,8 +118,8 @@ def test_the_message_has_a_cell_where_its_map_coordinates_say(size, data):
     col, row = data.draw(st.integers(0, size - 1)), data.draw(st.integers(0, size - 1))
     matrix = np.zeros((size, size), dtype=np.float32)
     matrix[row, col] = 0.5
-    frame = frame_of(matrix)
-    message = occupancy_grid(frame, matrix, STAMP)
+    frame = GridFrame(len(matrix), 130.0, 0.0, 0.0, 0.0, 0.0)
+    message = occupancy_grid(header(frame.map_frame, STAMP), frame.cell_size_m, matrix)
     x_m, y_m = cell_to_map(frame, col, row)
     # As a reader of the message does: from the origin's corner, x along a row.
     east = int(x_m // message.info.resolution)
@@ -132,7 +130,7 @@ def test_the_message_has_a_cell_where_its_map_coordinates_say(size, data):
 
 @given(maps(PROBABILITIES), st.sampled_from(SCALINGS))
 def test_a_reader_gets_the_occupancy_with_row_0_north(matrix, scaling):
-    message = occupancy_grid(frame_of(matrix), matrix, STAMP, scaling)
+    message = occupancy_grid(header("map", STAMP), 130.0, matrix, scaling)
     np.testing.assert_array_equal(
         occupancy_to_array(message), probability_to_occupancy(matrix, scaling)
     )
@@ -141,12 +139,12 @@ def test_a_reader_gets_the_occupancy_with_row_0_north(matrix, scaling):
 def test_cells_outside_the_area_are_unknown():
     area = np.array([[True, False], [True, True]])
     matrix = np.array([[0.5, 0.0], [0.5, 0.0]], np.float32)
-    message = occupancy_grid(frame_of(matrix), matrix, STAMP, area=area)
+    message = occupancy_grid(header("map", STAMP), 130.0, matrix, area=area)
     np.testing.assert_array_equal(occupancy_to_array(message), [[100, -1], [100, 0]])
 
 
 def test_the_message_says_where_and_when_the_map_is():
-    message = occupancy_grid(frame_of(np.zeros((3, 3))), np.zeros((3, 3)), STAMP)
+    message = occupancy_grid(header("map", STAMP), 130.0, np.zeros((3, 3)))
     assert message.header.frame_id == "map"
     assert message.header.stamp == message.info.map_load_time == STAMP
     assert (message.info.width, message.info.height) == (3, 3)
@@ -161,12 +159,12 @@ def test_an_unknown_scaling_or_a_foreign_shape_is_refused():
     with pytest.raises(ValueError, match="^scaling must be .* max, linear, log, got 'cubic'"):
         probability_to_occupancy(np.zeros((2, 2), dtype=np.float32), "cubic")
     with pytest.raises(ValueError, match=r"^probability must be .*, got \(2, 3\)"):
-        occupancy_grid(frame_of(np.zeros((2, 2))), np.zeros((2, 3)), STAMP)
+        occupancy_grid(header("map", STAMP), 130.0, np.zeros((2, 3)))
 
 
 @given(st.integers(0, 5), st.integers(0, 5), st.integers(0, 30))
 def test_a_message_of_the_wrong_size_is_refused(width, height, cells):
-    message = occupancy_grid(frame_of(np.zeros((1, 1))), np.zeros((1, 1)), STAMP)
+    message = occupancy_grid(header("map", STAMP), 130.0, np.zeros((1, 1)))
     message.info.width, message.info.height = width, height
     message.data = array.array("b", bytes(cells))
     if cells == width * height:
@@ -174,3 +172,21 @@ def test_a_message_of_the_wrong_size_is_refused(width, height, cells):
     else:
         with pytest.raises(ValueError, match="^data must be "):
             occupancy_to_array(message)
+
+
+@given(st.integers(1, 20))
+def test_the_flip_puts_the_southern_row_first_and_undoes_itself(size):
+    matrix = np.arange(size * size).reshape(size, size)
+    rows = matrix_to_map_rows(matrix)
+    np.testing.assert_array_equal(rows[0], matrix[-1])
+    np.testing.assert_array_equal(matrix_to_map_rows(rows), matrix)
+
+
+@given(st.integers(1, 20), st.data())
+def test_the_flipped_matrix_has_a_cell_where_its_map_coordinates_say(size, data):
+    frame = GridFrame(size, 1.0, 0.0, 0.0, 0.0, 0.0)
+    col, row = data.draw(st.integers(0, size - 1)), data.draw(st.integers(0, size - 1))
+    matrix = np.zeros((size, size))
+    matrix[row, col] = 1
+    x_m, y_m = cell_to_map(frame, col, row)
+    assert matrix_to_map_rows(matrix)[int(y_m), int(x_m)] == 1

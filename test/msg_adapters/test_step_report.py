@@ -13,7 +13,7 @@ from hypothesis.extra import numpy as hnp
 from sensor_msgs.msg import PointCloud2, PointField
 
 from dsse_ros.scenario.frames import GridFrame, cell_to_map
-from msg_adapters.stamps import to_stamp
+from msg_adapters.stamps import header, to_stamp
 from msg_adapters.step_report import (
     MAX_ACTIONS,
     make_step_report,
@@ -95,22 +95,22 @@ def test_a_report_of_shapes_that_do_not_match_is_refused():
 @pytest.mark.slow
 @given(REPORTS)
 def test_a_report_comes_back_and_is_written_again_with_the_same_bytes(report):
-    message = step_report_message(FRAME, report, STAMP)
+    message = step_report_message(header(FRAME.map_frame, STAMP), report)
     read = step_report_from_message(message)
     assert read.dtype == report.dtype and read.tobytes() == report.tobytes()
-    assert step_report_message(FRAME, read, STAMP) == message
+    assert step_report_message(header(FRAME.map_frame, STAMP), read) == message
 
 
 @pytest.mark.slow
 @given(REPORTS, REPORTS)
 def test_a_report_filled_again_equals_a_new_one(old, new):
-    filled = step_report_message(FRAME, old, STAMP)
-    assert step_report_message(FRAME, new, LATER, into=filled) is filled
-    assert filled == step_report_message(FRAME, new, LATER)
+    filled = step_report_message(header(FRAME.map_frame, STAMP), old)
+    assert step_report_message(header(FRAME.map_frame, LATER), new, into=filled) is filled
+    assert filled == step_report_message(header(FRAME.map_frame, LATER), new)
 
 
 def test_the_cloud_is_laid_out_as_point_clouds_are():
-    message = step_report_message(FRAME, small_report(), STAMP)
+    message = step_report_message(header(FRAME.map_frame, STAMP), small_report())
     assert message.header.frame_id == "map" and message.header.stamp == STAMP
     assert (message.height, message.width) == (1, 3)
     assert message.is_bigendian is False and message.is_dense is True
@@ -127,7 +127,7 @@ def test_the_cloud_is_laid_out_as_point_clouds_are():
 
 
 def test_any_reader_of_point_clouds_finds_a_field_by_its_offset():
-    message = step_report_message(FRAME, small_report(), STAMP)
+    message = step_report_message(header(FRAME.map_frame, STAMP), small_report())
     offsets = {field.name: field.offset for field in message.fields}
     second = bytes(message.data)[message.point_step : 2 * message.point_step]
     assert struct.unpack_from("<fff", second, offsets["x"]) == (975.0, 975.0, 120.0)
@@ -138,7 +138,7 @@ def test_any_reader_of_point_clouds_finds_a_field_by_its_offset():
 @pytest.mark.parametrize("bigendian", [False, True])
 def test_a_cloud_that_a_relay_laid_out_anew_is_read_the_same(bigendian):
     report = small_report()
-    message = step_report_message(FRAME, report, STAMP)
+    message = step_report_message(header(FRAME.map_frame, STAMP), report)
     names = report.dtype.names
     order = ">" if bigendian else "<"
     layout = np.dtype(
@@ -183,7 +183,7 @@ def test_a_cloud_that_a_relay_laid_out_anew_is_read_the_same(bigendian):
     ],
 )
 def test_a_malformed_cloud_is_refused_by_its_fault(change, words):
-    message = step_report_message(FRAME, small_report(), STAMP)
+    message = step_report_message(header(FRAME.map_frame, STAMP), small_report())
     change(message)
     with pytest.raises(ValueError, match=words):
         step_report_from_message(message)
@@ -202,7 +202,7 @@ FIELDS = st.builds(
 @pytest.mark.slow
 @given(st.data())
 def test_a_hostile_cloud_is_a_report_or_one_clear_line(data):
-    message = step_report_message(FRAME, small_report(), STAMP)
+    message = step_report_message(header(FRAME.map_frame, STAMP), small_report())
     for _ in range(data.draw(st.integers(1, 3))):
         kind = data.draw(st.sampled_from(["size", "field", "data", "alien"]))
         if kind == "size":
@@ -244,7 +244,7 @@ def test_an_array_that_is_no_report_is_refused():
         np.zeros(3, dtype=[("x", "f4"), ("action_mask", "u1", (5,))]),
     ):
         with pytest.raises(ValueError, match="^report must be "):
-            step_report_message(FRAME, array_, STAMP)
+            step_report_message(header(FRAME.map_frame, STAMP), array_)
     for number in (0, MAX_ACTIONS + 1):
         with pytest.raises(ValueError, match="^num_actions must be "):
             step_report_dtype(number)

@@ -23,6 +23,7 @@ from msg_adapters import (
     stamps,
     step_report,
 )
+from msg_adapters.stamps import header
 
 # ROS 2's own imports, on the first message that is converted.
 pytestmark = pytest.mark.filterwarnings("ignore:module 'sre_:DeprecationWarning")
@@ -55,8 +56,8 @@ def report():
 def all_messages():
     fix = geodesy.cell_fix(FRAME, 1, 2)
     yield stamps.to_stamp(np.int64(13))
-    yield occupancy.occupancy_grid(FRAME, MATRIX, STAMP)
-    yield images.probability_image(FRAME, MATRIX, STAMP)
+    yield occupancy.occupancy_grid(header(FRAME.map_frame, STAMP), FRAME.cell_size_m, MATRIX)
+    yield images.probability_image(header(FRAME.map_frame, STAMP), MATRIX)
     yield poses.pose_stamped(FRAME, CELLS[0], STAMP)
     yield poses.odometry(
         FRAME, "drone0", np.float64(1.5), CELLS[0, 1], (np.float64(3), np.float32(4)), STAMP
@@ -66,9 +67,9 @@ def all_messages():
     yield poses.nav_sat_fix(FRAME, *map(np.float64, fix), STAMP, "drone0")
     yield from poses.transforms(FRAME, CELLS, NAMES, STAMP, np.array([0.5, 1.0]))
     yield commands.joint_action_message(np.int64(2), np.int64(3), np.array([0, -1]))
-    yield step_report.step_report_message(FRAME, report(), STAMP)
+    yield step_report.step_report_message(header(FRAME.map_frame, STAMP), report())
     whole = np.zeros((3, 2), mission_report.MISSION_REPORT_DTYPE)
-    yield mission_report.mission_report_message(FRAME, whole, STAMP)
+    yield mission_report.mission_report_message(header(FRAME.map_frame, STAMP), whole)
     yield markers.marker_array(
         FRAME,
         STAMP,

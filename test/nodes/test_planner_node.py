@@ -27,7 +27,7 @@ from dsse_ros.scenario.frames import GridFrame
 from dsse_ros.search import Observation, parallel_env
 from dsse_ros.search.compiler import COMPILING
 from msg_adapters.images import probability_image
-from msg_adapters.stamps import to_stamp
+from msg_adapters.stamps import header, to_stamp
 from msg_adapters.step_report import make_step_report, step_report_message
 
 PLANNER = "expanding_square"
@@ -68,8 +68,8 @@ class Stage:
         )  # fmt: skip
         messages = {
             "agents": String(data=agents_json(info)),
-            "probability": probability_image(info.frame, env.probability, stamp),
-            "step_report": step_report_message(info.frame, report, stamp),
+            "probability": probability_image(header(info.frame.map_frame, stamp), env.probability),
+            "step_report": step_report_message(header(info.frame.map_frame, stamp), report),
         }
         for topic in topics or messages:
             self.publish(topic, messages[topic])

@@ -30,7 +30,7 @@ from msg_adapters.occupancy import occupancy_grid
 from msg_adapters.particles import particles_message
 from msg_adapters.pos import pos_message
 from msg_adapters.poses import nav_sat_fix, path, pose_array, pose_stamped
-from msg_adapters.stamps import to_stamp
+from msg_adapters.stamps import header, to_stamp
 from msg_adapters.step_report import step_report_message
 
 MS = 1_000_000
@@ -101,14 +101,16 @@ class Flown:
                     self.publish(f"drone{i}/battery", battery)
             self.publish("drones", pose_array(frame, cells, stamp))
         report = step_report_of(mission, frame, self.run_id)
-        self.publish("step_report", step_report_message(frame, report, stamp))
+        self.publish("step_report", step_report_message(header(frame.map_frame, stamp), report))
         if self.everything:
             self._publish_history(stamp)
         if self.everything and mission.done:
             whole = make_mission_report(
                 frame, run_id=self.run_id, mission=mission.number, history=mission.history
             )
-            self.publish("mission_report", mission_report_message(frame, whole, stamp))
+            self.publish(
+                "mission_report", mission_report_message(header(frame.map_frame, stamp), whole)
+            )
 
     def _publish_history(self, stamp: Time) -> None:
         mission, frame = self.mission, self.frame
@@ -120,13 +122,16 @@ class Flown:
     def _publish_maps(self, stamp: Time) -> None:
         mission, frame = self.mission, self.frame
         if (particles := mission.particles()) is not None:
-            self.publish("particles", particles_message(frame, *particles, stamp))
+            self.publish("particles", particles_message(header(frame.map_frame, stamp), *particles))
         maps = {"probability": mission.env.probability}
         if mission.pos is not None and not mission.env.rules.covers:
             maps["belief"] = mission.belief()
         for name, values in maps.items():
-            self.publish(name, probability_image(frame, values, stamp))
-            self.publish(f"{name}_grid", occupancy_grid(frame, values, stamp, "log"))
+            self.publish(name, probability_image(header(frame.map_frame, stamp), values))
+            self.publish(
+                f"{name}_grid",
+                occupancy_grid(header(frame.map_frame, stamp), frame.cell_size_m, values, "log"),
+            )
         if mission.pos is not None:
             pos = pos_message(self.run_id, mission.number, mission.result.step, mission.pos)
             self.publish("probability_of_success", pos)

@@ -18,7 +18,7 @@ from dsse_ros.scenario.frames import scenario_frame
 from dsse_ros.search import SearchEnv
 from msg_adapters.images import probability_image
 from msg_adapters.mission_report import make_mission_report, mission_report_message
-from msg_adapters.stamps import to_stamp
+from msg_adapters.stamps import header, to_stamp
 from msg_adapters.step_report import make_step_report, step_report_message
 
 TYPES = {
@@ -81,9 +81,13 @@ class Bag:
         if result.step == 0:
             self._write("agents", String(data=agents_json(self._info(mission))))
         if result.step not in self._skip:
-            self._write("probability", probability_image(frame, env.probability, stamp))
+            self._write(
+                "probability", probability_image(header(frame.map_frame, stamp), env.probability)
+            )
             if "belief" in self._channels:
-                self._write("belief", probability_image(frame, mission.belief(), stamp))
+                self._write(
+                    "belief", probability_image(header(frame.map_frame, stamp), mission.belief())
+                )
             report = make_step_report(
                 frame, run_id=self._run_id, mission=mission.number, step=result.step,
                 cells=result.cells,
@@ -91,12 +95,14 @@ class Bag:
                 truncated=result.truncated, found=result.found, held=result.held,
                 action_mask=env.action_masks(),
             )  # fmt: skip
-            self._write("step_report", step_report_message(frame, report, stamp))
+            self._write("step_report", step_report_message(header(frame.map_frame, stamp), report))
         if mission.done:
             whole = make_mission_report(
                 frame, run_id=self._run_id, mission=mission.number, history=mission.history
             )
-            self._write("mission_report", mission_report_message(frame, whole, stamp))
+            self._write(
+                "mission_report", mission_report_message(header(frame.map_frame, stamp), whole)
+            )
 
     def _info(self, mission: Mission) -> AgentsInfo:
         scenario, rules = self._env.scenario, self._env.rules

@@ -10,7 +10,7 @@ from grid_frames import FRAMES
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dsse_ros.scenario.frames import GridFrame, cell_to_map, map_to_cell, matrix_to_map_rows
+from dsse_ros.scenario.frames import GridFrame, cell_to_map, map_to_cell
 
 SANTOS = GridFrame(8, 130.0, -24.04, -46.17, 0.0, 120.0)
 
@@ -67,24 +67,6 @@ def test_arrays_of_cells_go_where_the_single_cells_go(frame, cells):
     array = np.array(cells)
     x_m, y_m = cell_to_map(frame, array[:, 0], array[:, 1])
     assert list(zip(x_m, y_m, strict=True)) == [cell_to_map(frame, *cell) for cell in cells]
-
-
-@given(st.integers(1, 20))
-def test_the_flip_puts_the_southern_row_first_and_undoes_itself(size):
-    matrix = np.arange(size * size).reshape(size, size)
-    rows = matrix_to_map_rows(matrix)
-    np.testing.assert_array_equal(rows[0], matrix[-1])
-    np.testing.assert_array_equal(matrix_to_map_rows(rows), matrix)
-
-
-@given(st.integers(1, 20), st.data())
-def test_the_flipped_matrix_has_a_cell_where_its_map_coordinates_say(size, data):
-    frame = GridFrame(size, 1.0, 0.0, 0.0, 0.0, 0.0)
-    col, row = data.draw(st.integers(0, size - 1)), data.draw(st.integers(0, size - 1))
-    matrix = np.zeros((size, size))
-    matrix[row, col] = 1
-    x_m, y_m = cell_to_map(frame, col, row)
-    assert matrix_to_map_rows(matrix)[int(y_m), int(x_m)] == 1
 
 
 @pytest.mark.parametrize(

@@ -29,6 +29,7 @@ from dsse_ros.search.world import World
 from dsse_ros.search.world_beliefs import WorldBeliefs
 from dsse_ros.sensors.registry import SENSORS
 from dsse_ros.targets.registry import TARGET_MODELS
+from msg_adapters.stamps import header
 from msg_adapters.step_report import finds_of, step_report_from_message, step_report_message
 
 FIELDS: dict[str, Any] = {
@@ -167,7 +168,7 @@ def test_pictures_reports_and_logs_count_its_looks(tmp_path: Path) -> None:
         seen[row, col + 1 : col + 4] += 1
     assert (mission.env.view().searches == seen).all()
     report = step_report_from_message(
-        step_report_message(frame, step_report_of(mission, frame, 1), Time())
+        step_report_message(header(frame.map_frame, Time()), step_report_of(mission, frame, 1))
     )
     assert (finds_of(report) == np.where(world.found, world.finds, 0)[0]).all()
     (record,) = read_csv(tmp_path / "log.csv")
