@@ -32,11 +32,3 @@ class Rejected:
 
 Result = Accepted[T] | Rejected
 """`Result[int]` is `Accepted[int] | Rejected`."""
-
-
-def shown(value: object, limit: int = 60) -> str:
-    """Return a value as printable text of one line and at most `limit` + 3 characters."""
-    if isinstance(value, str | bytes):
-        value = value[: limit + 1]
-    text = repr(value)
-    return text if len(text) <= limit else text[:limit] + "..."

@@ -27,6 +27,7 @@ from rclpy.utilities import get_rmw_implementation_identifier
 from std_srvs.srv import Trigger
 
 from dsse_ros.runtime import security
+from dsse_ros.runtime.observed_step import ObservedStep, StepInbox, step_id_of
 from dsse_ros.runtime.qos import offered, requested
 from dsse_ros.scenario.fields import shown
 from dsse_ros.scenario.options import IGNORED_OPTION, check_seed
@@ -34,7 +35,6 @@ from dsse_ros.search import HOLD, FieldError
 from dsse_ros.search.agent_spaces import AgentSpaces
 from dsse_ros.search.observation import AgentObservation, Started, Stepped, observation_space
 from msg_adapters.commands import joint_action_message
-from msg_adapters.observed_step import ObservedStep, StepInbox, step_id_of
 
 T = TypeVar("T")
 

@@ -1,3 +1,3 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""Pure functions between the world and ROS 2 messages: no node, clock, socket or logger."""
+"""Messages of ROS 2 from plain values and back, in pure functions, and the table of topics."""

@@ -6,27 +6,24 @@ from __future__ import annotations
 
 import math
 
-from builtin_interfaces.msg import Time
 from sensor_msgs.msg import BatteryState
-
-from msg_adapters.stamps import header
+from std_msgs.msg import Header
 
 _UNMEASURED = ("voltage", "temperature", "current", "charge", "capacity", "design_capacity")
 
 
-def battery_state(stamp: Time, frame_id: str, percent: float, *, flying: bool) -> BatteryState:
+def battery_state(header: Header, percent: float, *, flying: bool) -> BatteryState:
     """Return the state of a battery of which only the share that is left is known.
 
     What is not measured is NaN, as the message has it.
 
     Args:
-        stamp: Time of the state.
-        frame_id: Frame of the drone.
+        header: Time of the state, and the body frame of the drone.
         percent: What is left; NaN if it is not known.
         flying: Whether it is being discharged.
     """
     state = BatteryState(
-        header=header(frame_id, stamp),
+        header=header,
         percentage=percent / 100.0,
         power_supply_status=(
             BatteryState.POWER_SUPPLY_STATUS_DISCHARGING

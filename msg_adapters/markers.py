@@ -7,18 +7,15 @@ from __future__ import annotations
 import colorsys
 import math
 from collections.abc import Iterable, Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
-from builtin_interfaces.msg import Time
 from geometry_msgs.msg import Point
-from numpy.typing import ArrayLike
-from std_msgs.msg import ColorRGBA
+from numpy.typing import NDArray
+from std_msgs.msg import ColorRGBA, Header
 from visualization_msgs.msg import Marker, MarkerArray
 
-from dsse_ros.mission_items.tracks import corners
-from dsse_ros.scenario.frames import GridFrame, cell_to_map
-from dsse_ros.scenario.sea_state import SeaState
-from msg_adapters.stamps import header
+from msg_adapters.poses import Position
 
 Rgb = tuple[float, float, float]
 
@@ -46,21 +43,85 @@ def drone_color(index: int) -> Rgb:
     return red, green, blue
 
 
-def marker_array(
-    frame: GridFrame,
-    stamp: Time,
-    *,
-    drone_cells: ArrayLike,
-    names: Sequence[str],
-    tracks: Sequence[ArrayLike],
-    live: Sequence[bool],
-    datum: Sequence[float] | None,
-    radius_cells: float | None = None,
-    person_cells: ArrayLike | None = None,
-    found: Sequence[bool] | None = None,
-    sea: SeaState | None = None,
-) -> MarkerArray:
-    """Return drones, tracks, datum and circle, and the persons when they are given.
+class ShownDrone(NamedTuple):
+    """A drone.
+
+    Attributes:
+        name: Its name.
+        position: Where it is.
+        track: Corners of its way.
+        live: Whether it takes part in the search; one that does not is grey.
+    """
+
+    name: str
+    position: Position
+    track: Sequence[Position]
+    live: bool
+
+
+class ShownPerson(NamedTuple):
+    """A person: where it is, and whether it has been found."""
+
+    position: Position
+    found: bool
+
+
+class ShownFlow(NamedTuple):
+    """Wind or current.
+
+    Attributes:
+        kind: `wind` or `current`.
+        velocity_mps: Velocity (east, north).
+        label: Text at the arrow.
+    """
+
+    kind: str
+    velocity_mps: tuple[float, float]
+    label: str
+
+
+class ShownSighting(NamedTuple):
+    """A last known position.
+
+    Attributes:
+        position: Its middle.
+        radius_m: Radius of the circle of its uncertainty.
+        label: Text below it.
+    """
+
+    position: Position
+    radius_m: float
+    label: str
+
+
+class Scene(NamedTuple):
+    """What the markers show.
+
+    Attributes:
+        cell_size_m: Side of a cell, by which sizes are chosen.
+        side_m: Side of the grid, in whose middle the arrows begin.
+        drones: In the order of the agents.
+        datum: Where the search is about; None to leave out.
+        radius_m: Radius of the circle about the datum; None to leave out.
+        persons: None to leave out.
+        flows: Wind and current.
+        shore: Rings (K, 2) of x and y in metres; the last point is joined to the first.
+        sightings: Last known positions.
+    """
+
+    cell_size_m: float
+    side_m: float
+    drones: Sequence[ShownDrone] = ()
+    datum: Position | None = None
+    radius_m: float | None = None
+    persons: Sequence[ShownPerson] = ()
+    flows: Sequence[ShownFlow] = ()
+    shore: Sequence[NDArray[Any]] = ()
+    sightings: Sequence[ShownSighting] = ()
+
+
+def marker_array(header: Header, scene: Scene) -> MarkerArray:
+    """Return drones, tracks, datum and circle, persons, and the sea.
 
     The first marker deletes all earlier ones. Namespaces: `drones`, `names`, `tracks` and
     `persons`, with the index as id, `datum`, `circle`, `wind`, `current`, `shore`, `lkp` and
@@ -68,113 +129,116 @@ def marker_array(
     way in ten. A last known position is a disc in the circle of its uncertainty.
 
     Args:
-        frame: The grid.
-        stamp: Time of the state.
-        drone_cells: (N, 2) of (col, row).
-        names: The N names.
-        tracks: N tracks, each (K, 2) of (col, row).
-        live: N flags; a drone out of the search is grey.
-        datum: Cell (col, row) of the datum, a fraction lies between cells; None to leave out.
-        radius_cells: Radius of the circle about the datum; None to leave out.
-        person_cells: (M, 2) cells of the persons; None to leave out.
-        found: M flags; none is found if not given.
-        sea: Wind, current, shore and sightings; None to leave out.
-
-    Raises:
-        ValueError: If the numbers of names, tracks, flags and cells differ.
+        header: Time of the state, and the map frame.
+        scene: What to show.
     """
-    head = header(frame.map_frame, stamp)
-    cell_m = frame.cell_size_m
+    markers = _Markers(header, scene.cell_size_m)
+    for number, drone in enumerate(scene.drones):
+        markers.add_drone(number, drone)
+    if scene.datum is not None:
+        markers.add_datum(_point(scene.datum), scene.radius_m)
+    for number, person in enumerate(scene.persons):
+        markers.add_person(number, person)
+    middle = Point(x=0.5 * scene.side_m, y=0.5 * scene.side_m, z=0.0)
+    for flow in scene.flows:
+        markers.add_flow(middle, flow)
+    for number, ring in enumerate(scene.shore):
+        markers.add_shore(number, ring)
+    for number, seen in enumerate(scene.sightings):
+        markers.add_sighting(number, seen)
+    return MarkerArray(markers=markers.made)
 
-    def marker(namespace: str, number: int, kind: int, scale: Rgb, color: Rgb) -> Marker:
-        made = Marker(header=head, ns=namespace, id=number, type=kind, action=Marker.ADD)
+
+class _Markers:
+    """Makes markers, and deletes all earlier ones."""
+
+    def __init__(self, header: Header, cell_m: float) -> None:
+        self._header = header
+        self._cell_m = cell_m
+        self.made = [Marker(header=header, action=Marker.DELETEALL)]
+
+    def _add(self, namespace: str, number: int, kind: int, scale: Rgb, color: Rgb) -> Marker:
+        made = Marker(header=self._header, ns=namespace, id=number, type=kind, action=Marker.ADD)
         made.scale.x, made.scale.y, made.scale.z = (float(side) for side in scale)
         made.color = ColorRGBA(r=color[0], g=color[1], b=color[2], a=1.0)
+        self.made.append(made)
         return made
 
-    def line(namespace: str, number: int, width_m: float, color: Rgb) -> Marker:
-        return marker(namespace, number, Marker.LINE_STRIP, (width_m, 0.0, 0.0), color)
+    def _add_line(
+        self, namespace: str, number: int, width_m: float, color: Rgb, points: Iterable[Point]
+    ) -> None:
+        line = self._add(namespace, number, Marker.LINE_STRIP, (width_m, 0.0, 0.0), color)
+        line.points = list(points)
 
-    def text(namespace: str, number: int, shown: str, place: Point, color: Rgb) -> Marker:
-        size = (0.0, 0.0, 0.5 * cell_m)
-        made = marker(namespace, number, Marker.TEXT_VIEW_FACING, size, color)
-        made.pose.position, made.text = place, shown
-        return made
+    def _add_text(self, namespace: str, number: int, text: str, place: Point, color: Rgb) -> None:
+        size = (0.0, 0.0, 0.5 * self._cell_m)
+        made = self._add(namespace, number, Marker.TEXT_VIEW_FACING, size, color)
+        made.pose.position, made.text = place, text
 
-    markers = [Marker(header=head, action=Marker.DELETEALL)]
-    cells = np.asarray(drone_cells, dtype=np.float64).reshape(-1, 2)
-    places = _points(frame, cells, 0.0)
-    altitudes = frame.altitudes_m(len(cells))
-    for number, (place, alt_m, name, track, flies) in enumerate(
-        zip(places, altitudes, names, tracks, live, strict=True)
-    ):
-        place.z = alt_m
-        color = drone_color(number) if flies else _GREY
-        side_m = 0.5 * cell_m
-        body = marker("drones", number, Marker.SPHERE, (side_m, side_m, 0.5 * side_m), color)
-        body.pose.position = place
-        above = Point(x=place.x, y=place.y, z=place.z + cell_m)
-        markers += [body, text("names", number, name, above, _WHITE)]
-        turns = corners(track)
-        if len(turns) > 1:
-            flown = line("tracks", number, 0.08 * cell_m, color)
-            flown.points = _points(frame, turns, alt_m)
-            markers.append(flown)
+    def add_drone(self, number: int, drone: ShownDrone) -> None:
+        """Add a drone, its name and its track."""
+        color = drone_color(number) if drone.live else _GREY
+        side_m = 0.5 * self._cell_m
+        size = (side_m, side_m, 0.5 * side_m)
+        body = self._add("drones", number, Marker.SPHERE, size, color)
+        body.pose.position = _point(drone.position)
+        x, y, z = drone.position
+        above = Point(x=x, y=y, z=z + self._cell_m)
+        self._add_text("names", number, drone.name, above, _WHITE)
+        if len(drone.track) > 1:
+            track = map(_point, drone.track)
+            self._add_line("tracks", number, 0.08 * self._cell_m, color, track)
 
-    if datum is not None:
-        (centre,) = _points(frame, [datum], 0.0)
-        cross = marker("datum", 0, Marker.LINE_LIST, (0.08 * cell_m, 0.0, 0.0), _DATUM)
+    def add_datum(self, centre: Point, radius_m: float | None) -> None:
+        """Add the datum, and the circle about it if there is one."""
+        cell_m = self._cell_m
+        cross = self._add("datum", 0, Marker.LINE_LIST, (0.08 * cell_m, 0.0, 0.0), _DATUM)
         cross.points = [
             Point(x=centre.x + dx * cell_m, y=centre.y + dy * cell_m, z=0.0)
             for dx, dy in ((-0.5, -0.5), (0.5, 0.5), (-0.5, 0.5), (0.5, -0.5))
         ]
-        markers.append(cross)
-        if radius_cells is not None:
-            circle = line("circle", 0, 0.05 * cell_m, _DATUM)
-            circle.points = list(_circle(centre, float(radius_cells) * cell_m))
-            markers.append(circle)
+        if radius_m is not None:
+            self._add_line("circle", 0, 0.05 * cell_m, _DATUM, _circle(centre, radius_m))
 
-    if person_cells is not None:
-        places = _points(frame, person_cells, 0.0)
-        flags = [False] * len(places) if found is None else found
-        for number, (place, saved) in enumerate(zip(places, flags, strict=True)):
-            side_m = 0.4 * cell_m
-            color = _SAVED if saved else _LOST
-            person = marker("persons", number, Marker.CYLINDER, (side_m,) * 3, color)
-            person.pose.position = place
-            markers.append(person)
-    if sea is not None:
-        size, middle_m = 0.15 * cell_m, 0.5 * frame.grid_size * cell_m
-        start = Point(x=middle_m, y=middle_m, z=0.0)
-        for flow in sea.flows:
-            time_s, color = _OF_FLOWS[flow.kind]
-            # An arrow between two points: width of shaft and head, length of head.
-            arrow = marker(flow.kind, 0, Marker.ARROW, (size, 3 * size, 3 * size), color)
-            east_m, north_m = (time_s * part for part in flow.velocity_mps)
-            end = Point(x=start.x + east_m, y=start.y + north_m, z=0.0)
-            arrow.points = [start, end]
-            markers += [arrow, text("sea_names", len(markers), flow.label, end, color)]
-        for number, ring in enumerate(sea.shore):
-            shore = line("shore", number, 0.08 * cell_m, _SHORE)
-            closed = np.vstack([ring, ring[:1]])
-            shore.points = [Point(x=x, y=y, z=0.0) for x, y in closed.tolist()]
-            markers.append(shore)
-        for number, seen in enumerate(sea.sightings):
-            place, size = Point(x=seen.x_m, y=seen.y_m, z=0.0), 0.3 * cell_m
-            fix = marker("lkp", 2 * number, Marker.CYLINDER, (size, size, 0.1 * size), _LKP)
-            fix.pose.position = place
-            # A sighting may be exact; a fix of a chart has a circle all the same.
-            around = line("lkp", 2 * number + 1, 0.06 * cell_m, _LKP)
-            around.points = list(_circle(place, max(seen.radius_m, size)))
-            below = Point(x=seen.x_m, y=seen.y_m - 0.6 * cell_m, z=0.0)
-            markers += [fix, around, text("sea_names", len(markers), seen.label, below, _LKP)]
-    return MarkerArray(markers=markers)
+    def add_person(self, number: int, person: ShownPerson) -> None:
+        """Add a person."""
+        side_m = 0.4 * self._cell_m
+        color = _SAVED if person.found else _LOST
+        made = self._add("persons", number, Marker.CYLINDER, (side_m,) * 3, color)
+        made.pose.position = _point(person.position)
+
+    def add_flow(self, start: Point, flow: ShownFlow) -> None:
+        """Add the arrow of wind or current, and its name."""
+        number, size = len(self.made), 0.15 * self._cell_m
+        time_s, color = _OF_FLOWS[flow.kind]
+        # An arrow between two points: width of shaft and head, length of head.
+        arrow = self._add(flow.kind, 0, Marker.ARROW, (size, 3 * size, 3 * size), color)
+        east_m, north_m = (time_s * part for part in flow.velocity_mps)
+        end = Point(x=start.x + east_m, y=start.y + north_m, z=0.0)
+        arrow.points = [start, end]
+        self._add_text("sea_names", number, flow.label, end, color)
+
+    def add_shore(self, number: int, ring: NDArray[Any]) -> None:
+        """Add a ring of the shore."""
+        closed = np.vstack([ring, ring[:1]])
+        points = [Point(x=x, y=y, z=0.0) for x, y in closed.tolist()]
+        self._add_line("shore", number, 0.08 * self._cell_m, _SHORE, points)
+
+    def add_sighting(self, number: int, seen: ShownSighting) -> None:
+        """Add a last known position, its circle and its name."""
+        name_number, place, size = len(self.made), _point(seen.position), 0.3 * self._cell_m
+        fix = self._add("lkp", 2 * number, Marker.CYLINDER, (size, size, 0.1 * size), _LKP)
+        fix.pose.position = place
+        # A sighting may be exact; a fix of a chart has a circle all the same.
+        around = _circle(place, max(seen.radius_m, size))
+        self._add_line("lkp", 2 * number + 1, 0.06 * self._cell_m, _LKP, around)
+        below = Point(x=place.x, y=place.y - 0.6 * self._cell_m, z=0.0)
+        self._add_text("sea_names", name_number, seen.label, below, _LKP)
 
 
-def _points(frame: GridFrame, cells: ArrayLike, z_m: float) -> list[Point]:
-    array = np.asarray(cells, dtype=np.float64).reshape(-1, 2)
-    x_m, y_m = cell_to_map(frame, array[:, 0], array[:, 1])
-    return [Point(x=x, y=y, z=z_m) for x, y in zip(x_m.tolist(), y_m.tolist(), strict=True)]
+def _point(position: Position) -> Point:
+    x, y, z = position
+    return Point(x=x, y=y, z=z)
 
 
 def _circle(centre: Point, radius_m: float) -> Iterable[Point]:

@@ -1,8 +1,6 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""Drones as poses, odometry, paths, fixes and transforms in the map frame, at flight altitude.
-
-Functions for a single drone take its own frame, see `GridFrame.of_drone`.
+"""Drones as poses, odometry, paths, fixes and transforms in the map frame.
 
 Functions with `into` fill and return that message, one of their own earlier results, instead of
 a new one: building messages costs as much as publishing them.
@@ -11,18 +9,41 @@ a new one: building messages costs as much as publishing them.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from typing import Any
+from collections.abc import Iterable, Sequence
+from typing import NamedTuple
 
-import numpy as np
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import Pose, PoseArray, PoseStamped, Quaternion, TransformStamped
 from nav_msgs.msg import Odometry, Path
-from numpy.typing import ArrayLike
 from sensor_msgs.msg import NavSatFix, NavSatStatus
+from std_msgs.msg import Header
 
-from dsse_ros.scenario.frames import GridFrame, cell_to_map
-from dsse_ros.scenario.geodesy import map_in_earth
+Position = tuple[float, float, float]
+"""x east, y north and z up in metres in the map frame."""
+
+
+class FramedPose(NamedTuple):
+    """A pose that somebody sent, in a frame that may be any.
+
+    Attributes:
+        frame_id: Name of the frame.
+        position: x, y, z in metres.
+        orientation: Quaternion x, y, z, w.
+    """
+
+    frame_id: str
+    position: Position
+    orientation: tuple[float, float, float, float]
+
+
+def pose_from_message(message: PoseStamped) -> FramedPose:
+    """Return the pose of a message, whatever its numbers are."""
+    position, turn = message.pose.position, message.pose.orientation
+    return FramedPose(
+        message.header.frame_id,
+        (position.x, position.y, position.z),
+        (turn.x, turn.y, turn.z, turn.w),
+    )
 
 
 def base_link(drone_name: str, frame_prefix: str = "") -> str:
@@ -41,22 +62,20 @@ def yaw_of(velocity_mps: tuple[float, float]) -> float:
 
 
 def pose_stamped(
-    frame: GridFrame, cell: Sequence[float], stamp: Time, into: PoseStamped | None = None
+    header: Header, position: Position, into: PoseStamped | None = None
 ) -> PoseStamped:
-    """Return the pose of a drone over a cell (col, row), facing east."""
+    """Return the pose of a drone that faces east."""
     message = PoseStamped() if into is None else into
-    _stamp(message, frame, stamp)
-    _place(message.pose, frame, cell)
+    message.header = header
+    _set_position(message.pose, position)
     return message
 
 
 def odometry(
-    frame: GridFrame,
-    drone_name: str,
-    col: float,
-    row: float,
+    header: Header,
+    child_frame_id: str,
+    position: Position,
     velocity_mps: tuple[float, float],
-    stamp: Time,
     into: Odometry | None = None,
 ) -> Odometry:
     """Return where a drone is and how fast it flies.
@@ -65,57 +84,46 @@ def odometry(
     nav_msgs/Odometry has it, so that a drone in motion has its whole speed along x.
 
     Args:
-        frame: The grid.
-        drone_name: Name of the drone.
-        col: Column, a fraction lies between cells.
-        row: Row.
+        header: Time of the state, and the map frame.
+        child_frame_id: Body frame of the drone.
+        position: Where it is.
         velocity_mps: Velocity (east, north).
-        stamp: Time of the state.
         into: Message to fill.
     """
     message = Odometry() if into is None else into
-    _stamp(message, frame, stamp)
-    message.child_frame_id = base_link(drone_name, frame.frame_prefix)
-    _place(message.pose.pose, frame, (col, row))
+    message.header = header
+    message.child_frame_id = child_frame_id
+    _set_position(message.pose.pose, position)
     _turn(message.pose.pose.orientation, yaw_of(velocity_mps))
     message.twist.twist.linear.x = math.hypot(*velocity_mps)
     return message
 
 
-def path(frame: GridFrame, cells: ArrayLike, stamp: Time, into: Path | None = None) -> Path:
+def path(header: Header, positions: Sequence[Position], into: Path | None = None) -> Path:
     """Return a track.
 
     Args:
-        frame: The grid.
-        cells: (K, 2) of (col, row).
-        stamp: Time of the message and of each of its poses.
+        header: Time of the message and of each of its poses, and the map frame.
+        positions: The track.
         into: Message to fill.
     """
     message = Path() if into is None else into
-    _stamp(message, frame, stamp)
-    positions = _positions(frame, cells, frame.alt_m)
+    message.header = header
     poses = message.poses[: len(positions)]
-    poses += [PoseStamped(header=message.header) for _ in positions[len(poses) :]]
+    poses += [PoseStamped() for _ in positions[len(poses) :]]
     for stamped, position in zip(poses, positions, strict=True):
+        stamped.header = header
         _set_position(stamped.pose, position)
     message.poses = poses
     return message
 
 
 def pose_array(
-    frame: GridFrame, cells: ArrayLike, stamp: Time, into: PoseArray | None = None
+    header: Header, positions: Sequence[Position], into: PoseArray | None = None
 ) -> PoseArray:
-    """Return the poses of all drones.
-
-    Args:
-        frame: The grid.
-        cells: (N, 2) of (col, row), in the order of the agents.
-        stamp: Time of the poses.
-        into: Message to fill.
-    """
+    """Return the poses of all drones, in the order of the agents."""
     message = PoseArray() if into is None else into
-    _stamp(message, frame, stamp)
-    positions = _positions(frame, cells)
+    message.header = header
     if len(message.poses) != len(positions):
         message.poses = [Pose() for _ in positions]
     for pose, position in zip(message.poses, positions, strict=True):
@@ -124,106 +132,73 @@ def pose_array(
 
 
 def nav_sat_fix(
-    frame: GridFrame,
-    lat_deg: float,
-    lon_deg: float,
-    alt_m: float,
-    stamp: Time,
-    drone_name: str,
-    into: NavSatFix | None = None,
+    header: Header, fix: tuple[float, float, float], into: NavSatFix | None = None
 ) -> NavSatFix:
     """Return the WGS84 fix of a drone.
 
     The fix is exact, hence a known covariance of zero.
 
     Args:
-        frame: The grid, whose prefix the body frame has.
-        lat_deg: Latitude.
-        lon_deg: Longitude.
-        alt_m: Height above the WGS84 ellipsoid.
-        stamp: Time of the fix.
-        drone_name: Name of the drone, whose body frame the antenna is at.
+        header: Time of the fix, and the body frame of the drone, where the antenna is.
+        fix: Latitude and longitude in degrees, height above the WGS84 ellipsoid in metres.
         into: Message to fill.
     """
     message = NavSatFix() if into is None else into
-    message.header.stamp = stamp
-    message.header.frame_id = base_link(drone_name, frame.frame_prefix)
+    message.header = header
     message.status.status = NavSatStatus.STATUS_FIX
     message.status.service = NavSatStatus.SERVICE_GPS
-    message.latitude = float(lat_deg)
-    message.longitude = float(lon_deg)
-    message.altitude = float(alt_m)
+    message.latitude, message.longitude, message.altitude = map(float, fix)
     message.position_covariance_type = NavSatFix.COVARIANCE_TYPE_KNOWN
     return message
 
 
 def transforms(
-    frame: GridFrame,
-    cells: ArrayLike,
-    names: Sequence[str],
-    stamp: Time,
-    yaws_rad: Sequence[float] | None = None,
+    header: Header,
+    child_frame_ids: Sequence[str],
+    positions: Sequence[Position],
+    yaws_rad: Iterable[float],
 ) -> list[TransformStamped]:
-    """Return the transforms from the map frame to the body frame of each drone.
+    """Return the transforms from the map frame to the body frame of each of N drones.
 
     Args:
-        frame: The grid.
-        cells: (N, 2) of (col, row), fractions lie between cells.
-        names: The N names.
-        stamp: Time of the transforms.
-        yaws_rad: The N headings, as `yaw_of` gives them to `odometry`; east if not given.
+        header: Time of the transforms, and the map frame.
+        child_frame_ids: The N body frames.
+        positions: The N positions.
+        yaws_rad: The N headings, as `yaw_of` gives them to `odometry`.
 
     Raises:
-        ValueError: If the numbers of cells, names and headings differ.
+        ValueError: If the numbers of frames, positions and headings differ.
     """
-    positions = _positions(frame, cells)
     messages = []
-    yaws = [0.0] * len(positions) if yaws_rad is None else yaws_rad
-    for position, name, yaw in zip(positions, names, yaws, strict=True):
-        message = TransformStamped()
-        _stamp(message, frame, stamp)
-        message.child_frame_id = base_link(name, frame.frame_prefix)
+    for child, position, yaw_rad in zip(child_frame_ids, positions, yaws_rad, strict=True):
+        message = TransformStamped(header=header, child_frame_id=child)
         translation = message.transform.translation
         translation.x, translation.y, translation.z = position
-        _turn(message.transform.rotation, yaw)
+        _turn(message.transform.rotation, yaw_rad)
         messages.append(message)
     return messages
 
 
-def earth_transform(frame: GridFrame, stamp: Time) -> TransformStamped:
-    """Return the transform from `earth` (REP-105), which all maps share, to the map frame."""
-    message = TransformStamped()
-    message.header.stamp = stamp
-    message.header.frame_id = "earth"
-    message.child_frame_id = frame.map_frame
-    position, turn = map_in_earth(frame)
+def earth_transform(
+    stamp: Time, map_frame: str, position: Position, turn: tuple[float, float, float, float]
+) -> TransformStamped:
+    """Return the transform from `earth` (REP-105), which all maps share, to the map frame.
+
+    Args:
+        stamp: Time of the transform.
+        map_frame: Name of the map frame.
+        position: Origin of the map frame in ECEF, in metres.
+        turn: Its axes in ECEF as a quaternion x, y, z, w.
+    """
+    message = TransformStamped(header=Header(stamp=stamp, frame_id="earth"))
+    message.child_frame_id = map_frame
     translation, rotation = message.transform.translation, message.transform.rotation
     translation.x, translation.y, translation.z = position
     rotation.x, rotation.y, rotation.z, rotation.w = turn
     return message
 
 
-def _stamp(message: Any, frame: GridFrame, stamp: Time) -> None:
-    message.header.stamp = stamp
-    message.header.frame_id = frame.map_frame
-
-
-def _positions(
-    frame: GridFrame, cells: ArrayLike, alt_m: float | None = None
-) -> list[tuple[float, float, float]]:
-    """Return the places of all drones over their cells, or, at one altitude, of one drone."""
-    array = np.asarray(cells, dtype=np.float64).reshape(-1, 2)
-    x_m, y_m = cell_to_map(frame, array[:, 0], array[:, 1])
-    alts_m = frame.altitudes_m(len(array)) if alt_m is None else [alt_m] * len(array)
-    return list(zip(x_m.tolist(), y_m.tolist(), alts_m, strict=True))
-
-
-def _place(pose: Pose, frame: GridFrame, cell: Sequence[float]) -> None:
-    x_m, y_m = cell_to_map(frame, float(cell[0]), float(cell[1]))
-    _set_position(pose, (x_m, y_m, frame.alt_m))
-
-
-def _set_position(pose: Pose, position: tuple[float, float, float]) -> None:
+def _set_position(pose: Pose, position: Position) -> None:
     pose.position.x, pose.position.y, pose.position.z = position
 
 

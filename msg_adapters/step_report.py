@@ -16,13 +16,13 @@ from numpy.typing import ArrayLike, NDArray
 from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Header
 
-from dsse_ros.scenario.frames import GridFrame, cell_to_map
-from dsse_ros.search.coverage import METRICS
-from dsse_ros.step.fault_kernels import STATUSES
 from msg_adapters.point_clouds import cloud_message, points_from_message
 
 MAX_ACTIONS = 127
 """Action numbers are int8."""
+
+MAX_STATUS = 6
+"""Largest number of a drone's status."""
 
 FLAGS = ("terminated", "truncated", "found", "held")
 
@@ -46,12 +46,14 @@ FIND_FIELDS = (("finds", "<u4", (2,)),)
 
 A `PointField` has no 64 bits; those of the first 32 looks come first."""
 
+COVERAGE_FIELDS = (("coverage_rate", "<f8"), ("repeated_coverage", "<f8"), ("pos", "<f8"))
+"""Fields of a drone in a step of a coverage task, the same for all drones."""
+
 FAULT_FIELDS = (("battery", "<f8"), ("status", "u1"), ("command", "i1"))
 """Fields of a drone in a step of a mission with faults."""
 
 _ALL_FOUND = "all_found"
 _MASK = "action_mask"
-_COVERAGE = tuple((name, "<f8") for name in METRICS)
 
 
 @cache
@@ -64,11 +66,10 @@ def step_report_dtype(
     `AgentsInfo`), reward (float64), col, row (int16), action (int8: the one applied, -1 if none),
     terminated, truncated, found, held, all_found (uint8: 0 or 1), action_mask (uint8 x num_actions:
     0 if the action would leave the grid). Where the task is coverage, coverage_rate,
-    repeated_coverage and pos (float64) follow, the same for all drones: see
-    `dsse_ros.search.coverage`. With faults further battery (float64, percent, NaN where it does not
-    run down), status (uint8, number in `dsse_ros.step.fault_kernels.STATUSES`) and command (int8,
-    the commanded action). With sensors that look at several cells at once finds (uint32 x 2, a bit
-    for each look that found a person).
+    repeated_coverage and pos (float64) follow, the same for all drones. With faults further battery
+    (float64, percent, NaN where it does not run down), status (uint8, number of the status, at most
+    `MAX_STATUS`) and command (int8, the commanded action). With sensors that look at several cells
+    at once finds (uint32 x 2, a bit for each look that found a person).
 
     Raises:
         ValueError: If the number of actions is not 1 to `MAX_ACTIONS`.
@@ -77,7 +78,7 @@ def step_report_dtype(
         raise ValueError(f"num_actions must be 1 to {MAX_ACTIONS}, got {num_actions!r}")
     mask = (_MASK, "u1", (int(num_actions),))
     further = (
-        *(_COVERAGE if coverage else ()),
+        *(COVERAGE_FIELDS if coverage else ()),
         *(FAULT_FIELDS if faults else ()),
         *(FIND_FIELDS if finds else ()),
     )
@@ -88,89 +89,40 @@ def _dtype_of(num_actions: int, names: Collection[str]) -> np.dtype[Any]:
     """Return the layout that has these fields."""
     return step_report_dtype(
         num_actions,
-        coverage=set(METRICS).issubset(names),
+        coverage={name for name, _ in COVERAGE_FIELDS}.issubset(names),
         faults=any(name in names for name, _ in FAULT_FIELDS),
         finds="finds" in names,
     )
 
 
-def make_step_report(
-    frame: GridFrame,
-    *,
-    run_id: int,
-    mission: int,
-    step: int,
-    cells: ArrayLike,
-    actions: ArrayLike,
-    rewards: ArrayLike,
-    terminated: ArrayLike,
-    truncated: ArrayLike,
-    found: ArrayLike,
-    held: ArrayLike,
-    action_mask: ArrayLike,
-    all_found: bool = False,
-    coverage: Mapping[str, float] | None = None,
-    battery: ArrayLike | None = None,
-    status: ArrayLike | None = None,
-    commands: ArrayLike | None = None,
-    finds: ArrayLike | None = None,
-) -> NDArray[Any]:
+def make_step_report(columns: Mapping[str, ArrayLike]) -> NDArray[Any]:
     """Return the report of all N drones in the order of the agents.
 
     Args:
-        frame: The grid.
-        run_id: Identity of the simulation since its start.
-        mission: Number of the mission.
-        step: Steps done.
-        cells: (N, 2) of (col, row).
-        actions: (N,) action numbers applied, -1 for none.
-        rewards: (N,) rewards of the step.
-        terminated: (N,) flags.
-        truncated: (N,) flags.
-        found: (N,) flags: the drone found a person in this step.
-        held: (N,) flags: no command came in time and the drone was held.
-        action_mask: (N, A), 0 where the action would leave the grid.
-        all_found: Whether every person has been found, or every cell covered.
-        coverage: The metrics of a coverage task by their names; None for another one.
-        battery: (N,) percent, with faults.
-        status: (N,) numbers, with faults.
-        commands: (N,) commanded action numbers, with faults; by default the actions.
-        finds: (N,) uint64 bits, with sensors that look at several cells at once.
+        columns: The fields of `step_report_dtype` by name, each for all N drones or one for all,
+            with those of coverage, faults and finds that there are: action_mask (N, A), finds (N,)
+            uint64 bits. Flags are what is true.
 
     Returns:
-        (N,) of `step_report_dtype`, with what is given of a status and of finds.
+        (N,) of a `step_report_dtype`.
 
     Raises:
-        ValueError: If the shapes do not match.
+        ValueError: If the shapes do not match, or the fields are not those of a report.
     """
-    cell = np.asarray(cells).reshape(-1, 2)
-    mask = np.asarray(action_mask)
+    mask = np.asarray(columns.get(_MASK, ()))
     if mask.ndim != 2:
-        raise ValueError(f"action_mask must be of shape (N, A), got {mask.shape}")
-    dtype = step_report_dtype(
-        mask.shape[-1],
-        coverage=coverage is not None,
-        faults=status is not None,
-        finds=finds is not None,
-    )
-    report = np.zeros(len(cell), dtype=dtype)
-    report["col"], report["row"] = cell[:, 0], cell[:, 1]
-    report["x"], report["y"] = cell_to_map(frame, cell[:, 0], cell[:, 1])
-    report["z"] = frame.altitudes_m(len(cell))
-    report["run_id"], report["mission"], report["step"] = run_id, mission, step
-    report["action"] = actions
-    report["reward"] = rewards
-    for name, flags in zip(FLAGS, (terminated, truncated, found, held), strict=True):
-        report[name] = np.asarray(flags, dtype=bool)
-    report[_ALL_FOUND] = all_found
-    report[_MASK] = mask
-    for name, value in (coverage or {}).items():
-        report[name] = value
-    if status is not None:
-        report["status"], report["battery"] = status, np.nan if battery is None else battery
-        report["command"] = actions if commands is None else commands
-    if finds is not None:
-        report["finds"] = np.asarray(finds, "<u8").reshape(-1, 1).view("<u4")
+        raise ValueError(f"{_MASK} must be of shape (N, A), got {mask.shape}")
+    dtype = _dtype_of(mask.shape[1], columns)
+    names = dtype.names or ()
+    if set(columns) != set(names):
+        odd = ", ".join(sorted(set(columns) ^ set(names)))
+        raise ValueError(f"columns must be {', '.join(names)}; missing or unknown: {odd}")
+    report = np.zeros(len(mask), dtype=dtype)
+    for name, values in columns.items():
+        if name == "finds":
+            report[name] = np.asarray(values, "<u8").reshape(-1, 1).view("<u4")
+        else:
+            report[name] = np.asarray(values, bool) if name in FLAGS else values
     return report
 
 
@@ -212,6 +164,6 @@ def step_report_from_message(message: PointCloud2) -> NDArray[Any]:
     num_actions = next((field.count for field in message.fields if field.name == _MASK), 1)
     names = {field.name for field in message.fields}
     report: NDArray[Any] = points_from_message(message, _dtype_of(num_actions, names))[0]
-    if "status" in names and len(report) and report["status"].max() >= len(STATUSES):
-        raise ValueError(f"status must be 0 to {len(STATUSES) - 1}, got {report['status'].max()}")
+    if "status" in names and len(report) and report["status"].max() > MAX_STATUS:
+        raise ValueError(f"status must be 0 to {MAX_STATUS}, got {report['status'].max()}")
     return report

@@ -12,13 +12,10 @@ from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PoseStamped
 from sensor_msgs.msg import NavSatFix
+from std_msgs.msg import Header
 
-from dsse_ros.result import Accepted, Rejected, Result, shown
-from dsse_ros.scenario.frames import GridFrame
-from dsse_ros.scenario.geodesy import geodetic_to_map
 from msg_adapters.diagnostics import Level, diagnostic_array, diagnostic_status
-from msg_adapters.poses import nav_sat_fix
-from msg_adapters.stamps import header
+from msg_adapters.poses import Position, nav_sat_fix, pose_stamped
 
 LOST = "lost"
 REPORT = "report_stamp_ns"
@@ -47,47 +44,30 @@ class Progress:
     run_id: int = 0
 
 
-def vehicle_pose(
-    frame: GridFrame, lat_deg: float, lon_deg: float, alt_m: float, heading_deg: float, stamp: Time
-) -> PoseStamped:
+def vehicle_pose(header: Header, position: Position, heading_deg: float) -> PoseStamped:
     """Return where a vehicle is in the map frame.
 
     Args:
-        frame: The grid.
-        lat_deg: WGS84 latitude.
-        lon_deg: WGS84 longitude.
-        alt_m: Height above the datum, which is as high as the grid's origin.
+        header: Time of the pose, and the map frame.
+        position: Where it is.
         heading_deg: Where its nose points, clockwise from north; NaN is east.
-        stamp: Time of the pose.
     """
-    x_m, y_m, z_m = geodetic_to_map(frame, lat_deg, lon_deg, frame.origin_alt_m + alt_m)
-    message = PoseStamped(header=header(frame.map_frame, stamp))
-    position, turn = message.pose.position, message.pose.orientation
-    position.x, position.y, position.z = x_m, y_m, z_m
+    message = pose_stamped(header, position)
+    turn = message.pose.orientation
     yaw_rad = math.radians(90.0 - heading_deg) if math.isfinite(heading_deg) else 0.0
     turn.z, turn.w = math.sin(yaw_rad / 2), math.cos(yaw_rad / 2)
     return message
 
 
-def vehicle_fix(
-    frame: GridFrame,
-    drone_name: str,
-    lat_deg: float,
-    lon_deg: float,
-    alt_m: float,
-    stamp: Time,
-) -> NavSatFix:
+def vehicle_fix(header: Header, fix: tuple[float, float, float]) -> NavSatFix:
     """Return where a vehicle is on the Earth; how exactly is not known.
 
     Args:
-        frame: The grid.
-        drone_name: Name of the drone.
-        lat_deg: WGS84 latitude.
-        lon_deg: WGS84 longitude.
-        alt_m: Height above the WGS84 ellipsoid; NaN if it is not known.
-        stamp: Time of the fix.
+        header: Time of the fix, and the body frame of the vehicle's drone.
+        fix: Latitude and longitude in degrees, height above the WGS84 ellipsoid in metres, NaN if
+            it is not known.
     """
-    message = nav_sat_fix(frame, lat_deg, lon_deg, alt_m, stamp, drone_name)
+    message = nav_sat_fix(header, fix)
     message.position_covariance_type = NavSatFix.COVARIANCE_TYPE_UNKNOWN
     return message
 
@@ -124,11 +104,11 @@ def vehicle_state_message(
     return diagnostic_array(stamp, status)
 
 
-def progress_from_message(message: DiagnosticArray, drone_name: str) -> Result[Progress]:
+def progress_from_message(message: DiagnosticArray, drone_name: str) -> Progress:
     """Return how far a vehicle has come: what `vehicle_state_message` says of it.
 
-    Returns:
-        It, or `bad_state`.
+    Raises:
+        ValueError: If the message does not say it.
     """
     for status in message.status:
         if status.name != drone_name:
@@ -137,28 +117,11 @@ def progress_from_message(message: DiagnosticArray, drone_name: str) -> Result[P
         report_ns, arrived_ns = (_integer(values.get(key, "")) for key in (REPORT, ARRIVED))
         if report_ns is None or arrived_ns is None or LOST not in values:
             needed = f"{REPORT} and {ARRIVED} as integers, and {LOST}"
-            return Rejected("bad_state", f"values must be {needed}, got {shown(values)}")
+            raise ValueError(f"values must be {needed}, got {values!r:.60}")
         battery = _share(values.get(BATTERY, ""))
         run_id = _integer(values.get(RUN_ID, "")) or 0
-        return Accepted(Progress(report_ns, arrived_ns, values[LOST], battery, run_id))
-    return Rejected("bad_state", f"status: none is named {drone_name!r}")
-
-
-def place_from_pose(message: PoseStamped, frame: GridFrame) -> Result[tuple[float, float]]:
-    """Return x and y in metres of a vehicle's pose in the map frame, on the grid or not.
-
-    Returns:
-        Them, or `foreign_frame` or `not_finite`.
-    """
-    if message.header.frame_id != frame.map_frame:
-        return Rejected(
-            "foreign_frame",
-            f"header.frame_id must be {frame.map_frame!r}, got {shown(message.header.frame_id)}",
-        )
-    x_m, y_m = message.pose.position.x, message.pose.position.y
-    if not (math.isfinite(x_m) and math.isfinite(y_m)):
-        return Rejected("not_finite", f"pose.position must be finite, got ({x_m!r}, {y_m!r})")
-    return Accepted((x_m, y_m))
+        return Progress(report_ns, arrived_ns, values[LOST], battery, run_id)
+    raise ValueError(f"status: none is named {drone_name!r}")
 
 
 def _share(text: str) -> float:

@@ -83,17 +83,19 @@ def _commands() -> tuple[Take, list[bytes]]:
     from rclpy.serialization import deserialize_message, serialize_message
     from std_msgs.msg import Int32MultiArray, String
 
+    from dsse_ros.mission import commands
     from dsse_ros.scenario.frames import GridFrame
-    from msg_adapters import commands
+    from msg_adapters.commands import joint_action_message
+    from msg_adapters.poses import pose_from_message
 
     frame = GridFrame(8, 130.0, -24.0, -46.0, 0.0, 120.0)
     actions = ("left", "right", "up", "down", "search")
     kinds: list[tuple[Any, Take]] = [
-        (String, lambda m: commands.parse_action_name(m, actions)),
-        (PoseStamped, lambda m: commands.parse_goal(m, frame)),
+        (String, lambda m: commands.parse_action_name(m.data, actions)),
+        (PoseStamped, lambda m: commands.parse_goal(pose_from_message(m), frame)),
         (
             Int32MultiArray,
-            lambda m: commands.parse_joint_action(m, 1, 0, 3, actions, [True, False, True]),
+            lambda m: commands.parse_joint_action(m.data, 1, 0, actions, [True, False, True]),
         ),
     ]
 
@@ -108,7 +110,7 @@ def _commands() -> tuple[Take, list[bytes]]:
 
     pose = PoseStamped()
     pose.header.frame_id = "map"
-    joint = commands.joint_action_message(1, 0, [1, 2, 3])
+    joint = joint_action_message(1, 0, [1, 2, 3])
     messages = [String(data="left"), pose, joint]
     return take, [bytes([i]) + serialize_message(one) for i, one in enumerate(messages)]
 
@@ -308,7 +310,7 @@ PARSERS = {
     ),
     "geojson": Parser("areas in GeoJSON", _geojson, ("dsse_ros.scenario.area",)),
     "commands": Parser(
-        "commands", _commands, ("msg_adapters.commands", "dsse_ros.scenario.frames")
+        "commands", _commands, ("dsse_ros.mission.commands", "dsse_ros.scenario.frames")
     ),
     "observations": Parser(
         "agents, maps and reports",

@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
@@ -14,7 +15,6 @@ from numpy.typing import NDArray
 from dsse_ros.dashboard.history import EXACT_LAYERS, LAYERS, MapImage, SearchHistory
 from dsse_ros.dashboard.inbox import Received
 from dsse_ros.dashboard.map_image import map_png
-from dsse_ros.result import Accepted
 from dsse_ros.scenario.agents import AgentsInfo
 from dsse_ros.scenario.agents_inbox import AgentsInbox
 from dsse_ros.scenario.frames import GridFrame
@@ -25,9 +25,9 @@ from msg_adapters.images import image_to_probability
 from msg_adapters.mission_report import mission_report_from_message
 from msg_adapters.occupancy import occupancy_to_array, probability_to_occupancy
 from msg_adapters.pos import pos_from_message
+from msg_adapters.poses import pose_from_message
 from msg_adapters.stamps import to_nanoseconds
 from msg_adapters.step_report import step_report_from_message
-from msg_adapters.vehicles import place_from_pose
 
 _VALUES = ("paused", "publishers", "planner", "answer", "vehicle_answer")
 """Attributes of a mission that the node sets."""
@@ -313,9 +313,11 @@ class Mission:
         info = self.info
         if info is None:
             return
-        place = place_from_pose(message, info.frame)
-        vehicle = self._vehicle(drone)
-        vehicle.place = cell_of(info.frame, *place.value) if isinstance(place, Accepted) else None
+        pose = pose_from_message(message)
+        x_m, y_m, _ = pose.position
+        is_placed = math.isfinite(x_m) and math.isfinite(y_m)
+        known = is_placed and pose.frame_id == info.frame.map_frame
+        self._vehicle(drone).place = cell_of(info.frame, x_m, y_m) if known else None
 
     def _vehicle(self, drone: str) -> Vehicle:
         if drone not in self.vehicles and len(self.vehicles) >= _MAX_VEHICLES:

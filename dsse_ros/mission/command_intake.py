@@ -8,15 +8,16 @@ from collections import Counter
 from collections.abc import Callable
 from typing import Any
 
-from dsse_ros.mission.mission import Mission
-from dsse_ros.result import Rejected
-from dsse_ros.scenario.frames import GridFrame
-from msg_adapters.commands import (
+from dsse_ros.mission.commands import (
     parse_action_name,
     parse_goal,
     parse_joint_action,
     parse_navigation,
 )
+from dsse_ros.mission.mission import Mission
+from dsse_ros.result import Rejected
+from dsse_ros.scenario.frames import GridFrame
+from msg_adapters.poses import pose_from_message
 
 NAVIGATE_TO_POSE = "navigate_to_pose"
 """Name of the action of each drone."""
@@ -56,7 +57,7 @@ class CommandIntake:
 
     def action_name(self, drone: int, message: Any) -> bool:
         """Take std_msgs/String, the name of an action."""
-        parsed = parse_action_name(message, self._mission.env.rules.actions)
+        parsed = parse_action_name(message.data, self._mission.env.rules.actions)
         action = self._take(f"drone{drone}/cmd_action_name", drone, parsed)
         if action is not None:
             self._mission.commands.set_action(drone, action)
@@ -64,11 +65,14 @@ class CommandIntake:
 
     def goal(self, drone: int, message: Any) -> bool:
         """Take geometry_msgs/PoseStamped, a goal."""
-        return self._set_goal(drone, "command_pose", parse_goal(message, self._frame))
+        return self._set_goal(
+            drone, "command_pose", parse_goal(pose_from_message(message), self._frame)
+        )
 
     def navigation(self, drone: int, goal: Any) -> bool:
         """Take the goal of nav2_msgs/action/NavigateToPose."""
-        return self._set_goal(drone, NAVIGATE_TO_POSE, parse_navigation(goal, self._frame))
+        parsed = parse_navigation(goal.behavior_tree, pose_from_message(goal.pose), self._frame)
+        return self._set_goal(drone, NAVIGATE_TO_POSE, parsed)
 
     def _set_goal(self, drone: int, topic: str, parsed: Any) -> bool:
         cell = self._take(f"drone{drone}/{topic}", drone, parsed)
@@ -85,12 +89,7 @@ class CommandIntake:
         mission = self._mission
         live = mission.env.world.drones["alive"][0].tolist()
         parsed = parse_joint_action(
-            message,
-            mission.number,
-            mission.result.step,
-            len(live),
-            mission.env.rules.actions,
-            live,
+            message.data, mission.number, mission.result.step, mission.env.rules.actions, live
         )
         again = message.data == self._last_joint_action
         if again and (isinstance(parsed, Rejected) or mission.refuse()):

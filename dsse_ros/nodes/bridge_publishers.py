@@ -18,8 +18,10 @@ from dsse_ros.flight.vehicle import Vehicle
 from dsse_ros.nodes.node_diagnostics import NodeDiagnostics
 from dsse_ros.runtime.qos import Endpoints
 from dsse_ros.scenario.frames import GridFrame
+from dsse_ros.scenario.geodesy import geodetic_to_map
 from msg_adapters.battery import battery_state
 from msg_adapters.poses import base_link
+from msg_adapters.stamps import header
 from msg_adapters.vehicles import Progress, vehicle_fix, vehicle_pose, vehicle_state_message
 
 STATE_S = 1.0
@@ -61,10 +63,14 @@ class BridgePublishers:
             return
         self._placed_s[i] = state.position_s
         place = (state.lat_deg, state.lon_deg)
-        pose = vehicle_pose(frame, *place, state.alt_amsl_m - datum_m, state.heading_deg, stamp)
-        self._poses[i].publish(pose)
-        alt_m = state.alt_amsl_m + state.geoid_m
-        self._fixes[i].publish(vehicle_fix(frame, self._names[i], *place, alt_m, stamp))
+        # The datum is as high as the grid's origin.
+        alt_m = frame.origin_alt_m + (state.alt_amsl_m - datum_m)
+        position = geodetic_to_map(frame, *place, alt_m)
+        head = header(frame.map_frame, stamp)
+        self._poses[i].publish(vehicle_pose(head, position, state.heading_deg))
+        fix = (*place, state.alt_amsl_m + state.geoid_m)
+        body = base_link(self._names[i], frame.frame_prefix)
+        self._fixes[i].publish(vehicle_fix(header(body, stamp), fix))
 
     def publish_state(
         self,
@@ -104,8 +110,8 @@ class BridgePublishers:
         self._last[i] = (news, now_s)
         # As the autopilot reports it; NaN until it does.
         percent = 100.0 * state.battery
-        frame_id = base_link(self._names[i], self._frame_prefix)
-        self._batteries[i].publish(battery_state(stamp, frame_id, percent, flying=state.flying))
+        head = header(base_link(self._names[i], self._frame_prefix), stamp)
+        self._batteries[i].publish(battery_state(head, percent, flying=state.flying))
         level, message = vehicle_health(
             vehicle, progress.lost, refused, blocked, follower.leaves_layer
         )

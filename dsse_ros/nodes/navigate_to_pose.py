@@ -16,8 +16,9 @@ from rclpy.action import ActionServer, CancelResponse, GoalResponse
 
 from dsse_ros.mission.command_intake import NAVIGATE_TO_POSE, CommandIntake
 from dsse_ros.mission.navigation import Ended, Ending, Navigation, Progress
+from dsse_ros.scenario.frames import map_positions
 from msg_adapters.poses import pose_stamped
-from msg_adapters.stamps import to_stamp
+from msg_adapters.stamps import header, to_stamp
 
 if TYPE_CHECKING:
     from dsse_ros.nodes.sim_node import SimNode
@@ -146,7 +147,8 @@ class NavigateToPose:
         left_ns = round(progress.moves * scenario.step_duration_s * 1e9)
         return self._action.Feedback(
             current_pose=pose_stamped(
-                node.frame.of_drone(progress.drone), progress.cell, node.stamp()
+                header(node.frame.map_frame, node.stamp()),
+                *map_positions(node.frame, [progress.cell], progress.drone),
             ),
             navigation_time=_duration(progress.elapsed_ns),
             estimated_time_remaining=_duration(left_ns),

@@ -26,6 +26,7 @@ from dsse_ros.planners import (
     planner_with,
     read_options,
 )
+from dsse_ros.runtime.observed_step import ObservedStep, StepId, StepInbox, step_id_of
 from dsse_ros.runtime.qos import read_settings
 from dsse_ros.runtime.run_node import AlarmNode, run_node
 from dsse_ros.scenario.agents import AgentsInfo
@@ -33,7 +34,6 @@ from dsse_ros.search import HOLD, FieldError
 from dsse_ros.search.compiler import announced
 from msg_adapters.commands import joint_action_message
 from msg_adapters.diagnostics import Level
-from msg_adapters.observed_step import ObservedStep, StepId, StepInbox, step_id_of
 
 _RETRY_S = 1.0
 """Wall time after which the node retries a failed planner, and logs what it is waiting for."""

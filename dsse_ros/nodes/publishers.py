@@ -12,21 +12,23 @@ from rclpy.publisher import Publisher
 from rosgraph_msgs.msg import Clock
 from std_msgs.msg import String
 
+from dsse_ros.message_types import message_class
 from dsse_ros.mission.mission import Mission, StepResult
 from dsse_ros.mission.step_messages import DEFAULT, MESSAGES, Display, StepMessages
 from dsse_ros.mission.step_scheduler import Timing
 from dsse_ros.runtime.qos import Endpoints
 from dsse_ros.scenario.agents import AgentsInfo, agents_json, area_rows
-from dsse_ros.scenario.frames import GridFrame
+from dsse_ros.scenario.frames import GridFrame, map_positions
+from dsse_ros.scenario.geodesy import map_in_earth
 from dsse_ros.search import FieldError, SearchDefinition
-from msg_adapters.message_types import message_class
 from msg_adapters.poses import (
+    base_link,
     earth_transform,
     odometry,
     transforms,
     yaw_of,
 )
-from msg_adapters.stamps import to_stamp
+from msg_adapters.stamps import header, to_stamp
 from msg_adapters.topics import EACH_DRONE, TOPICS, published_by
 
 
@@ -155,7 +157,7 @@ class MissionPublishers:
     def publish_origin(self, stamp: Time) -> None:
         """Publish where the map lies on the Earth, if tf2_msgs is installed."""
         for publisher in self._publishers.get("/tf_static", ()):
-            origin = earth_transform(self._frame, stamp)
+            origin = earth_transform(stamp, self._frame.map_frame, *map_in_earth(self._frame))
             publisher.publish(self._tf_type(transforms=[origin]))
 
     def publish_clock(self, nanoseconds: int) -> None:
@@ -209,13 +211,13 @@ class MissionPublishers:
         duration = self._mission.env.scenario.step_duration_s
         speed = self._frame.cell_size_m / duration if share < 1 else 0.0
         velocities = [(dx * speed, -dy * speed) for dx, dy in way.tolist()]
+        head, positions = header(self._frame.map_frame, stamp), map_positions(self._frame, cells)
+        bodies = [base_link(name, self._frame.frame_prefix) for name in self._names]
         for i in subscribed:
-            col, row = cells[i].tolist()
-            frame, into = self._messages.frames[i], self._odom_of[i]
-            odoms[i].publish(odometry(frame, self._names[i], col, row, velocities[i], stamp, into))
+            into = self._odom_of[i]
+            odoms[i].publish(odometry(head, bodies[i], positions[i], velocities[i], into))
         if has_tf:
-            yaws = [yaw_of(velocity) for velocity in velocities]
-            of_drones = transforms(self._frame, cells, self._names, stamp, yaws)
+            of_drones = transforms(head, bodies, positions, map(yaw_of, velocities))
             self._publish_time("/tf", self._tf_type(transforms=of_drones))
 
     def publish_history(self, result: StepResult, stamp: Time, reveal_person: bool) -> None:

@@ -13,12 +13,12 @@ from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.subscription import Subscription
 
+from dsse_ros.message_types import message_class
 from dsse_ros.recording.offered_qos import common
 from dsse_ros.recording.schemas import definition
 from dsse_ros.runtime.arrivals import Arrivals, Clocks
 from dsse_ros.runtime.polling import RawMessage, polling_node, spun_by_nobody, take_all
 from dsse_ros.search import FieldError
-from msg_adapters.message_types import message_class
 from msg_adapters.topics import TOPICS
 
 OF_ALL = tuple(name for name in TOPICS if name.startswith("/"))

@@ -21,6 +21,7 @@ from rclpy.parameter import Parameter
 from dsse_ros.mission import status
 from dsse_ros.mission.awaited_vehicles import AwaitedVehicles
 from dsse_ros.mission.command_intake import CommandIntake
+from dsse_ros.mission.commands import parse_place
 from dsse_ros.mission.mission import Mission
 from dsse_ros.mission.mission_files import MissionFiles
 from dsse_ros.mission.simulation_state import NEXT, Request, SimulationState, reason_to_refuse
@@ -46,8 +47,9 @@ from dsse_ros.runtime.parameters import check_changes, check_flat
 from dsse_ros.runtime.qos import Endpoints
 from dsse_ros.runtime.run_node import AlarmNode, run_node
 from msg_adapters.diagnostics import diagnostic_status
+from msg_adapters.poses import pose_from_message
 from msg_adapters.stamps import to_nanoseconds, to_stamp
-from msg_adapters.vehicles import place_from_pose, progress_from_message
+from msg_adapters.vehicles import progress_from_message
 
 HISTORY_PERIOD_S = 0.5
 EXIT_S = 1.5
@@ -356,7 +358,7 @@ class SimNode(AlarmNode):
         self._advance()
 
     def _on_vehicle(self, drone: int, message: PoseStamped) -> None:
-        parsed = place_from_pose(message, self.frame)
+        parsed = parse_place(pose_from_message(message), self.frame)
         if isinstance(parsed, Rejected):
             self._commands.reject(f"drone{drone}/vehicle_pose", parsed)
             self._vehicles.set_place(drone, None)
@@ -365,11 +367,13 @@ class SimNode(AlarmNode):
             self._advance()
 
     def _on_state(self, drone: int, message: DiagnosticArray) -> None:
-        parsed = progress_from_message(message, f"drone{drone}")
-        if isinstance(parsed, Rejected):
-            self._commands.reject(f"drone{drone}/vehicle_state", parsed)
+        try:
+            progress = progress_from_message(message, f"drone{drone}")
+        except ValueError as error:
+            rejected = Rejected("bad_state", str(error))
+            self._commands.reject(f"drone{drone}/vehicle_state", rejected)
             return
-        if lost := self._vehicles.set_progress(drone, parsed.value, self.publishers_.run_id):
+        if lost := self._vehicles.set_progress(drone, progress, self.publishers_.run_id):
             self._lose(drone, lost)
         self._advance()
 

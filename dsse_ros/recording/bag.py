@@ -24,10 +24,10 @@ from mcap.stream_reader import StreamReader
 from mcap.writer import MCAP0_MAGIC, CompressionType, Writer
 from rclpy.serialization import deserialize_message
 
+from dsse_ros.message_types import message_class
 from dsse_ros.recording.offered_qos import KEY
 from dsse_ros.recording.schemas import definition
 from dsse_ros.search import FieldError
-from msg_adapters.message_types import message_class
 
 _OF_A_MISSION = ("agents", "step_report", "mission_report")
 """Last parts of the names of topics, one of which is in each bag of a mission."""

@@ -10,7 +10,7 @@ import re
 from functools import cache
 from pathlib import Path
 
-from msg_adapters.message_types import not_installed, parts_of
+from dsse_ros.message_types import not_installed, parts_of
 
 _SEPARATOR = "=" * 80
 # A field's type, without what makes an array or a bounded text of it.

@@ -17,10 +17,10 @@ from rclpy.qos import (
 )
 from rclpy.subscription import Subscription
 
+from dsse_ros.message_types import message_class
 from dsse_ros.runtime.parameters import QOS_PREFIX, declare
 from dsse_ros.runtime.run_node import AlarmNode
 from dsse_ros.scenario.fields import FieldError, Spec, check_known, specs
-from msg_adapters.message_types import message_class
 from msg_adapters.topics import Qos, topic_of
 
 T = TypeVar("T")

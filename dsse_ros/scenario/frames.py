@@ -11,7 +11,8 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from numpy.typing import NDArray
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from dsse_ros.scenario.limits import CELL_SIZE_M
 
@@ -151,6 +152,29 @@ def cell_to_map(frame: GridFrame, col: F, row: F) -> tuple[F, F]:
         row: Row, likewise and of the same shape.
     """
     return cell_centre(frame.grid_size, frame.cell_size_m, col, row)
+
+
+def map_positions(
+    frame: GridFrame, cells: ArrayLike, drone: int | None = None
+) -> list[tuple[float, float, float]]:
+    """Return points (x, y, z) in metres in the map frame over cells, at flight altitude.
+
+    Args:
+        frame: The grid.
+        cells: Cells (col, row), fractions lie between cells: (N, 2), one of each drone, or (K, 2)
+            of one drone.
+        drone: Number of that drone.
+
+    Raises:
+        ValueError: If the altitudes differ by drone, and there are other than N.
+    """
+    array = np.asarray(cells, dtype=np.float64).reshape(-1, 2)
+    x_m, y_m = cell_to_map(frame, array[:, 0], array[:, 1])
+    if drone is None:
+        alts_m = frame.altitudes_m(len(array))
+    else:
+        alts_m = [frame.alts_m[drone] if frame.alts_m else frame.alt_m] * len(array)
+    return list(zip(x_m.tolist(), y_m.tolist(), alts_m, strict=True))
 
 
 def map_to_cell(frame: GridFrame, x_m: float, y_m: float) -> tuple[int, int] | None:

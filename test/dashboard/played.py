@@ -13,15 +13,16 @@ from numpy.typing import NDArray
 from std_msgs.msg import String
 
 from dsse_ros.mission.mission import Mission
+from dsse_ros.mission.step_reports import mission_report_of, step_report_of
 from dsse_ros.scenario.agents import AgentsInfo, agents_json
 from dsse_ros.scenario.definition import SearchDefinition
 from dsse_ros.scenario.frames import GridFrame, scenario_frame
 from dsse_ros.search import parallel_env
-from msg_adapters.mission_report import make_mission_report, mission_report_message
+from msg_adapters.mission_report import mission_report_message
 from msg_adapters.occupancy import occupancy_grid
 from msg_adapters.pos import pos_message
 from msg_adapters.stamps import header, to_stamp
-from msg_adapters.step_report import make_step_report, step_report_message
+from msg_adapters.step_report import step_report_message
 
 RUN_ID = 77
 
@@ -79,16 +80,7 @@ class Played:
         """Return the step that the mission is in."""
         mission, frame, result = self.mission, self.frame, self.mission.result
         stamp = to_stamp(result.stamp_ns)
-        report = make_step_report(
-            frame, run_id=self.run_id, mission=mission.number, step=result.step,
-            cells=result.cells, actions=result.actions, rewards=result.rewards,
-            terminated=result.terminated, truncated=result.truncated, found=result.found,
-            held=result.held, action_mask=self.env.action_masks(),
-            all_found=bool(self.env.world.worlds["num_missing"][0] == 0),
-            coverage=self.mission.coverage or None,
-            status=None if result.conditions is None else result.conditions["status"],
-            battery=None if result.conditions is None else result.conditions["battery"],
-        )  # fmt: skip
+        report = step_report_of(mission, frame, self.run_id)
         pos = mission.pos
         assert pos is not None
         return Step(
@@ -138,9 +130,7 @@ class Played:
     def mission_report(self) -> Any:
         """The message of the topic of that name."""
         mission = self.mission
-        report = make_mission_report(
-            self.frame, run_id=self.run_id, mission=mission.number, history=mission.history
-        )
+        report = mission_report_of(mission, self.frame, self.run_id)
         return mission_report_message(
             header(self.frame.map_frame, to_stamp(mission.result.stamp_ns)), report
         )

@@ -22,6 +22,7 @@ from dsse_ros.dashboard.map_chart import Window
 from dsse_ros.dashboard.map_image import MAX_SIDE, map_png
 from dsse_ros.dashboard.missions import Missions
 from dsse_ros.dashboard.view import MAX_ROWS, PageView
+from dsse_ros.scenario.frames import map_positions
 from dsse_ros.scenario.geodesy import cell_to_geodetic, map_to_geodetic
 from msg_adapters.images import probability_image
 from msg_adapters.occupancy import occupancy_to_array
@@ -407,7 +408,10 @@ def test_marks_and_scale_are_where_and_as_long_as_they_state(page: Shown, window
 def test_vehicles_are_shown_where_they_are_and_never_in_an_earlier_step(page: Shown) -> None:
     for step in page.played.play(3, steps=2):
         page.take(step)
-    page.receive("drone1/vehicle_pose", pose_stamped(page.played.frame, (4, 2), to_stamp(0)))
+    page.receive(
+        "drone1/vehicle_pose",
+        pose_stamped(header("map", to_stamp(0)), *map_positions(page.played.frame, [(4, 2)], 0)),
+    )
     status = DiagnosticStatus(name="drone1", message="no <heartbeat>", level=DiagnosticStatus.WARN)
     page.receive("drone1/vehicle_state", DiagnosticArray(status=[status]))
     frame = page.draw()

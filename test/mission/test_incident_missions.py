@@ -16,6 +16,7 @@ from dsse_ros.mission import status
 from dsse_ros.mission.definition_log import definition_file
 from dsse_ros.mission.mission import Mission
 from dsse_ros.mission.mission_log import MissionLog
+from dsse_ros.mission.step_messages import StepMessages
 from dsse_ros.report.metrics import metrics, work
 from dsse_ros.report.record import read_csv
 from dsse_ros.report.report import Report
@@ -24,7 +25,6 @@ from dsse_ros.scenario.frames import scenario_frame
 from dsse_ros.scenario.geodesy import map_to_geodetic
 from dsse_ros.scenario.sea_state import SeaState, sea_state
 from dsse_ros.search import Scenario, SearchDefinition, SearchEnv, profile
-from msg_adapters.markers import marker_array
 from msg_adapters.particles import PARTICLE, particles_message
 from msg_adapters.point_clouds import points_from_message
 from msg_adapters.stamps import header
@@ -86,10 +86,7 @@ def test_markers_show_wind_current_and_shore(mission: Mission) -> None:
     assert sea.wind_mps == pytest.approx((8.0, 0.0), abs=1e-5)
     assert sea.current_mps == pytest.approx((0.25, 0.25 * 3**0.5), abs=1e-5)
     frame = scenario_frame(mission.env.scenario)
-    made = marker_array(
-        frame, Time(), drone_cells=[(0, 0)], names=["drone0"], tracks=[[(0, 0)]], live=[True],
-        datum=None, sea=sea,
-    )  # fmt: skip
+    made = StepMessages(mission, frame, 1).make("markers", Time())
     by_name = {one.ns: one for one in made.markers}
     start, end = by_name["wind"].points
     assert end.x - start.x == pytest.approx(480.0, abs=1e-3) and end.y == pytest.approx(start.y)
@@ -106,9 +103,7 @@ def test_a_sighting_has_its_place_time_and_circle(mission: Mission) -> None:
     frame = scenario_frame(scenario)
     lat, lon, _ = map_to_geodetic(frame, seen.x_m, seen.y_m, 0.0)
     assert (lat, lon) == (pytest.approx(-24.0, abs=1e-7), pytest.approx(-46.0, abs=1e-7))
-    made = marker_array(
-        frame, Time(), drone_cells=[], names=[], tracks=[], live=[], datum=None, sea=sea
-    )
+    made = StepMessages(mission, frame, 1).make("markers", Time())
     (circle,) = [one for one in made.markers if one.ns == "lkp" and one.points]
     far = [np.hypot(point.x - seen.x_m, point.y - seen.y_m) for point in circle.points]
     assert far == pytest.approx([300.0] * len(far))

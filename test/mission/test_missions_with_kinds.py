@@ -13,19 +13,16 @@ import pytest
 
 from dsse_ros.mission.mission import Mission
 from dsse_ros.mission.mission_log import MissionLog
-from dsse_ros.mission.step_reports import step_report_of
+from dsse_ros.mission.step_reports import mission_report_of, step_report_of
 from dsse_ros.report.record import read_csv
 from dsse_ros.report.replay import mission_views
 from dsse_ros.scenario.agents import AgentsInfo, agents_from_json, agents_json
 from dsse_ros.scenario.definition import SearchDefinition
-from dsse_ros.scenario.frames import scenario_frame
+from dsse_ros.scenario.frames import map_positions, scenario_frame
 from dsse_ros.search import SearchEnv, parallel_env
 from dsse_ros.searchers.registry import SEARCHERS
 from dsse_ros.searchers.searcher import Searcher
 from dsse_ros.step.fault_kernels import STATUSES, UNDER_WAY
-from msg_adapters.markers import marker_array
-from msg_adapters.mission_report import make_mission_report
-from msg_adapters.poses import path, pose_array, pose_stamped, transforms
 from msg_adapters.stamps import header, to_stamp
 from msg_adapters.step_report import step_report_from_message, step_report_message
 
@@ -81,29 +78,18 @@ def test_a_step_report_has_status_mask_and_altitude_of_each_kind() -> None:
     assert report["action"].tolist() == [1, -1, 1]
     assert np.flatnonzero(report["action_mask"][1]).tolist() == [1]
     assert report["z"].tolist() == ALTITUDES
-    whole = make_mission_report(frame, run_id=7, mission=1, history=mission.history)
+    whole = mission_report_of(mission, frame, 7)
     assert whole["z"].tolist() == [ALTITUDES] * 2
 
 
 def test_each_drone_is_shown_at_the_altitude_of_its_kind() -> None:
     scenario = env_of("drone", "low", "high").scenario
-    frame, stamp, cells = scenario_frame(scenario), to_stamp(0), [(0, 0), (1, 0), (2, 0)]
-    names = ["drone0", "drone1", "drone2"]
-    assert [pose.position.z for pose in pose_array(frame, cells, stamp).poses] == ALTITUDES
-    of_frames = transforms(frame, cells, names, stamp)
-    assert [one.transform.translation.z for one in of_frames] == ALTITUDES
+    frame, cells = scenario_frame(scenario), [(0, 0), (1, 0), (2, 0)]
+    assert [z for _, _, z in map_positions(frame, cells)] == ALTITUDES
     for i, altitude in enumerate(ALTITUDES):
-        own = frame.of_drone(i)
-        assert pose_stamped(own, cells[i], stamp).pose.position.z == altitude
-        assert {one.pose.position.z for one in path(own, cells, stamp).poses} == {altitude}
-    tracks = [[(0, 0), (3, 0)]] * 3
-    markers = marker_array(
-        frame, stamp, drone_cells=cells, names=names, tracks=tracks, live=[True] * 3, datum=None
-    ).markers
-    assert [m.pose.position.z for m in markers if m.ns == "drones"] == ALTITUDES
-    assert [m.points[0].z for m in markers if m.ns == "tracks"] == ALTITUDES
+        assert {z for _, _, z in map_positions(frame, cells, i)} == {altitude}
     with pytest.raises(ValueError, match="^drones must be 3, got 2$"):
-        pose_array(frame, cells[:2], stamp)
+        map_positions(frame, cells[:2])
 
 
 def test_the_frame_of_drones_of_one_altitude_is_that_of_the_scenario() -> None:

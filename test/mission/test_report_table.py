@@ -14,9 +14,10 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from dsse_ros.mission.report_table import HEADER_EVERY, ReportTable
+from dsse_ros.mission.step_reports import place_columns
 from dsse_ros.scenario.agents import AgentsInfo
 from dsse_ros.scenario.frames import GridFrame
-from msg_adapters.step_report import make_step_report
+from msg_adapters.step_report import FLAGS, make_step_report
 
 ACTIONS = ("left", "right", "up", "down", "search")
 RUN = 7
@@ -31,26 +32,28 @@ def search(drones: int, actions: tuple[str, ...] = ACTIONS, seed: int | None = 6
 
 
 def report(drones: int, step: int, *, mission: int = 1, **given: Any) -> NDArray[Any]:
-    nobody = np.zeros(drones, bool)
+    numbers = np.arange(drones)
     values: dict[str, Any] = {
-        "cells": [(i % 20, i // 20) for i in range(drones)], "actions": [4] * drones,
-        "rewards": [1.5] * drones, "action_mask": np.ones((drones, len(ACTIONS))),
-        **dict.fromkeys(("terminated", "truncated", "found", "held"), nobody),
+        "run_id": RUN, "mission": mission, "step": step,
+        **place_columns(search(drones).frame, numbers % 20, numbers // 20),
+        "action": 4, "reward": 1.5, "action_mask": np.ones((drones, len(ACTIONS))),
+        **dict.fromkeys((*FLAGS, "all_found"), False),
     }  # fmt: skip
-    frame = search(drones).frame
-    return make_step_report(frame, run_id=RUN, mission=mission, step=step, **(values | given))
+    if "status" in given:
+        values["command"] = 4
+    return make_step_report(values | given)
 
 
 def test_a_mission_reads_like_this() -> None:
     table, info = ReportTable(80), search(2)
     lines = [
-        *table.lines(info, report(2, 0, actions=[-1, -1], rewards=[0, 0])),
+        *table.lines(info, report(2, 0, action=[-1, -1], reward=[0, 0])),
         *table.lines(info, report(2, 1, held=[False, True])),
         *table.lines(
             info,
             report(
                 2, 21, found=[True, False], terminated=[True, True], all_found=True,
-                rewards=[19000.25, -3],
+                reward=[19000.25, -3],
             ),
         ),
     ]  # fmt: skip
@@ -123,7 +126,7 @@ def test_the_state_and_the_battery_of_a_drone_with_faults_are_shown() -> None:
         (
             {
                 "terminated": [True, True], "all_found": True,
-                "coverage": {"coverage_rate": 1.0, "repeated_coverage": 0.1, "pos": 1.0},
+                "coverage_rate": 1.0, "repeated_coverage": 0.1, "pos": 1.0,
             },
             "all covered",
         ),
@@ -138,8 +141,8 @@ def test_the_end_of_a_mission_says_why(given: dict[str, Any], outcome: str) -> N
     ("values", "error"),
     [
         (report(3, 0), "drones must be 2, as in agents, got 3"),
-        (report(2, 0, actions=[0, 5]), "action must be from -1 to 4, got 5"),
-        (report(2, 0, actions=[-2, 0]), "action must be from -1 to 4, got -2"),
+        (report(2, 0, action=[0, 5]), "action must be from -1 to 4, got 5"),
+        (report(2, 0, action=[-2, 0]), "action must be from -1 to 4, got -2"),
     ],
 )
 def test_a_report_of_another_search_is_refused_and_the_next_one_is_shown(
@@ -153,6 +156,6 @@ def test_a_report_of_another_search_is_refused_and_the_next_one_is_shown(
 
 @given(st.text(min_size=1, max_size=40))
 def test_a_name_from_a_message_cannot_command_a_terminal(name: str) -> None:
-    lines = ReportTable(80).lines(search(1, actions=(name,)), report(1, 0, actions=[0]))
+    lines = ReportTable(80).lines(search(1, actions=(name,)), report(1, 0, action=[0]))
     assert all(line.isprintable() for line in lines)
     assert max(map(len, lines)) <= 80

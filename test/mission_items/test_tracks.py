@@ -50,3 +50,27 @@ def test_one_flag_per_cell_is_wanted():
 def test_an_empty_track_has_no_stops():
     where, times = stops([], [], merge_legs=True)
     assert where.shape == (0, 2) and times.shape == (0,)
+
+
+@given(st.lists(st.tuples(st.integers(0, 19), st.integers(0, 19)), max_size=12))
+def test_a_track_without_repeats_has_no_equal_neighbours_and_loses_nothing_else(track):
+    kept = [tuple(cell) for cell in without_repeats(track).tolist()]
+    expected = [cell for index, cell in enumerate(track) if index == 0 or cell != track[index - 1]]
+    assert kept == expected
+
+
+@given(st.lists(st.sampled_from([(-1, 0), (1, 0), (0, 1), (1, 1), (0, 0), (2, 2)]), max_size=20))
+def test_the_corners_of_a_track_span_the_same_line(moves):
+    track = np.cumsum([(50, 50), *moves], axis=0)
+    turns = corners(track)
+    walked = [tuple(turns[0].tolist())]
+    for start, end in zip(turns[:-1], turns[1:], strict=True):
+        steps = int(np.abs(end - start).max())
+        walked += [
+            tuple((start + (end - start) * k // steps).tolist()) for k in range(1, steps + 1)
+        ]
+    on_track = {tuple(cell) for cell in track.tolist()}
+    assert on_track <= set(walked)
+    length = np.abs(np.diff(track, axis=0)).sum()
+    assert np.abs(np.diff(turns, axis=0)).sum() == length
+    assert walked[-1] == tuple(track[-1].tolist())

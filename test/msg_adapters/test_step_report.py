@@ -12,17 +12,16 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 from sensor_msgs.msg import PointCloud2, PointField
 
-from dsse_ros.scenario.frames import GridFrame, cell_to_map
 from msg_adapters.stamps import header, to_stamp
 from msg_adapters.step_report import (
     MAX_ACTIONS,
+    finds_of,
     make_step_report,
     step_report_dtype,
     step_report_from_message,
     step_report_message,
 )
 
-FRAME = GridFrame(8, 130.0, -24.04, -46.17, 0.0, 120.0)
 STAMP = to_stamp(13 * 10**9)
 LATER = to_stamp(26 * 10**9)
 
@@ -31,28 +30,34 @@ REPORTS = st.integers(1, 9).flatmap(
 )
 
 
+COLUMNS = {
+    "x": [65.0, 975.0, 455.0],
+    "y": [65.0, 975.0, 455.0],
+    "z": 120.0,
+    "run_id": 4_000_000_000,
+    "mission": 2,
+    "step": 7,
+    "col": [0, 7, 3],
+    "row": [7, 0, 4],
+    "action": [1, 4, -1],
+    "reward": [1.0, 10000.1, -100000.0],
+    "terminated": np.array([False, True, True]),
+    "truncated": [0, 0, 1],
+    "found": [False, True, False],
+    "held": [True, False, False],
+    "all_found": False,
+    "action_mask": np.array([[0, 1, 1, 0, 1], [1, 0, 0, 1, 1], [1, 1, 1, 1, 1]], dtype=np.int8),
+}
+
+
 def small_report():
-    return make_step_report(
-        FRAME,
-        run_id=4_000_000_000,
-        mission=2,
-        step=7,
-        cells=np.array([(0, 7), (7, 0), (3, 4)]),
-        actions=[1, 4, -1],
-        rewards=[1.0, 10000.1, -100000.0],
-        terminated=np.array([False, True, True]),
-        truncated=[0, 0, 1],
-        found=[False, True, False],
-        held=[True, False, False],
-        action_mask=np.array([[0, 1, 1, 0, 1], [1, 0, 0, 1, 1], [1, 1, 1, 1, 1]], dtype=np.int8),
-    )
+    return make_step_report(COLUMNS)
 
 
 def test_a_report_has_all_that_it_was_made_of():
     report = small_report()
-    x_m, y_m = cell_to_map(FRAME, report["col"].astype(int), report["row"].astype(int))
-    assert report["x"].tolist() == x_m.tolist() and report["y"].tolist() == y_m.tolist()
-    assert report["z"].tolist() == [120.0] * 3
+    assert report["x"].tolist() == [65.0, 975.0, 455.0]
+    assert report["y"].tolist() == [65.0, 975.0, 455.0] and report["z"].tolist() == [120.0] * 3
     assert report["step"].tolist() == [7] * 3
     assert report["run_id"].tolist() == [4_000_000_000] * 3
     assert report["mission"].tolist() == [2] * 3
@@ -67,50 +72,48 @@ def test_a_report_has_all_that_it_was_made_of():
 
 
 def test_a_report_of_shapes_that_do_not_match_is_refused():
-    arguments = {
-        "run_id": 1,
-        "mission": 1,
-        "step": 0,
-        "cells": [(0, 0), (1, 1)],
-        "actions": [0, 0],
-        "rewards": [0.0, 0.0],
-        "terminated": [0, 0],
-        "truncated": [0, 0],
-        "found": [0, 0],
-        "held": [0, 0],
-        "action_mask": np.ones((2, 5)),
-    }
-    assert len(make_step_report(FRAME, **arguments)) == 2
     for field, wrong in (
-        ("actions", [0, 0, 0]),
-        ("rewards", [0.0] * 3),
-        ("held", [0] * 3),
-        ("action_mask", np.ones((3, 5))),
+        ("action", [0, 0]),
+        ("reward", [0.0] * 4),
+        ("held", [0] * 2),
+        ("action_mask", np.ones((4, 5))),
         ("action_mask", np.ones(5)),
     ):
         with pytest.raises(ValueError, match="shape"):
-            make_step_report(FRAME, **{**arguments, field: wrong})
+            make_step_report({**COLUMNS, field: wrong})
+
+
+def test_a_report_of_other_fields_is_refused_by_their_names():
+    without = {name: values for name, values in COLUMNS.items() if name != "z"}
+    for columns, odd in ((without, "z"), ({**COLUMNS, "colour": 1}, "colour")):
+        with pytest.raises(ValueError, match=f"^columns must be x, y, .* unknown: {odd}$"):
+            make_step_report(columns)
+
+
+def test_finds_are_bits_of_looks():
+    bits = np.array([0, 1 << 63 | 5, 1 << 32], np.uint64)
+    assert finds_of(make_step_report({**COLUMNS, "finds": bits})).tolist() == bits.tolist()
 
 
 @pytest.mark.slow
 @given(REPORTS)
 def test_a_report_comes_back_and_is_written_again_with_the_same_bytes(report):
-    message = step_report_message(header(FRAME.map_frame, STAMP), report)
+    message = step_report_message(header("map", STAMP), report)
     read = step_report_from_message(message)
     assert read.dtype == report.dtype and read.tobytes() == report.tobytes()
-    assert step_report_message(header(FRAME.map_frame, STAMP), read) == message
+    assert step_report_message(header("map", STAMP), read) == message
 
 
 @pytest.mark.slow
 @given(REPORTS, REPORTS)
 def test_a_report_filled_again_equals_a_new_one(old, new):
-    filled = step_report_message(header(FRAME.map_frame, STAMP), old)
-    assert step_report_message(header(FRAME.map_frame, LATER), new, into=filled) is filled
-    assert filled == step_report_message(header(FRAME.map_frame, LATER), new)
+    filled = step_report_message(header("map", STAMP), old)
+    assert step_report_message(header("map", LATER), new, into=filled) is filled
+    assert filled == step_report_message(header("map", LATER), new)
 
 
 def test_the_cloud_is_laid_out_as_point_clouds_are():
-    message = step_report_message(header(FRAME.map_frame, STAMP), small_report())
+    message = step_report_message(header("map", STAMP), small_report())
     assert message.header.frame_id == "map" and message.header.stamp == STAMP
     assert (message.height, message.width) == (1, 3)
     assert message.is_bigendian is False and message.is_dense is True
@@ -127,7 +130,7 @@ def test_the_cloud_is_laid_out_as_point_clouds_are():
 
 
 def test_any_reader_of_point_clouds_finds_a_field_by_its_offset():
-    message = step_report_message(header(FRAME.map_frame, STAMP), small_report())
+    message = step_report_message(header("map", STAMP), small_report())
     offsets = {field.name: field.offset for field in message.fields}
     second = bytes(message.data)[message.point_step : 2 * message.point_step]
     assert struct.unpack_from("<fff", second, offsets["x"]) == (975.0, 975.0, 120.0)
@@ -138,7 +141,7 @@ def test_any_reader_of_point_clouds_finds_a_field_by_its_offset():
 @pytest.mark.parametrize("bigendian", [False, True])
 def test_a_cloud_that_a_relay_laid_out_anew_is_read_the_same(bigendian):
     report = small_report()
-    message = step_report_message(header(FRAME.map_frame, STAMP), report)
+    message = step_report_message(header("map", STAMP), report)
     names = report.dtype.names
     order = ">" if bigendian else "<"
     layout = np.dtype(
@@ -183,7 +186,7 @@ def test_a_cloud_that_a_relay_laid_out_anew_is_read_the_same(bigendian):
     ],
 )
 def test_a_malformed_cloud_is_refused_by_its_fault(change, words):
-    message = step_report_message(header(FRAME.map_frame, STAMP), small_report())
+    message = step_report_message(header("map", STAMP), small_report())
     change(message)
     with pytest.raises(ValueError, match=words):
         step_report_from_message(message)
@@ -202,7 +205,7 @@ FIELDS = st.builds(
 @pytest.mark.slow
 @given(st.data())
 def test_a_hostile_cloud_is_a_report_or_one_clear_line(data):
-    message = step_report_message(header(FRAME.map_frame, STAMP), small_report())
+    message = step_report_message(header("map", STAMP), small_report())
     for _ in range(data.draw(st.integers(1, 3))):
         kind = data.draw(st.sampled_from(["size", "field", "data", "alien"]))
         if kind == "size":
@@ -244,7 +247,7 @@ def test_an_array_that_is_no_report_is_refused():
         np.zeros(3, dtype=[("x", "f4"), ("action_mask", "u1", (5,))]),
     ):
         with pytest.raises(ValueError, match="^report must be "):
-            step_report_message(header(FRAME.map_frame, STAMP), array_)
+            step_report_message(header("map", STAMP), array_)
     for number in (0, MAX_ACTIONS + 1):
         with pytest.raises(ValueError, match="^num_actions must be "):
             step_report_dtype(number)

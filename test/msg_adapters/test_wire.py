@@ -10,8 +10,6 @@ import numpy as np
 import pytest
 from rclpy.serialization import deserialize_message, serialize_message
 
-from dsse_ros.scenario import geodesy
-from dsse_ros.scenario.frames import GridFrame
 from msg_adapters import (
     commands,
     diagnostics,
@@ -23,64 +21,64 @@ from msg_adapters import (
     stamps,
     step_report,
 )
-from msg_adapters.stamps import header
 
 # ROS 2's own imports, on the first message that is converted.
 pytestmark = pytest.mark.filterwarnings("ignore:module 'sre_:DeprecationWarning")
 
-# Sizes that are exact in float32, as the fields of some messages are.
-FRAME = GridFrame(np.int64(4), np.float32(130), np.float64(-24.04), -46.17, 0, np.float64(120))
 STAMP = stamps.to_stamp(np.int64(13_000_000_001))
-CELLS = np.array([(0, 3), (3, 0)], dtype=np.int64)
-NAMES = ("drone0", "drone1")
+HEAD = stamps.header("map", STAMP)
+# Sizes that are exact in float32, as the fields of some messages are.
+PLACES = ((np.float64(65), 65.0, 120.0), (455.0, 455.0, np.float64(120)))
 MATRIX = np.arange(16, dtype=np.float32).reshape(4, 4)
 
 
 def report():
     return step_report.make_step_report(
-        FRAME,
-        run_id=np.uint32(4_000_000_000),
-        mission=np.int64(2),
-        step=1,
-        cells=CELLS,
-        actions=np.array([0, 4]),
-        rewards=np.array([1.0, -100.0]),
-        terminated=np.array([False, True]),
-        truncated=np.array([False, False]),
-        found=np.array([False, False]),
-        held=np.array([True, False]),
-        action_mask=np.ones((2, 5), dtype=np.int8),
+        {
+            "x": [65.0, 455.0],
+            "y": [65.0, 455.0],
+            "z": np.float64(120),
+            "run_id": np.uint32(4_000_000_000),
+            "mission": np.int64(2),
+            "step": 1,
+            "col": np.array([0, 3]),
+            "row": np.array([3, 0]),
+            "action": np.array([0, 4]),
+            "reward": np.array([1.0, -100.0]),
+            "terminated": np.array([False, True]),
+            "truncated": False,
+            "found": np.array([False, False]),
+            "held": np.array([True, False]),
+            "all_found": False,
+            "action_mask": np.ones((2, 5), dtype=np.int8),
+        }
     )
 
 
 def all_messages():
-    fix = geodesy.cell_fix(FRAME, 1, 2)
     yield stamps.to_stamp(np.int64(13))
-    yield occupancy.occupancy_grid(header(FRAME.map_frame, STAMP), FRAME.cell_size_m, MATRIX)
-    yield images.probability_image(header(FRAME.map_frame, STAMP), MATRIX)
-    yield poses.pose_stamped(FRAME, CELLS[0], STAMP)
-    yield poses.odometry(
-        FRAME, "drone0", np.float64(1.5), CELLS[0, 1], (np.float64(3), np.float32(4)), STAMP
-    )
-    yield poses.path(FRAME, CELLS, STAMP)
-    yield poses.pose_array(FRAME, CELLS, STAMP)
-    yield poses.nav_sat_fix(FRAME, *map(np.float64, fix), STAMP, "drone0")
-    yield from poses.transforms(FRAME, CELLS, NAMES, STAMP, np.array([0.5, 1.0]))
+    yield occupancy.occupancy_grid(HEAD, np.float32(130), MATRIX)
+    yield images.probability_image(HEAD, MATRIX)
+    yield poses.pose_stamped(HEAD, PLACES[0])
+    yield poses.odometry(HEAD, "drone0/base_link", PLACES[1], (np.float64(3), np.float64(4)))
+    yield poses.path(HEAD, PLACES)
+    yield poses.pose_array(HEAD, PLACES)
+    yield poses.nav_sat_fix(HEAD, (np.float64(-24), np.float32(-46), 120))
+    yield from poses.transforms(HEAD, ("drone0", "drone1"), PLACES, np.array([0.5, 1.0]))
     yield commands.joint_action_message(np.int64(2), np.int64(3), np.array([0, -1]))
-    yield step_report.step_report_message(header(FRAME.map_frame, STAMP), report())
+    yield step_report.step_report_message(HEAD, report())
     whole = np.zeros((3, 2), mission_report.MISSION_REPORT_DTYPE)
-    yield mission_report.mission_report_message(header(FRAME.map_frame, STAMP), whole)
+    yield mission_report.mission_report_message(HEAD, whole)
     yield markers.marker_array(
-        FRAME,
-        STAMP,
-        drone_cells=CELLS,
-        names=NAMES,
-        tracks=[CELLS, CELLS],
-        live=np.array([True, False]),
-        datum=np.array([1.5, 2.0]),
-        radius_cells=np.float64(1.5),
-        person_cells=CELLS,
-        found=np.array([True, False]),
+        HEAD,
+        markers.Scene(
+            np.float64(130),
+            520.0,
+            drones=[markers.ShownDrone("drone0", PLACES[0], PLACES, live=np.True_)],
+            datum=PLACES[1],
+            radius_m=np.float64(195),
+            persons=[markers.ShownPerson(PLACES[0], found=False)],
+        ),
     )
     status = diagnostics.diagnostic_status("sim_node", "ok", "", {"step": np.int64(1)})
     yield diagnostics.diagnostic_array(STAMP, status)
@@ -114,7 +112,7 @@ def text_of(message):
 
 
 @pytest.mark.slow
-def test_the_adapters_import_no_node_and_no_mavlink():
+def test_the_adapters_import_messages_and_nothing_of_the_search():
     script = (
         "import importlib, pkgutil, sys, msg_adapters\n"
         "for module in pkgutil.iter_modules(msg_adapters.__path__):\n"
@@ -125,5 +123,5 @@ def test_the_adapters_import_no_node_and_no_mavlink():
         [sys.executable, "-c", script], capture_output=True, text=True, check=True
     )
     loaded = set(done.stdout.split())
-    assert {"msg_adapters", "nav_msgs", "pymap3d"} <= loaded
-    assert not loaded & {"rclpy", "pymavlink", "tf2_msgs"}
+    assert {"msg_adapters", "nav_msgs", "numpy"} <= loaded
+    assert not loaded & {"dsse_ros", "rclpy", "pymavlink", "tf2_msgs"}

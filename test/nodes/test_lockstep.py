@@ -18,13 +18,14 @@ from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import Image, PointCloud2
 from std_msgs.msg import String
 
+from dsse_ros.mission.commands import parse_goal
 from dsse_ros.result import Accepted
 from dsse_ros.scenario.agents import agents_from_json
-from msg_adapters.commands import parse_goal
+from dsse_ros.scenario.frames import map_positions
 from msg_adapters.images import image_to_probability
 from msg_adapters.occupancy import probability_to_occupancy
-from msg_adapters.poses import pose_stamped
-from msg_adapters.stamps import to_stamp
+from msg_adapters.poses import pose_from_message, pose_stamped
+from msg_adapters.stamps import header, to_stamp
 from msg_adapters.step_report import step_report_from_message
 
 LEFT, RIGHT, UP, DOWN, SEARCH = range(5)
@@ -63,7 +64,7 @@ def sim(node: Sim) -> Iterator[Sim]:
 def goal(sim: Sim, drone: int, cell: tuple[int, int]) -> None:
     frame = agents_from_json(sim.rig.first(String, sim.topic("agents")).data).frame
     sim.talk(PoseStamped, f"drone{drone}/command_pose").publish(
-        pose_stamped(frame, cell, to_stamp(0))
+        pose_stamped(header(frame.map_frame, to_stamp(0)), *map_positions(frame, [cell], drone))
     )
 
 
@@ -198,7 +199,9 @@ def test_a_late_joiner_gets_everything_about_the_last_step(sim: Sim) -> None:
         assert np.array_equal(occupancy(grid), expected[::-1])
         drones = listener.first(PoseArray, "drones")
         poses = [listener.first(PoseStamped, f"drone{i}/pose") for i in range(3)]
-        assert [parse_goal(pose, info.frame) for pose in poses] == [Accepted(cell) for cell in here]
+        assert [parse_goal(pose_from_message(pose), info.frame) for pose in poses] == [
+            Accepted(cell) for cell in here
+        ]
         assert list(drones.poses) == [pose.pose for pose in poses]
         for message in (cloud, grid, image, drones, *poses):
             assert stamp_ns(message) == stamp_ns(cloud)

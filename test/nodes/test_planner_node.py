@@ -21,6 +21,7 @@ from std_msgs.msg import Int32MultiArray, String
 
 from dsse_ros.cli.run_mission import compiling
 from dsse_ros.mission.mission import Mission
+from dsse_ros.mission.step_reports import step_report_of
 from dsse_ros.planners import make_planner
 from dsse_ros.scenario.agents import AgentsInfo, agents_json
 from dsse_ros.scenario.frames import GridFrame
@@ -28,7 +29,7 @@ from dsse_ros.search import Observation, parallel_env
 from dsse_ros.search.compiler import COMPILING
 from msg_adapters.images import probability_image
 from msg_adapters.stamps import header, to_stamp
-from msg_adapters.step_report import make_step_report, step_report_message
+from msg_adapters.step_report import step_report_message
 
 PLANNER = "expanding_square"
 RESEND_S = 0.1
@@ -60,12 +61,7 @@ class Stage:
             mission=mission.number, run_id=run_id,
         )  # fmt: skip
         stamp = to_stamp(result.stamp_ns)
-        report = make_step_report(
-            info.frame, run_id=run_id, mission=mission.number, step=result.step,
-            cells=result.cells, actions=result.actions, rewards=result.rewards,
-            terminated=result.terminated, truncated=result.truncated,
-            found=result.found, held=result.held, action_mask=env.action_masks(),
-        )  # fmt: skip
+        report = step_report_of(mission, info.frame, run_id)
         messages = {
             "agents": String(data=agents_json(info)),
             "probability": probability_image(header(info.frame.map_frame, stamp), env.probability),

@@ -16,8 +16,9 @@ from rosgraph_msgs.msg import Clock
 from std_msgs.msg import String
 
 from dsse_ros.scenario.agents import agents_from_json
+from dsse_ros.scenario.frames import map_positions
 from msg_adapters.poses import pose_stamped
-from msg_adapters.stamps import to_stamp
+from msg_adapters.stamps import header, to_stamp
 from msg_adapters.step_report import step_report_from_message
 
 LEFT, RIGHT, UP, DOWN, SEARCH = range(5)
@@ -70,7 +71,7 @@ def times_of(clock: Inbox) -> list[int]:
 
 def go_east(sim: Sim) -> None:
     frame = agents_from_json(sim.rig.first(String, "agents").data).frame
-    goal = pose_stamped(frame, (19, 10), to_stamp(0))
+    goal = pose_stamped(header(frame.map_frame, to_stamp(0)), *map_positions(frame, [(19, 10)], 0))
     sim.talk(PoseStamped, "drone0/command_pose").publish(goal)
 
 

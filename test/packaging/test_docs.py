@@ -358,7 +358,10 @@ def test_the_tables_of_parameters_are_what_the_code_makes_of_them() -> None:
 
 
 def test_the_refusals_are_those_of_the_code() -> None:
-    sources = (ROOT / "msg_adapters" / "commands.py", ROOT / "dsse_ros" / "mission" / "mission.py")
+    sources = (
+        ROOT / "dsse_ros" / "mission" / "commands.py",
+        ROOT / "dsse_ros" / "mission" / "mission.py",
+    )
     codes = {
         node.args[0].value
         for path in sources

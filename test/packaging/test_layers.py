@@ -38,7 +38,7 @@ LAYERS: dict[str, tuple[set[str], set[str]]] = {
     "dsse_ros.temporary": (set(), {"ros", "messages", "mavlink"}),
     "dsse_ros.private_files": (set(), {"ros", "messages", "mavlink"}),
     "dsse_ros.whole_files": (set(), {"ros", "messages", "mavlink"}),
-    "dsse_ros.progress": ({"dsse_ros.extras"}, {"ros", "messages", "mavlink"}),
+    "dsse_ros.progress": (set(), {"ros", "messages", "mavlink"}),
     "dsse_ros.compiled": (
         {"dsse_ros.compiled", "dsse_ros.temporary"},
         {"ros", "messages", "mavlink"},
@@ -93,7 +93,7 @@ LAYERS: dict[str, tuple[set[str], set[str]]] = {
         {"dsse_ros.view", "dsse_ros.scenario", "dsse_ros.progress", "dsse_ros.extras"},
         {"ros", "messages", "mavlink"},
     ),
-    "dsse_ros.search": (WORLD | {"dsse_ros.extras"}, {"ros", "messages", "mavlink"}),
+    "dsse_ros.search": (WORLD, {"ros", "messages", "mavlink"}),
     "dsse_ros.conformance": (
         WORLD | {"dsse_ros.conformance", "dsse_ros.planners"},
         {"ros", "messages", "mavlink"},
@@ -118,21 +118,15 @@ LAYERS: dict[str, tuple[set[str], set[str]]] = {
         },
         {"ros", "messages", "mavlink"},
     ),
-    "msg_adapters": (
-        WORLD
-        | {
-            "msg_adapters",
-            "dsse_ros.mission_items",
-            "dsse_ros.result",
-        },
-        {"effects", "ros"},
-    ),
+    "msg_adapters": ({"msg_adapters"}, {"effects", "ros", "mavlink"}),
+    "dsse_ros.message_types": ({"dsse_ros.scenario.fields"}, {"ros", "mavlink"}),
     "dsse_ros.mission": (
         WORLD
         | {
             "dsse_ros.mission",
             "dsse_ros.mission_items",
             "dsse_ros.result",
+            "dsse_ros.message_types",
             "msg_adapters",
         },
         {"ros", "messages", "mavlink"},
@@ -143,6 +137,7 @@ LAYERS: dict[str, tuple[set[str], set[str]]] = {
         | {
             "dsse_ros.recording",
             "dsse_ros.mission",
+            "dsse_ros.message_types",
             "msg_adapters",
         },
         {"mavlink"},
@@ -202,13 +197,12 @@ LAYERS: dict[str, tuple[set[str], set[str]]] = {
         | {
             "dsse_ros.dashboard",
             "dsse_ros.private_files",
-            "dsse_ros.result",
             "msg_adapters",
         },
         {"ros", "messages", "mavlink"},
     ),
     "dsse_ros.runtime": (
-        WORLD | {"dsse_ros.runtime", "dsse_ros.defects", "msg_adapters"},
+        WORLD | {"dsse_ros.runtime", "dsse_ros.defects", "dsse_ros.message_types", "msg_adapters"},
         {"mavlink"},
     ),
     "dsse_ros.nodes": (
@@ -224,6 +218,7 @@ LAYERS: dict[str, tuple[set[str], set[str]]] = {
             "dsse_ros.mission_items",
             "dsse_ros.recording",
             "dsse_ros.result",
+            "dsse_ros.message_types",
             "msg_adapters",
             "dsse_ros.planners",
         },
@@ -345,7 +340,7 @@ def test_a_module_imports_only_from_below(module: str, file: Path) -> None:
         ("dsse_ros.dashboard.view", "from dsse_ros.nodes.dashboard import DashboardNode"),
         ("dsse_ros.ros_env", "from dsse_ros.planners import planner_for"),
         ("msg_adapters.poses", "from rclpy.time import Time"),
-        ("msg_adapters.poses", "from dsse_ros.nodes import sim_node"),
+        ("msg_adapters.poses", "from dsse_ros.scenario.frames import GridFrame"),
         ("msg_adapters.poses", "import logging"),
     ],
 )
@@ -373,7 +368,7 @@ def test_an_import_from_above_is_seen(module: str, code: str) -> None:
         ("dsse_ros.cli.run_mission", "import rclpy\nfrom dsse_ros.runtime.qos import LATCHED"),
         (
             "msg_adapters.poses",
-            "from geometry_msgs.msg import Pose\nfrom dsse_ros.search import Rules",
+            "from geometry_msgs.msg import Pose\nfrom msg_adapters.stamps import header",
         ),
     ],
 )

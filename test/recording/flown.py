@@ -17,19 +17,19 @@ from std_msgs.msg import String
 from dsse_ros.mission.command_intake import CommandIntake
 from dsse_ros.mission.mission import Mission
 from dsse_ros.mission.step_messages import Display, StepMessages
-from dsse_ros.mission.step_reports import step_report_of
+from dsse_ros.mission.step_reports import mission_report_of, step_report_of
 from dsse_ros.recording.bag import BagWriter, Recorded
 from dsse_ros.scenario.agents import AgentsInfo, agents_json
-from dsse_ros.scenario.frames import scenario_frame
+from dsse_ros.scenario.frames import map_positions, scenario_frame
 from dsse_ros.scenario.geodesy import cell_fix
 from dsse_ros.search import Rules, Scenario, SearchDefinition, SearchEnv, profile
 from msg_adapters.commands import joint_action_message
 from msg_adapters.images import probability_image
-from msg_adapters.mission_report import make_mission_report, mission_report_message
+from msg_adapters.mission_report import mission_report_message
 from msg_adapters.occupancy import occupancy_grid
 from msg_adapters.particles import particles_message
 from msg_adapters.pos import pos_message
-from msg_adapters.poses import nav_sat_fix, path, pose_array, pose_stamped
+from msg_adapters.poses import base_link, nav_sat_fix, path, pose_array, pose_stamped
 from msg_adapters.stamps import header, to_stamp
 from msg_adapters.step_report import step_report_message
 
@@ -91,23 +91,23 @@ class Flown:
         cells, stamp = mission.result.cells, to_stamp(mission.result.stamp_ns)
         if self.everything:
             self._publish_maps(stamp)
+            head, positions = header(frame.map_frame, stamp), map_positions(frame, cells)
             for i, cell in enumerate(cells.tolist()):
-                self.publish(f"drone{i}/pose", pose_stamped(frame.of_drone(i), cell, stamp))
+                self.publish(f"drone{i}/pose", pose_stamped(head, positions[i]))
+                body = header(base_link(f"drone{i}"), stamp)
                 fix = cell_fix(frame.of_drone(i), *cell)
-                self.publish(f"drone{i}/fix", nav_sat_fix(frame, *fix, stamp, f"drone{i}"))
+                self.publish(f"drone{i}/fix", nav_sat_fix(body, fix))
                 if (
                     battery := self.messages_of_step.make("drone<i>/battery", stamp, i)
                 ) is not None:
                     self.publish(f"drone{i}/battery", battery)
-            self.publish("drones", pose_array(frame, cells, stamp))
+            self.publish("drones", pose_array(head, positions))
         report = step_report_of(mission, frame, self.run_id)
         self.publish("step_report", step_report_message(header(frame.map_frame, stamp), report))
         if self.everything:
             self._publish_history(stamp)
         if self.everything and mission.done:
-            whole = make_mission_report(
-                frame, run_id=self.run_id, mission=mission.number, history=mission.history
-            )
+            whole = mission_report_of(mission, frame, self.run_id)
             self.publish(
                 "mission_report", mission_report_message(header(frame.map_frame, stamp), whole)
             )
@@ -115,7 +115,8 @@ class Flown:
     def _publish_history(self, stamp: Time) -> None:
         mission, frame = self.mission, self.frame
         for i, track in enumerate(mission.tracks):
-            self.publish(f"drone{i}/path", path(frame.of_drone(i), track, stamp))
+            positions = map_positions(frame, track, i)
+            self.publish(f"drone{i}/path", path(header(frame.map_frame, stamp), positions))
         display = Display(reveal_person=self.reveal_person)
         self.publish("markers", self.messages_of_step.make("markers", stamp, 0, display))
 

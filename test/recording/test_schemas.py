@@ -8,9 +8,9 @@ import pytest
 from rclpy.serialization import deserialize_message, serialize_message
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
+from dsse_ros.message_types import message_class
 from dsse_ros.recording.schemas import definition
 from dsse_ros.search import FieldError
-from msg_adapters.message_types import message_class
 
 TYPES = (
     "diagnostic_msgs/msg/DiagnosticArray", "geometry_msgs/msg/PoseArray",

@@ -12,14 +12,15 @@ from rclpy.serialization import serialize_message
 from std_msgs.msg import String
 
 from dsse_ros.mission.mission import Mission
+from dsse_ros.mission.step_reports import mission_report_of, step_report_of
 from dsse_ros.recording.bag import BagWriter
 from dsse_ros.scenario.agents import AgentsInfo, SearchDefinition, agents_json, area_rows
 from dsse_ros.scenario.frames import scenario_frame
 from dsse_ros.search import SearchEnv
 from msg_adapters.images import probability_image
-from msg_adapters.mission_report import make_mission_report, mission_report_message
+from msg_adapters.mission_report import mission_report_message
 from msg_adapters.stamps import header, to_stamp
-from msg_adapters.step_report import make_step_report, step_report_message
+from msg_adapters.step_report import step_report_message
 
 TYPES = {
     "agents": "std_msgs/msg/String",
@@ -88,18 +89,10 @@ class Bag:
                 self._write(
                     "belief", probability_image(header(frame.map_frame, stamp), mission.belief())
                 )
-            report = make_step_report(
-                frame, run_id=self._run_id, mission=mission.number, step=result.step,
-                cells=result.cells,
-                actions=result.actions, rewards=result.rewards, terminated=result.terminated,
-                truncated=result.truncated, found=result.found, held=result.held,
-                action_mask=env.action_masks(),
-            )  # fmt: skip
+            report = step_report_of(mission, frame, self._run_id)
             self._write("step_report", step_report_message(header(frame.map_frame, stamp), report))
         if mission.done:
-            whole = make_mission_report(
-                frame, run_id=self._run_id, mission=mission.number, history=mission.history
-            )
+            whole = mission_report_of(mission, frame, self._run_id)
             self._write(
                 "mission_report", mission_report_message(header(frame.map_frame, stamp), whole)
             )

@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The grid in the map frame."""
 
+import dataclasses
 import math
 
 import numpy as np
@@ -10,7 +11,7 @@ from grid_frames import FRAMES
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dsse_ros.scenario.frames import GridFrame, cell_to_map, map_to_cell
+from dsse_ros.scenario.frames import GridFrame, cell_to_map, map_positions, map_to_cell
 
 SANTOS = GridFrame(8, 130.0, -24.04, -46.17, 0.0, 120.0)
 
@@ -94,3 +95,17 @@ def test_a_grid_that_cannot_be_is_refused_by_the_name_of_its_field(field, value)
     }
     with pytest.raises(ValueError, match=f"^{field} must be "):
         GridFrame(**{**values, field: value})
+
+
+@given(FRAMES, st.lists(st.tuples(st.integers(0, 399), st.integers(0, 399)), max_size=8))
+def test_positions_are_over_the_cells_at_flight_altitude(frame, cells):
+    expected = [(*cell_to_map(frame, *cell), frame.alt_m) for cell in cells]
+    assert map_positions(frame, cells) == map_positions(frame, cells, 3) == expected
+
+
+def test_each_drone_has_its_altitude():
+    frame = dataclasses.replace(SANTOS, alts_m=(50.0, 60.0))
+    assert [z for _, _, z in map_positions(frame, [(0, 0), (0, 0)])] == [50.0, 60.0]
+    assert [z for _, _, z in map_positions(frame, [(0, 0), (0, 0)], drone=1)] == [60.0, 60.0]
+    with pytest.raises(ValueError, match="^drones must be 2, got 1$"):
+        map_positions(frame, [(0, 0)])

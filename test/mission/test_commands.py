@@ -2,22 +2,22 @@
 # SPDX-License-Identifier: Apache-2.0
 """Commands from anyone: understood, or refused with a code and one clear line."""
 
-import array
 import math
 import re
-from types import SimpleNamespace
 
 import pytest
 from geometry_msgs.msg import Point, Pose, PoseStamped, Quaternion
 from hypothesis import given
 from hypothesis import strategies as st
-from std_msgs.msg import Header, Int32MultiArray, String
+from std_msgs.msg import Header
 
-from dsse_ros.result import Accepted, Rejected, shown
-from dsse_ros.scenario.frames import GridFrame
-from msg_adapters import commands
-from msg_adapters.poses import pose_stamped
-from msg_adapters.stamps import to_stamp
+from dsse_ros.mission import commands
+from dsse_ros.result import Accepted, Rejected
+from dsse_ros.scenario.fields import shown
+from dsse_ros.scenario.frames import GridFrame, map_positions
+from msg_adapters.commands import joint_action_message
+from msg_adapters.poses import FramedPose, pose_from_message, pose_stamped
+from msg_adapters.stamps import header, to_stamp
 
 ACTIONS = ("left", "right", "up", "down", "search")
 FRAME = GridFrame(8, 130.0, -24.04, -46.17, 0.0, 120.0)
@@ -38,6 +38,10 @@ POSES = st.builds(
 STAMPED = st.builds(PoseStamped, header=st.builds(Header, frame_id=FRAME_IDS), pose=POSES)
 
 
+def goal(cell):
+    return FramedPose("map", *map_positions(FRAME, [cell], 0), (0.0, 0.0, 0.0, 1.0))
+
+
 def check(result, codes):
     """Check that a result is a value, or a refusal by one of the codes and in one line."""
     assert isinstance(result, Accepted | Rejected)
@@ -49,7 +53,7 @@ def check(result, codes):
 
 @given(st.sampled_from(ACTIONS) | TEXTS)
 def test_an_action_name_is_exactly_one_of_the_names_or_refused(name):
-    result = commands.parse_action_name(String(data=name), ACTIONS)
+    result = commands.parse_action_name(name, ACTIONS)
     if check(result, {"unknown_action"}):
         assert ACTIONS[result.value] == name
     else:
@@ -59,18 +63,18 @@ def test_an_action_name_is_exactly_one_of_the_names_or_refused(name):
 
 @pytest.mark.parametrize("name", ["Search", "search ", "", "4", "ѕearch", "search\x00"])
 def test_an_action_name_that_only_looks_right_is_refused(name):
-    result = commands.parse_action_name(String(data=name), ACTIONS)
+    result = commands.parse_action_name(name, ACTIONS)
     assert isinstance(result, Rejected) and result.code == "unknown_action"
 
 
 @given(CELLS)
 def test_a_goal_is_the_cell_it_was_made_from(cell):
-    assert commands.parse_goal(pose_stamped(FRAME, cell, STAMP), FRAME) == Accepted(cell)
+    assert commands.parse_goal(goal(cell), FRAME) == Accepted(cell)
 
 
 @given(STAMPED)
 def test_any_goal_is_a_cell_of_the_grid_or_refused(message):
-    result = commands.parse_goal(message, FRAME)
+    result = commands.parse_goal(pose_from_message(message), FRAME)
     if check(result, {"foreign_frame", "not_finite", "outside_grid"}):
         assert message.header.frame_id == "map"
         assert all(0 <= part < 8 and type(part) is int for part in result.value)
@@ -78,11 +82,11 @@ def test_any_goal_is_a_cell_of_the_grid_or_refused(message):
 
 @given(STAMPED, TEXTS)
 def test_a_goal_of_nav2_is_one_like_any_other_without_a_behavior_tree(message, tree):
-    result = commands.parse_navigation(SimpleNamespace(pose=message, behavior_tree=tree), FRAME)
+    result = commands.parse_navigation(tree, pose_from_message(message), FRAME)
     if tree:
         assert not check(result, {"behavior_tree"})
     else:
-        assert result == commands.parse_goal(message, FRAME)
+        assert result == commands.parse_goal(pose_from_message(message), FRAME)
 
 
 @pytest.mark.parametrize(
@@ -98,9 +102,9 @@ def test_a_goal_of_nav2_is_one_like_any_other_without_a_behavior_tree(message, t
     ],
 )
 def test_a_bad_goal_is_refused_by_its_fault(change, code, words):
-    message = pose_stamped(FRAME, (3, 3), STAMP)
+    message = pose_stamped(header("map", STAMP), (455.0, 585.0, 120.0))
     change(message)
-    result = commands.parse_goal(message, FRAME)
+    result = commands.parse_goal(pose_from_message(message), FRAME)
     assert isinstance(result, Rejected) and result.code == code
     assert re.search(words, result.reason)
 
@@ -111,9 +115,9 @@ def test_a_bad_goal_is_refused_by_its_fault(change, code, words):
     st.lists(st.integers(0, 4), max_size=8),
 )
 def test_a_joint_action_comes_back(mission, step, actions):
-    message = commands.joint_action_message(mission, step, actions)
+    data = joint_action_message(mission, step, actions).data
     live = [True] * len(actions)
-    result = commands.parse_joint_action(message, mission, step, len(actions), ACTIONS, live)
+    result = commands.parse_joint_action(data, mission, step, ACTIONS, live)
     assert result == Accepted(tuple(actions))
 
 
@@ -124,8 +128,7 @@ def test_a_joint_action_comes_back(mission, step, actions):
     st.lists(st.booleans(), max_size=4),
 )
 def test_any_joint_action_is_for_all_live_drones_or_for_none(data, mission, step, live):
-    message = Int32MultiArray(data=array.array("i", data))
-    result = commands.parse_joint_action(message, mission, step, len(live), ACTIONS, live)
+    result = commands.parse_joint_action(data, mission, step, ACTIONS, live)
     if check(result, {"wrong_size", "stale_mission", "stale_step", "unknown_action"}):
         head, sent = data[: -len(live) or None], data[len(data) - len(live) :]
         assert head == [mission, step] and len(sent) == len(result.value)
@@ -134,14 +137,14 @@ def test_any_joint_action_is_for_all_live_drones_or_for_none(data, mission, step
             assert not takes_part or 0 <= value < len(ACTIONS)
 
 
-def parsed(message, live=(True, True)):
+def parsed(data, live=(True, True)):
     """Parse for step 5 of mission 3."""
-    return commands.parse_joint_action(message, 3, 5, 2, ACTIONS, live)
+    return commands.parse_joint_action(data, 3, 5, ACTIONS, live)
 
 
 @pytest.mark.parametrize("step", [4, 6, -1])
 def test_a_stale_or_future_joint_action_is_refused(step):
-    result = parsed(commands.joint_action_message(3, step, [0, 1]))
+    result = parsed([3, step, 0, 1])
     assert isinstance(result, Rejected) and result.code == "stale_step"
     assert result.reason == f"data[1] must be step 5, got {step}"
 
@@ -149,19 +152,19 @@ def test_a_stale_or_future_joint_action_is_refused(step):
 @pytest.mark.parametrize("mission", [2, 4, 0])
 def test_a_joint_action_of_another_mission_is_refused_whatever_its_step(mission):
     for step in (4, 5):
-        result = parsed(commands.joint_action_message(mission, step, [0, 1]))
+        result = parsed([mission, step, 0, 1])
         assert isinstance(result, Rejected) and result.code == "stale_mission"
         assert result.reason == f"data[0] must be mission 3, got {mission}"
 
 
 @pytest.mark.parametrize("data", [[], [3, 5], [5, 0, 0], [3, 5, 0], [3, 5, 0, 0, 0]])
 def test_a_joint_action_of_the_wrong_length_is_refused(data):
-    result = parsed(Int32MultiArray(data=array.array("i", data)))
+    result = parsed(data)
     assert isinstance(result, Rejected) and result.code == "wrong_size"
 
 
 def test_an_unknown_action_refuses_all_but_only_of_a_live_drone():
-    message = commands.joint_action_message(3, 5, [0, 9])
+    message = [3, 5, 0, 9]
     refused = parsed(message)
     assert isinstance(refused, Rejected) and refused.code == "unknown_action"
     assert refused.reason.startswith("data[3] must be one of ")
@@ -172,18 +175,18 @@ NUMBERED = "0 left, 1 right, 2 up, 3 down, 4 search"
 
 
 def moved(frame_id="map", **position):
-    message = pose_stamped(FRAME, (3, 3), STAMP)
-    message.header.frame_id = frame_id
-    for axis, value in position.items():
-        setattr(message.pose.position, axis, value)
-    return message
+    pose = goal((3, 3))
+    x, y, z = pose.position
+    return pose._replace(
+        frame_id=frame_id, position=(position.get("x", x), position.get("y", y), z)
+    )
 
 
 @pytest.mark.parametrize(
     ("parse", "reason"),
     [
         (
-            lambda: commands.parse_action_name(String(data="fly"), ACTIONS),
+            lambda: commands.parse_action_name("fly", ACTIONS),
             "data must be one of left, right, up, down, search, got 'fly'",
         ),
         (
@@ -195,19 +198,19 @@ def moved(frame_id="map", **position):
             "pose.position must be 0 <= x, y < 1040 m, got (455, 1040)",
         ),
         (
-            lambda: parsed(Int32MultiArray(data=array.array("i", [5]))),
+            lambda: parsed([5]),
             "data must be mission, step and 2 actions, got 1 numbers",
         ),
         (
-            lambda: parsed(commands.joint_action_message(2, 5, [0, 1])),
+            lambda: parsed([2, 5, 0, 1]),
             "data[0] must be mission 3, got 2",
         ),
         (
-            lambda: parsed(commands.joint_action_message(3, 4, [0, 1])),
+            lambda: parsed([3, 4, 0, 1]),
             "data[1] must be step 5, got 4",
         ),
         (
-            lambda: parsed(commands.joint_action_message(3, 5, [0, 5])),
+            lambda: parsed([3, 5, 0, 5]),
             f"data[3] must be one of {NUMBERED}, got 5",
         ),
     ],
@@ -216,18 +219,19 @@ def test_a_refusal_says_the_field_its_value_and_what_is_allowed(parse, reason):
     assert parse().reason == reason
 
 
-def test_who_is_live_is_stated_for_each_drone():
-    with pytest.raises(ValueError, match="zip"):
-        parsed(commands.joint_action_message(3, 5, [0, 1]), (True,))
-
-
-@given(st.integers(0, 4))
-def test_the_messages_of_planners_are_understood(number):
-    named = String(data=ACTIONS[number])
-    assert commands.parse_action_name(named, ACTIONS) == Accepted(number)
-
-
 @given(st.text() | st.binary() | st.integers() | st.floats() | st.lists(st.text()))
 def test_a_value_in_a_reason_is_short_and_printable(value):
     text = shown(value)
-    assert len(text) <= 63 and text.isprintable()
+    assert len(text) <= 80 and text.isprintable()
+
+
+def test_a_vehicle_may_be_anywhere_in_the_frame_of_the_map():
+    assert commands.parse_place(moved(x=-7.5, y=1e5), FRAME) == Accepted((-7.5, 1e5))
+
+
+@pytest.mark.parametrize(
+    ("pose", "code"), [(moved("odom"), "foreign_frame"), (moved(x=math.inf), "not_finite")]
+)
+def test_a_vehicle_that_is_nowhere_is_refused(pose, code):
+    result = commands.parse_place(pose, FRAME)
+    assert isinstance(result, Rejected) and result.code == code
