@@ -13,7 +13,7 @@ import numpy as np
 from dsse_ros.cli.command_line import Parser, place
 from dsse_ros.mission.vehicle_missions import FlightSettings
 from dsse_ros.mission_items.items import NAV_WAYPOINT, Home, Mission
-from dsse_ros.mission_items.track_missions import track_mission
+from dsse_ros.mission_items.track_missions import TrackStyle, track_mission
 from dsse_ros.planners.patterns import SearchPattern
 from dsse_ros.scenario.fields import FieldError, specs
 from dsse_ros.scenario.frames import scenario_frame
@@ -107,7 +107,7 @@ class PatternMission:
             self._frame,
             self._pattern.track.points_m * (1, -1) + (-0.5, 0.5),
             home=home,
-            acceptance_radius_m=min(settings.acceptance_radius, spacing_m / 2),
+            style=TrackStyle(acceptance_radius_m=min(settings.acceptance_radius, spacing_m / 2)),
         )
 
     def summary(self, mission: Mission) -> Iterator[str]:

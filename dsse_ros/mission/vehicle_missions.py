@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from dsse_ros.mission_items.items import FIRMWARES, Home, Mission
 from dsse_ros.mission_items.plan_files import plan_text
 from dsse_ros.mission_items.separation import level_cells
-from dsse_ros.mission_items.track_missions import acceptance_radius_m, track_mission
+from dsse_ros.mission_items.track_missions import TrackStyle, acceptance_radius_m, track_mission
 from dsse_ros.mission_items.tracks import without_repeats
 from dsse_ros.mission_items.waypoint_files import qgc_wpl
 from dsse_ros.scenario.fields import FieldError, check_all, field
@@ -90,8 +90,8 @@ def search_missions(
         tracks: What each drone has done.
         settings: How it is flown.
         homes: Where each vehicle takes off; None below its first cell.
-        home_hold_s: See `track_mission`.
-        datum_amsl_m: See `track_mission`.
+        home_hold_s: See `TrackStyle`.
+        datum_amsl_m: See `TrackStyle`.
     """
     paths = [[tuple(cell) for cell in without_repeats(cells).tolist()] for cells, _ in tracks]
     searched = [[tuple(cell) for cell in cells[flags].tolist()] for cells, flags in tracks]
@@ -101,13 +101,15 @@ def search_missions(
             frame,
             *track,
             home=home,
-            merge_legs=settings.merge_legs,
-            acceptance_radius_m=acceptance_radius_m(frame, settings.acceptance_radius),
-            search_alt_m=min(settings.search_altitude, frame.alt_m),
-            search_hold_s=settings.search_hold,
             level_cells=cells,
-            home_hold_s=home_hold_s,
-            datum_amsl_m=datum_amsl_m,
+            style=TrackStyle(
+                merge_legs=settings.merge_legs,
+                acceptance_radius_m=acceptance_radius_m(frame, settings.acceptance_radius),
+                search_alt_m=min(settings.search_altitude, frame.alt_m),
+                search_hold_s=settings.search_hold,
+                home_hold_s=home_hold_s,
+                datum_amsl_m=datum_amsl_m,
+            ),
         )
         for frame, track, home, cells in zip(frames, tracks, homes, level, strict=True)
     ]

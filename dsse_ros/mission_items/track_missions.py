@@ -7,10 +7,12 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Iterator
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
+from dsse_ros.checks import check_number
 from dsse_ros.mission_items.items import (
     FRAME_GLOBAL,
     FRAME_GLOBAL_RELATIVE_ALT,
@@ -46,19 +48,74 @@ class Leg:
     crashed: bool = False
 
 
+@dataclass(frozen=True)
+class TrackStyle:
+    """How a vehicle flies a track.
+
+    Attributes:
+        merge_legs: Whether a straight leg is flown in one, without a waypoint in each cell.
+        acceptance_radius_m: Distance at which a waypoint is reached; 0 for the autopilot's own.
+        search_alt_m: Altitude of a search, not above the frame's.
+        search_hold_s: Time that one search holds there.
+        home_hold_s: Time to stay over home, at flight altitude, before the return; 0 for a return
+            from where the track ends.
+        datum_amsl_m: Altitude of the map plane above mean sea level; the items then have altitudes
+            above the sea. If not given, they have altitudes above home, which is taken to lie on
+            the map plane.
+
+    Raises:
+        ValueError: If a number is not allowed.
+    """
+
+    merge_legs: bool = False
+    acceptance_radius_m: float = 0.0
+    search_alt_m: float = 30.0
+    search_hold_s: float = 5.0
+    home_hold_s: float = 0.0
+    datum_amsl_m: float | None = None
+
+    def __post_init__(self) -> None:
+        for name, most in (
+            ("acceptance_radius_m", 255.0),
+            ("search_alt_m", 1e6),
+            ("search_hold_s", 3600.0),
+            ("home_hold_s", 3600.0),
+        ):
+            check_number(name, getattr(self, name), 0.0, most)
+
+    @property
+    def alt_frame(self) -> int:
+        """What the altitudes of the items are above."""
+        return FRAME_GLOBAL_RELATIVE_ALT if self.datum_amsl_m is None else FRAME_GLOBAL
+
+    def altitude_m(self, above_map_m: float) -> float:
+        """Return an altitude above the map plane as the items have it."""
+        return float((self.datum_amsl_m or 0.0) + above_map_m)
+
+    def waypoint(
+        self, lat_deg: float, lon_deg: float, above_map_m: float, stay_s: float = 0.0
+    ) -> MissionItem:
+        """Return a waypoint."""
+        return MissionItem(
+            NAV_WAYPOINT,
+            self.alt_frame,
+            param1=float(stay_s),
+            param2=float(self.acceptance_radius_m),
+            param4=math.nan,
+            lat_deg=lat_deg,
+            lon_deg=lon_deg,
+            alt_m=self.altitude_m(above_map_m),
+        )
+
+
 def track_mission(
     frame: GridFrame,
     cells: ArrayLike,
     searched: ArrayLike | None = None,
     *,
     home: Home | None = None,
-    merge_legs: bool = False,
-    acceptance_radius_m: float = 0.0,
-    search_alt_m: float = 30.0,
-    search_hold_s: float = 5.0,
     level_cells: Collection[tuple[int, int]] = (),
-    home_hold_s: float = 0.0,
-    datum_amsl_m: float | None = None,
+    style: TrackStyle = TrackStyle(),
 ) -> Mission:
     """Return a track as a mission: take-off, waypoints, searches and the return.
 
@@ -74,73 +131,56 @@ def track_mission(
         searched: (K,) flags; index k says whether the drone came to be in `cells[k]` by searching
             it, and not by moving there. None for no search.
         home: Where the vehicle takes off; if not given, below the first cell of the track.
-        merge_legs: Whether a straight leg is flown in one, without a waypoint in each cell.
-        acceptance_radius_m: Distance at which a waypoint is reached; 0 for the autopilot's own.
-        search_alt_m: Altitude of a search, not above the frame's.
-        search_hold_s: Time that one search holds there.
         level_cells: Cells that are searched from flight altitude, without a descent.
-        home_hold_s: Time to stay over home, at flight altitude, before the return; 0 for a return
-            from where the track ends.
-        datum_amsl_m: Altitude of the map plane above mean sea level; the items then have altitudes
-            above the sea. If not given, they have altitudes above home, which is taken to lie on
-            the map plane.
+        style: How the track is flown.
 
     Raises:
-        ValueError: If the track is empty, shapes do not match or a number is not allowed.
+        ValueError: If the track is empty, shapes do not match or a search is above the frame's
+            altitude.
     """
     track = np.asarray(cells).reshape(-1, 2)
     if len(track) == 0:
         raise ValueError("cells must be at least one cell, got an empty track")
-    for name, value, most in (
-        ("acceptance_radius_m", acceptance_radius_m, 255.0),
-        ("search_alt_m", search_alt_m, frame.alt_m),
-        ("search_hold_s", search_hold_s, 3600.0),
-        ("home_hold_s", home_hold_s, 3600.0),
-    ):
-        if not 0 <= value <= most:
-            raise ValueError(f"{name} must be 0 to {most:g}, got {value!r}")
+    check_number("search_alt_m", style.search_alt_m, 0.0, frame.alt_m)
     flags = np.zeros(len(track), dtype=bool) if searched is None else searched
     if home is None:
         col, row = track[0].tolist()
         home = Home(*cell_to_geodetic(frame, col, row, 0.0))
+    visited, searches = stops(track, flags, merge_legs=style.merge_legs)
+    items = [
+        MissionItem(
+            NAV_TAKEOFF,
+            style.alt_frame,
+            lat_deg=home.lat_deg,
+            lon_deg=home.lon_deg,
+            alt_m=style.altitude_m(frame.alt_m),
+        ),
+        *_visits(frame, visited, searches, level_cells, style),
+    ]
+    if style.home_hold_s > 0:
+        items.append(style.waypoint(home.lat_deg, home.lon_deg, frame.alt_m, style.home_hold_s))
+    return Mission(home, (*items, MissionItem(NAV_RETURN_TO_LAUNCH, FRAME_MISSION)))
 
-    over_home = datum_amsl_m is None
-    alt_frame = FRAME_GLOBAL_RELATIVE_ALT if over_home else FRAME_GLOBAL
-    datum_m = 0.0 if datum_amsl_m is None else datum_amsl_m
 
-    def waypoint(lat_deg: float, lon_deg: float, alt_m: float, stay_s: float) -> MissionItem:
-        return MissionItem(
-            NAV_WAYPOINT,
-            alt_frame,
-            param1=float(stay_s),
-            param2=float(acceptance_radius_m),
-            param4=math.nan,
-            lat_deg=lat_deg,
-            lon_deg=lon_deg,
-            alt_m=float(datum_m + alt_m),
-        )
-
-    def items() -> Iterator[MissionItem]:
-        alt_m = frame.alt_m
-        yield MissionItem(
-            NAV_TAKEOFF, alt_frame,
-            lat_deg=home.lat_deg, lon_deg=home.lon_deg, alt_m=datum_m + alt_m,
-        )  # fmt: skip
-        visited, searches = stops(track, flags, merge_legs=merge_legs)
-        cols, rows = visited[:, 0].astype(float), visited[:, 1].astype(float)
-        lats, lons, _ = cell_to_geodetic(frame, cols, rows, alt_m)
-        visits = zip(visited.tolist(), lats.tolist(), lons.tolist(), searches.tolist(), strict=True)
-        for cell, lat, lon, times in visits:
-            level = times > 0 and tuple(cell) in level_cells
-            yield waypoint(lat, lon, alt_m, times * search_hold_s if level else 0.0)
-            if times and not level:
-                yield waypoint(lat, lon, search_alt_m, times * search_hold_s)
-                yield waypoint(lat, lon, alt_m, 0.0)
-        if home_hold_s > 0:
-            yield waypoint(home.lat_deg, home.lon_deg, alt_m, home_hold_s)
-        yield MissionItem(NAV_RETURN_TO_LAUNCH, FRAME_MISSION)
-
-    return Mission(home, tuple(items()))
+def _visits(
+    frame: GridFrame,
+    visited: NDArray[Any],
+    searches: NDArray[np.int64],
+    level_cells: Collection[tuple[int, int]],
+    style: TrackStyle,
+) -> Iterator[MissionItem]:
+    """Yield the waypoints of the cells (K, 2) to fly to, each with its number of searches (K,)."""
+    alt_m = frame.alt_m
+    cols, rows = visited[:, 0].astype(float), visited[:, 1].astype(float)
+    lats, lons, _ = cell_to_geodetic(frame, cols, rows, alt_m)
+    visits = zip(visited.tolist(), lats.tolist(), lons.tolist(), searches.tolist(), strict=True)
+    for cell, lat_deg, lon_deg, times in visits:
+        hold_s = times * style.search_hold_s
+        level = times > 0 and tuple(cell) in level_cells
+        yield style.waypoint(lat_deg, lon_deg, alt_m, hold_s if level else 0.0)
+        if times and not level:
+            yield style.waypoint(lat_deg, lon_deg, style.search_alt_m, hold_s)
+            yield style.waypoint(lat_deg, lon_deg, alt_m)
 
 
 def acceptance_radius_m(frame: GridFrame, most_m: float) -> float:

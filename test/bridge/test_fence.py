@@ -21,7 +21,7 @@ from dsse_ros.bridge.fence import (
     check_take_off,
 )
 from dsse_ros.mission_items.items import FRAME_MISSION, Home, Mission, MissionItem
-from dsse_ros.mission_items.track_missions import track_mission
+from dsse_ros.mission_items.track_missions import TrackStyle, track_mission
 from dsse_ros.result import Accepted, Rejected
 from dsse_ros.scenario.frames import GridFrame
 from dsse_ros.scenario.geodesy import geodetic_to_map, map_to_geodetic
@@ -163,7 +163,7 @@ def test_what_is_accepted_can_be_flown_and_what_can_be_flown_is_accepted(
 
 
 def test_a_mission_is_refused_by_its_first_bad_item():
-    mission = track_mission(FRAME, [(0, 0), (1, 0)], datum_amsl_m=0.0)
+    mission = track_mission(FRAME, [(0, 0), (1, 0)], style=TrackStyle(datum_amsl_m=0.0))
     items = [*mission.numbered("ardupilot"), waypoint(9000.0), waypoint(alt_m=500.0)]
     checked = check_mission(items, FENCE, "ardupilot")
     assert isinstance(checked, Rejected)
@@ -171,7 +171,7 @@ def test_a_mission_is_refused_by_its_first_bad_item():
 
 
 def test_home_is_checked_where_ardupilot_has_it_and_nowhere_else():
-    items = track_mission(FRAME, [(0, 0)], datum_amsl_m=0.0).numbered("ardupilot")
+    items = track_mission(FRAME, [(0, 0)], style=TrackStyle(datum_amsl_m=0.0)).numbered("ardupilot")
     assert check_mission(items, FENCE, "ardupilot") == Accepted(tuple(items))
     as_px4 = check_mission(items, FENCE, "px4")
     # Home is on the ground.

@@ -19,7 +19,7 @@ from dsse_ros.mission_items.items import (
     NAV_WAYPOINT,
     Home,
 )
-from dsse_ros.mission_items.track_missions import track_mission
+from dsse_ros.mission_items.track_missions import TrackStyle, track_mission
 from dsse_ros.mission_items.tracks import corners, stops, without_repeats
 from dsse_ros.result import Accepted
 from dsse_ros.scenario.frames import GridFrame, cell_to_map
@@ -40,7 +40,7 @@ def place(item):
 
 @given(CELLS)
 def test_a_track_is_take_off_each_cell_once_and_the_return(cells):
-    mission = track_mission(FRAME, np.array(cells), acceptance_radius_m=20)
+    mission = track_mission(FRAME, np.array(cells), style=TrackStyle(acceptance_radius_m=20))
     takeoff, *waypoints, back = mission.items
     first = (*cell_to_map(FRAME, *cells[0]), 0.0)
     assert geodetic_to_map(FRAME, *mission.home) == pytest.approx(first, abs=1e-3)
@@ -67,7 +67,7 @@ def test_no_waypoint_and_no_leg_lies_in_a_cell_that_the_drone_was_not_in(seed, m
     flown = {tuple(cell) for cell in cells}
     area = tuple("".join("1" if (c, r) in flown else "0" for c in range(20)) for r in range(20))
     mission = track_mission(
-        FRAME, cells, rng.random(len(cells)) < 0.2, merge_legs=merge_legs, datum_amsl_m=0.0
+        FRAME, cells, rng.random(len(cells)) < 0.2, style=TrackStyle(merge_legs, datum_amsl_m=0.0)
     )
     fence = Fence(FRAME, margin_m=0.0, min_amsl_m=30.0, max_amsl_m=120.0, area=area)
     assert isinstance(check_mission(mission.numbered("px4"), fence, "px4"), Accepted)
@@ -88,10 +88,7 @@ def test_a_search_is_a_descent_a_hold_and_a_climb_over_its_cell(cells, merge_leg
         FRAME,
         track,
         searched,
-        merge_legs=merge_legs,
-        search_alt_m=15.0,
-        search_hold_s=7.0,
-        acceptance_radius_m=10.0,
+        style=TrackStyle(merge_legs, 10.0, search_alt_m=15.0, search_hold_s=7.0),
     )
     items = iter(mission.items[1:-1])
     where, times = stops(track, searched, merge_legs=merge_legs)
@@ -109,7 +106,7 @@ FLAGS = st.lists(st.just(True), max_size=3)
 
 def test_a_straight_leg_may_be_flown_in_one():
     one_per_cell = track_mission(FRAME, STRAIGHT).items[1:-1]
-    merged = track_mission(FRAME, STRAIGHT, merge_legs=True).items[1:-1]
+    merged = track_mission(FRAME, STRAIGHT, style=TrackStyle(merge_legs=True)).items[1:-1]
     assert [place(item) for item in one_per_cell] == STRAIGHT
     assert [place(item) for item in merged] == [(0, 0), (3, 0), (3, 1)]
     assert [list(place(item)) for item in merged] == corners(STRAIGHT).tolist()
@@ -117,7 +114,7 @@ def test_a_straight_leg_may_be_flown_in_one():
 
 def test_a_search_on_a_straight_leg_is_not_lost():
     cells = [(0, 0), (1, 0), (1, 0), (2, 0)]
-    items = track_mission(FRAME, cells, [False, False, True, False], merge_legs=True).items
+    items = track_mission(FRAME, cells, [False, False, True, False], style=TrackStyle(True)).items
     assert [place(item) for item in items[1:-1]] == [(0, 0), (1, 0), (1, 0), (1, 0), (2, 0)]
 
 
@@ -134,7 +131,7 @@ def test_ardupilot_numbers_home_and_px4_does_not():
 @given(CELLS, st.booleans())
 def test_every_mission_in_the_area_is_inside_its_fence(cells, merge_legs):
     searched = [True] * len(cells)
-    mission = track_mission(FRAME, cells, searched, merge_legs=merge_legs, datum_amsl_m=0.0)
+    mission = track_mission(FRAME, cells, searched, style=TrackStyle(merge_legs, datum_amsl_m=0.0))
     fence = Fence(FRAME, margin_m=0.0, min_amsl_m=30.0, max_amsl_m=120.0)
     for firmware in ("ardupilot", "px4"):
         items = mission.numbered(firmware)
@@ -157,4 +154,4 @@ def test_an_empty_track_is_refused():
 )
 def test_numbers_that_no_autopilot_would_take_are_refused(option, value):
     with pytest.raises(ValueError, match=f"^{option} must be "):
-        track_mission(FRAME, [(0, 0)], **{option: value})
+        track_mission(FRAME, [(0, 0)], style=TrackStyle(**{option: value}))

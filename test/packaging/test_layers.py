@@ -66,7 +66,7 @@ LAYERS: dict[str, tuple[set[str], set[str]]] = {
         {"ros", "messages", "mavlink"},
     ),
     "dsse_ros.mission_items": (
-        {"dsse_ros.mission_items", "dsse_ros.scenario"},
+        {"dsse_ros.mission_items", "dsse_ros.scenario", "dsse_ros.checks"},
         {"ros", "messages", "mavlink"},
     ),
     "dsse_ros.step": (
