@@ -97,6 +97,10 @@ class GridFrame:
             raise ValueError(f"drones must be {len(self.alts_m)}, got {drones}")
         return list(self.alts_m) or [self.alt_m] * drones
 
+    def alt_of(self, drone: int) -> float:
+        """Return the flight altitude of one drone, by its number."""
+        return self.alts_m[drone] if self.alts_m else self.alt_m
+
     def of_drone(self, drone: int) -> GridFrame:
         """Return the frame with the flight altitude of one drone, by its number."""
         return replace(self, alt_m=self.alts_m[drone], alts_m=()) if self.alts_m else self
@@ -170,10 +174,8 @@ def map_positions(
     """
     array = np.asarray(cells, dtype=np.float64).reshape(-1, 2)
     x_m, y_m = cell_to_map(frame, array[:, 0], array[:, 1])
-    if drone is None:
-        alts_m = frame.altitudes_m(len(array))
-    else:
-        alts_m = [frame.alts_m[drone] if frame.alts_m else frame.alt_m] * len(array)
+    count = len(array)
+    alts_m = frame.altitudes_m(count) if drone is None else [frame.alt_of(drone)] * count
     return list(zip(x_m.tolist(), y_m.tolist(), alts_m, strict=True))
 
 

@@ -159,9 +159,9 @@ def cell_to_geodetic(frame: GridFrame, col: F, row: F, z_m: float | F) -> tuple[
 
 
 @lru_cache(maxsize=1 << 16)
-def cell_fix(frame: GridFrame, col: int, row: int) -> tuple[float, float, float]:
-    """Return `cell_to_geodetic` at flight altitude, remembered: drones revisit few cells."""
-    return map_to_geodetic(frame, *cell_to_map(frame, col, row), frame.alt_m)
+def cell_fix(frame: GridFrame, drone: int, col: int, row: int) -> tuple[float, float, float]:
+    """Return `cell_to_geodetic` at a drone's altitude, remembered: drones revisit few cells."""
+    return map_to_geodetic(frame, *cell_to_map(frame, col, row), frame.alt_of(drone))
 
 
 def offset_m(start: tuple[float, float], end: tuple[float, float]) -> tuple[float, float]:

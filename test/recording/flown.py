@@ -95,7 +95,7 @@ class Flown:
             for i, cell in enumerate(cells.tolist()):
                 self.publish(f"drone{i}/pose", pose_stamped(head, positions[i]))
                 body = header(base_link(f"drone{i}"), stamp)
-                fix = cell_fix(frame.of_drone(i), *cell)
+                fix = cell_fix(frame, i, *cell)
                 self.publish(f"drone{i}/fix", nav_sat_fix(body, fix))
                 if (
                     battery := self.messages_of_step.make("drone<i>/battery", stamp, i)

@@ -70,7 +70,7 @@ def test_a_fix_is_the_point_of_the_ellipsoids_formulas_to_a_millimetre(frame, x_
 @given(FRAMES, st.integers(0, 400), st.integers(0, 400))
 def test_a_drone_flies_as_high_above_the_sea_50_km_away_as_over_the_origin(frame, col, row):
     frame = dataclasses.replace(frame, grid_size=401, cell_size_m=130.0)
-    assert cell_fix(frame, col, row)[2] == pytest.approx(frame.origin_alt_m + frame.alt_m)
+    assert cell_fix(frame, 0, col, row)[2] == pytest.approx(frame.origin_alt_m + frame.alt_m)
 
 
 @given(FRAMES, DISTANCES_M, DISTANCES_M, HEIGHTS_M)
@@ -120,7 +120,7 @@ def test_single_points_are_python_floats():
 def test_the_fix_of_a_cell_is_that_of_its_centre_at_flight_altitude(frame, data):
     col = data.draw(st.integers(0, frame.grid_size - 1))
     row = data.draw(st.integers(0, frame.grid_size - 1))
-    fix = cell_fix(frame, col, row)
+    fix = cell_fix(frame, 0, col, row)
     assert fix == cell_to_geodetic(frame, col, row, frame.alt_m)
     expected = (*cell_to_map(frame, col, row), frame.alt_m)
     assert geodetic_to_map(frame, *fix) == pytest.approx(expected, abs=1e-3)
