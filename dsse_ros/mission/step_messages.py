@@ -216,9 +216,7 @@ MESSAGES: dict[str, Callable[[StepMessages, Any, int, Display], Any]] = {
     "drone<i>/fix": lambda of, stamp, drone, _: _fix(of, stamp, drone),
     "drone<i>/battery": lambda of, stamp, drone, _: _battery(of, stamp, drone),
     "drone<i>/path": lambda of, stamp, drone, _: _path(of, stamp, drone),
-    "drones": lambda of, stamp, *_: pose_array(
-        of.header(stamp), of.positions, of.reused("drones")
-    ),
+    "drones": lambda of, stamp, *_: pose_array(of.header(stamp), of.positions, of.reused("drones")),
     "markers": lambda of, stamp, _, show: _markers(of, stamp, show.reveal_person),
     "probability_of_success": lambda of, *_: _pos(of),
     "mission_report": lambda of, stamp, *_: _mission_report(of, stamp),

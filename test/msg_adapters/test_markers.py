@@ -112,7 +112,8 @@ def test_a_track_is_drawn_through_its_corners():
 def test_wind_current_and_the_last_known_position_are_named_at_their_places():
     flows = [ShownFlow("wind", (8.0, 0.0), "a wind"), ShownFlow("current", (0.0, 0.5), "a current")]
     seen = ShownSighting(at(3, 4), 0.0, "LKP")
-    markers = shown(flows=flows, sightings=[seen], shore=[np.array([(0, 0), (9, 0), (9, 9)])])
+    ring = np.array([(0.0, 0.0), (9.0, 0.0), (9.0, 9.0)])
+    markers = shown(flows=flows, sightings=[seen], shore=[ring])
     wind, current = (of(markers, kind)[0].points for kind in ("wind", "current"))
     assert (wind[0].x, wind[0].y) == (1300.0, 1300.0)
     assert (wind[1].x, current[1].y) == (1300.0 + 480.0, 1300.0 + 300.0)

@@ -10,11 +10,10 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from std_msgs.msg import String
 
-from msg_adapters.agents import AgentsInfo, agents_message
-from msg_adapters.frames import GridFrame
-from msg_adapters.inbox import AgentsInbox, Latest
+from dsse_ros.scenario.agents import AgentsInfo, agents_json
+from dsse_ros.scenario.agents_inbox import AgentsInbox, Latest
+from dsse_ros.scenario.frames import GridFrame
 from msg_adapters.step_report import step_report_dtype
 
 INFO = AgentsInfo(
@@ -45,7 +44,7 @@ def test_the_latest_keys_have_their_last_values(keys: list[int], most: int) -> N
 def test_a_report_finds_the_agents_of_its_run() -> None:
     inbox = AgentsInbox()
     for run_id in (5, 9):
-        assert inbox.take(agents_message(replace(INFO, run_id=run_id))).run_id == run_id
+        assert inbox.take(agents_json(replace(INFO, run_id=run_id))).run_id == run_id
     report = np.zeros(1, step_report_dtype(2))
     report["run_id"] = 5
     found = inbox.of(report)
@@ -56,7 +55,7 @@ def test_a_report_finds_the_agents_of_its_run() -> None:
 
 def test_agents_that_cannot_be_read_replace_none() -> None:
     inbox = AgentsInbox()
-    inbox.take(agents_message(INFO))
+    inbox.take(agents_json(INFO))
     with pytest.raises(ValueError, match="agents"):
-        inbox.take(String(data="{}"))
+        inbox.take("{}")
     assert inbox.last == INFO and len(inbox) == 1
