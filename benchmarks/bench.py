@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks import (
+    ROOT,
     belief_step,
     conversion,
     goals,
@@ -28,7 +29,7 @@ from benchmarks import (
     speed,
     start_up,
 )
-from benchmarks.processes import ROOT, BenchmarkError
+from benchmarks.processes import BenchmarkError
 from benchmarks.published import BASELINE, LIMIT, V1, V2, Unavailable, build, install, versions
 from dsse_ros.progress import progress, say
 

@@ -25,8 +25,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks import incidents, planner_tables, plot
+from benchmarks import ROOT, incidents, planner_tables, plot
 from benchmarks.bench import RESULTS, machine, own_versions
+from benchmarks.intervals import LEVEL
+from benchmarks.planner_tables import BASELINE
 from benchmarks.reference_values import GREEDY, PPO, REINFORCE, SWEEP, Source
 from dsse_ros.campaign.estimates import clusters, of_mean, of_share
 from dsse_ros.planners import load_planner
@@ -35,13 +37,11 @@ from dsse_ros.progress import progress, say
 from dsse_ros.scenario.scenario import scenario_and_rules
 from dsse_ros.search import FieldError, Rules, Scenario
 
-ROOT = Path(__file__).resolve().parents[1]
 RESULTS_PAGE = ROOT / "docs" / "results.md"
 PAGES = (RESULTS_PAGE, ROOT / "docs" / "planners.md", ROOT / "docs" / "drift.md")
 CSV = ROOT / "docs" / "planner_results.csv"
 SEED = 20_000_000
 """Seed of the first mission; planners are tuned on other seeds."""
-BASELINE = planner_tables.BASELINE
 PLANNERS = (
     "random", "sweep", "creeping_line", "expanding_square", "spiral", "sector", "greedy",
     "optimal_effort", "route", "belief_greedy", "belief", "forward_backward",
@@ -50,7 +50,6 @@ AT_SEA = tuple(name for name in PLANNERS if name != "forward_backward")
 """Planners of the incidents; with their particles, `forward_backward` takes seconds per step."""
 PLANNER_SEEDS = {"belief": 32, "forward_backward": 16, "route": 16}
 """Number of shared seeds of slow planners; missions of other planners have their own seeds."""
-LEVEL = 0.99
 PARTS = ("cases", "disturbed", "faults", "incidents")
 
 

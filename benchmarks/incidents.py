@@ -22,6 +22,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmarks.intervals import LEVEL
 from dsse_ros.belief.beliefs import forecast_for
 from dsse_ros.campaign.estimates import of_mean, of_share
 from dsse_ros.drift.flow import utc
@@ -43,7 +44,6 @@ PARTICLES, TRACKS = 20_000, 4_000
 MINUTES = (15, 30, 60)
 BASELINE = "belief"
 """The planner that others are compared with, and that is shown with a wrong drift."""
-LEVEL = 0.99
 START_S = 1_772_366_400
 """Start of every search, seconds since 1970-01-01 UTC: 2026-03-01T12:00:00Z."""
 SEA = profile("sea")

@@ -17,7 +17,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.processes import ROOT, BenchmarkError, Process, last_line
+from benchmarks import ROOT
+from benchmarks.processes import BenchmarkError, Process, last_line
 from benchmarks.workload import random_walks
 from dsse_ros.scenario.rules import profile
 

@@ -15,7 +15,8 @@ from pathlib import Path
 from types import TracebackType
 from typing import IO, Any, Protocol
 
-ROOT = Path(__file__).resolve().parents[1]
+from benchmarks import ROOT
+
 TIMEOUT_S = 180.0
 
 

@@ -6,11 +6,11 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from benchmarks import ROOT
 from dsse_ros.drift.flow import constant_flow
 from dsse_ros.drift.leeway import leeway_class
 from dsse_ros.drift.tracks import Drift, Sighting, drift_tracks
@@ -18,7 +18,7 @@ from dsse_ros.planners import planner_for
 from dsse_ros.scenario.scenario import Scenario, scenario_and_rules
 from dsse_ros.search import World, parallel_env, profile
 
-KAYAK = Path(__file__).resolve().parents[1] / "config" / "kayak.yaml"
+KAYAK = ROOT / "config" / "kayak.yaml"
 BATCH, STEPS = 1024, 50
 PARTICLES, DECISIONS = 20_000, 40
 DRIFTING = (1_000, 100_000)

@@ -16,10 +16,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks import mpso
+from benchmarks.path_bound import upper_bound
 from dsse_ros.belief.beliefs import forecast_for
 from dsse_ros.planners.forward_backward import ForwardBackwardOnBelief
 from dsse_ros.planners.options import ForwardBackwardOptions
-from dsse_ros.planners.path_bound import upper_bound
 from dsse_ros.planners.planner import DecisionPoint
 from dsse_ros.scenario.rules import Rules
 from dsse_ros.scenario.scenario import Scenario, scenario_and_rules

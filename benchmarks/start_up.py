@@ -10,7 +10,7 @@ import sys
 import tempfile
 import time
 
-from benchmarks.processes import ROOT
+from benchmarks import ROOT
 
 FIRST_STEP = """
 from dsse_ros.search import parallel_env

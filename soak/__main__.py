@@ -22,8 +22,8 @@ from soak import ROOT
 from soak.rigs import use_defaults_of_dds
 from soak.row import Row, Run
 from soak.rows import ROWS
+from soak.table import RESULTS
 
-RESULTS = ROOT / "benchmarks" / "results" / "soak.json"
 BUILD = ROOT / ".venv" / "soak"
 CODE = ("dsse_ros", "msg_adapters", "soak", "config", "test/nodes", "test/flight", "benchmarks/ros")
 """What a result depends on; a row measured under the same conditions is not measured again."""

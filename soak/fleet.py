@@ -16,10 +16,9 @@ from autopilot.running import Running, running_autopilot
 
 from dsse_ros.scenario.frames import GridFrame
 from dsse_ros.scenario.geodesy import map_to_geodetic
-from soak.rigs import Bridge, Sim, domain
+from soak.rigs import DOWN, SEARCH, UP, Bridge, Sim, domain
 from soak.row import Figures, Goal, Row, Run, zero
 
-UP, DOWN, SEARCH = 2, 3, 4
 CELL_M = 130.0
 ALTITUDE_M = 250.0
 """Room for fifty layers, each almost five metres high."""

@@ -20,10 +20,9 @@ from dsse_ros.mission.command_intake import CommandIntake
 from dsse_ros.mission.mission import Mission
 from dsse_ros.scenario.frames import GridFrame
 from dsse_ros.search import parallel_env
-from soak.rigs import Bridge, Rig, domain, open_files, resident_bytes, threads
+from soak.rigs import SEARCH, UP, Bridge, Rig, domain, open_files, resident_bytes, threads
 from soak.row import Figures, Goal, Row, Run, zero
 
-UP, SEARCH = 2, 4
 SCENARIO: dict[str, Any] = {
     "grid_size": GRID_SIZE,
     "num_drones": 3,

@@ -15,7 +15,7 @@ from dsse_ros.mission.mission import Mission
 from dsse_ros.search import HOLD, Snapshot, SnapshotError, parallel_env
 from msg_adapters.step_report import step_report_from_message
 from soak.late_joiner import join
-from soak.rigs import Bridge, Process, Rig, Sim, autopilots, domain, fly
+from soak.rigs import DOWN, SEARCH, UP, Bridge, Process, Rig, Sim, autopilots, domain, fly
 from soak.row import Figures, Goal, Row, Run, zero
 from soak.traffic import ACTIONS, SEARCHED
 
@@ -285,7 +285,6 @@ def bridge_killed(run: Run) -> Figures:
     }
 
 
-UP, DOWN, SEARCH = 2, 3, 4
 SEARCH_OF_VEHICLES: dict[str, Any] = {
     "grid_size": 6,
     "cell_size": 130.0,

@@ -14,7 +14,10 @@ from bridge_rig import Bridge, autopilots, fly, health_when
 from rig import ENVIRONMENT, Process, Rig, Sim, search_of
 
 __all__ = [
+    "DOWN",
     "ENVIRONMENT",
+    "SEARCH",
+    "UP",
     "Bridge",
     "Process",
     "Rig",
@@ -31,6 +34,9 @@ __all__ = [
     "shared_files",
     "use_defaults_of_dds",
 ]
+
+UP, DOWN, SEARCH = 2, 3, 4
+"""Numbers of actions in the rules `paper`."""
 
 
 @contextlib.contextmanager

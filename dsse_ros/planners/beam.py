@@ -68,18 +68,6 @@ class Left(NamedTuple):
     y: NDArray[np.int64]
 
 
-class Values(NamedTuple):
-    """What plans are worth.
-
-    Attributes:
-        gamma: Discount per step.
-        kappa: Weight of the scenarios left at the end.
-    """
-
-    gamma: float
-    kappa: float
-
-
 class Problem(NamedTuple):
     """What a drone plans for.
 
@@ -328,13 +316,14 @@ def new_level(width, words, horizon):
 
 
 @compiled()
-def plan_drone(moves, scenarios, values, width, others, blocked, paths):
+def plan_drone(moves, scenarios, gamma, kappa, width, others, blocked, paths):
     """Search for a drone's best plans, given those of the others.
 
     Args:
         moves: Of the drone's kind.
         scenarios: The scenarios.
-        values: What plans are worth.
+        gamma: Discount of a find per step.
+        kappa: Of `Problem`.
         width: Nodes kept at each step.
         others: (N, M) float64, credits of the plans of the other drones, 0 for the drone itself.
         blocked: Of `Problem`.
@@ -348,7 +337,7 @@ def plan_drone(moves, scenarios, values, width, others, blocked, paths):
     side, horizon = len(moves.nearness), paths.shape[1] - 1
     words, most = (len(scenarios.ends) + 63) >> 6, width * len(moves.steps)
     left = left_by_others(scenarios, side, others)
-    problem = Problem(moves, scenarios, left, blocked, values.kappa)
+    problem = Problem(moves, scenarios, left, blocked, kappa)
     tree = Tree(np.empty((horizon + 1, width), np.int64), np.empty((horizon + 1, width), np.int64))
     now, after = new_level(width, words, horizon), new_level(width, words, horizon)
     tried = Candidates(
@@ -366,13 +355,13 @@ def plan_drone(moves, scenarios, values, width, others, blocked, paths):
         order = np.argsort(-tried.ranks[:found])
         nodes = keep_best(problem, tree, now, h, tried, order, after, in_cell)
         now, after, depth = after, now, h + 1
-        discount *= values.gamma
+        discount *= gamma
     worth = np.empty(nodes)
     write_values(problem, tree, now, depth, worth)
     return write_paths(tree, depth, np.argsort(-worth), paths), depth
 
 
-@compiled()
+@part
 def write_paths(tree, depth, order, paths):
     """Write the paths to the last nodes in this order, (V, H + 1), and return their number."""
     found = min(len(order), len(paths))

@@ -20,18 +20,44 @@ from dsse_ros.belief.belief_kernels import MARGIN
 from dsse_ros.belief.future_kernels import index
 from dsse_ros.belief.protocol import LooksToCome, TargetBelief, TargetForecast
 from dsse_ros.planners import plan_kernels
-from dsse_ros.planners.beam import Values, plan_drone
+from dsse_ros.planners.beam import plan_drone
 from dsse_ros.planners.options import BeamOptions
 from dsse_ros.planners.planner import DecisionPoint
 from dsse_ros.planners.reach import Reach
 from dsse_ros.scenario.actions import Cell
+from dsse_ros.scenario.rules import Rules
 from dsse_ros.scenario.swarm import Swarm, number_of
 from dsse_ros.step.looks import Looks, looks_of
+from dsse_ros.targets.registry import has_own_drift
 
 CLOSENESS = 0.7
 """Factor on the worth of a scenario left at the end of a plan for each move to it."""
 WARM_DRONES = 4
 """With up to so many drones, each allows for the last plans of the drones that plan after it."""
+FINALISTS, FINALISTS_OF_ALL = 8, 32
+"""Plans of a drone, and of all drones, that the exact filter compares in a step."""
+
+
+def steps_planned(rules: Rules, horizon: int | None) -> int:
+    """Return the steps that plans look ahead; by default longer where persons stay near the datum.
+
+    Args:
+        rules: The rules of the search.
+        horizon: The steps that are asked for, see `BeamOptions`.
+    """
+    return horizon or (10 if has_own_drift(rules.person_motion) else 15)
+
+
+def num_finalists(rules: Rules, num_drones: int) -> int:
+    """Return among how many of a beam's plans, besides the last plan, the exact filter chooses.
+
+    The samples overrate a plan that was optimized on them. If each person has an own drift, the
+    samples decide: the exact filter would cost as many times as much as there are drift samples,
+    for no gain.
+    """
+    if has_own_drift(rules.person_motion):
+        return 1
+    return max(min(FINALISTS, FINALISTS_OF_ALL // num_drones), 1)
 
 
 def _moves_of_kinds(swarm: Swarm, looks: Looks, side: int) -> list[plan_kernels.Moves]:
@@ -83,7 +109,7 @@ class BeamSearch:
         self._forecast = forecast
         self._options = options
         num_drones = forecast.scenario.num_drones
-        self._finalists = options.num_finalists(forecast.rules, num_drones)
+        self._finalists = num_finalists(forecast.rules, num_drones)
         self._rng = np.random.default_rng(seed)
         self._swarm = Swarm.of(forecast.scenario, forecast.rules)
         looks = looks_of(forecast.scenario, forecast.rules)
@@ -149,8 +175,8 @@ class BeamSearch:
                 blocked |= beyond[n]
             credits[n] = 0.0
             found, length = plan_drone(
-                self._kinds[kinds[n]], scenarios, Values(options.gamma, options.kappa),
-                options.width, credits, blocked, paths,
+                self._kinds[kinds[n]], scenarios, options.gamma, options.kappa, options.width,
+                credits, blocked, paths,
             )  # fmt: skip
             candidates = [PlannedPath(path, length) for path in paths[:found]]
             if plans[n].length and not blocked[np.arange(horizon), plans[n].path[1:]].any():

@@ -24,7 +24,7 @@ from dsse_ros.belief.beliefs import forecast_for, is_ensemble
 from dsse_ros.belief.drift_estimate import FIRST_OBSERVED, DriftEstimate
 from dsse_ros.belief.protocol import TargetBelief, TargetForecast
 from dsse_ros.planners.avoidance import approach
-from dsse_ros.planners.beam_search import BeamSearch
+from dsse_ros.planners.beam_search import BeamSearch, steps_planned
 from dsse_ros.planners.masking import is_returning, masked_moves
 from dsse_ros.planners.options import BeamOptions, BeliefOptions
 from dsse_ros.planners.planner import (
@@ -377,13 +377,14 @@ class BeamOnBelief:
         options: Options of the search.
     """
 
+    drift_samples = 16
+
     def __init__(self, options: BeamOptions) -> None:
         self._options = options
-        self.drift_samples = options.drift_samples
 
     def horizon(self, rules: Rules) -> int:
         """Return how many steps the plans look ahead."""
-        return self._options.steps_planned(rules)
+        return steps_planned(rules, self._options.horizon)
 
     def start(self, forecast: TargetForecast, seed: int) -> BeamSearch:
         """Return the tactic for a mission."""

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from dsse_ros.compiled.jit import compiled, inlined
+from dsse_ros.compiled.jit import compiled, inlined, part
 from dsse_ros.planners.path_kernels import gain_of, multiply_misses_of_looks, spread
 
 
@@ -151,7 +151,7 @@ def add_steps(task, total, here, h, s, k, low, high):
     return total
 
 
-@compiled()
+@part
 def bound_rest(task, bounds, h0, start):
     """Write bounds on what a searcher's looks from step h0 on add to the other searchers' plans.
 
@@ -216,7 +216,7 @@ def bound_cell(task, bounds, h0, h, cell):
             best[h, q, cell] = max(best[h, q, cell], weight * (gain - twice) + rest)
 
 
-@compiled()
+@part
 def was_there(cells, parents, h, node, cell):
     """Return whether the path to a node of step h has been in a cell."""
     while True:
@@ -305,13 +305,14 @@ def new_tried(task, width):
     )
 
 
-@compiled()
+@part
 def extend(task, options, paths, level, bounds, tried, h, nodes):
     """Write the moves from the paths to step h to `tried`, and return their number."""
     low, given, found = task.chain.starts[h, 0], len(options.given), 0
     size = task.chain.starts[h, -1] - low
     for node in range(nodes):
-        bounds.reach[low : low + size] = level.reach[node, :size]
+        for s in range(size):
+            bounds.reach[low + s] = level.reach[node, s]
         if h >= given:
             bound_rest(task, bounds, h, paths.cells[h, node])
         for a in range(len(task.graph.ahead)):
@@ -347,7 +348,7 @@ def cell_after(task, options, paths, h, node, a):
     return cell
 
 
-@compiled()
+@part
 def keep(task, paths, level, after, tried, order, reach, h):
     """Make the moves of this order the paths to the next step; `reach` is scratch."""
     chain, graph = task.chain, task.graph

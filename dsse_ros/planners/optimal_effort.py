@@ -22,13 +22,16 @@ from numpy.typing import NDArray
 from dsse_ros.belief.protocol import TargetBelief
 from dsse_ros.planners.belief import BeliefPlanner
 from dsse_ros.planners.belief_routes import RoutePlanning
-from dsse_ros.planners.options import EffortOptions
+from dsse_ros.planners.options import BeliefOptions
 from dsse_ros.planners.planner import Cell, Search
 from dsse_ros.scenario.actions import ActionSet
 from dsse_ros.step.looks import searches_of
 
+PERIOD = 4
+"""Steps between two plans: searches that fail change what later ones are worth."""
 
-def make_optimal_effort(search: Search, options: EffortOptions, *, seed: int) -> BeliefPlanner:
+
+def make_optimal_effort(search: Search, options: BeliefOptions, *, seed: int) -> BeliefPlanner:
     """Return a planner that allocates the effort of the next steps and routes it.
 
     The effort is the number of searches that the drones could do if they did not have to move.
@@ -46,7 +49,7 @@ def make_optimal_effort(search: Search, options: EffortOptions, *, seed: int) ->
         searches = allocate(belief.poc(), looks_of_search(belief), steps * len(present), reach)
         return nearest_routes(present, searches, actions)
 
-    tactic = RoutePlanning(plan, options.period)
+    tactic = RoutePlanning(plan, PERIOD)
     return BeliefPlanner(search, tactic, seed=seed, learn_drift=options.learn_drift)
 
 

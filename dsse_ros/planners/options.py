@@ -14,8 +14,6 @@ from typing import TYPE_CHECKING, Any
 
 from dsse_ros.planners.patterns import SearchPattern
 from dsse_ros.scenario.fields import Spec, check_all, check_known, field, specs
-from dsse_ros.scenario.rules import Rules
-from dsse_ros.targets.registry import has_own_drift
 
 if TYPE_CHECKING:
     from typing_extensions import Self
@@ -115,35 +113,11 @@ class BeamOptions(BeliefOptions):
     kappa: float = field(
         "float", "Weight of the scenarios left at the end of a plan.", 0.2, low=0, high=1e6
     )
-    drift_samples: int = field("int", "Angles of the persons' own drift.", 16, low=1, high=4096)
-    finalists: int | None = field(
-        "int", "Number of a beam's plans, in addition to the drone's last plan, among which the "
-        "exact filter chooses: the samples overrate a plan that was optimized on them. 1: the "
-        "samples decide. By default 8, but at most 32 for all drones together, or 1 if each "
-        "person has an own drift.", None, low=1, high=1000,
-    )  # fmt: skip
     budget_ms: float | None = field(
         "float", "Wall time of a step after which no further drone plans; the others continue "
         "their last plans. The same seed then need not give the same mission.", None, low=0,
         high=1e9, unit="ms",
     )  # fmt: skip
-
-    def steps_planned(self, rules: Rules) -> int:
-        """Return the horizon: longer where persons stay near the datum."""
-        return self.horizon or (10 if has_own_drift(rules.person_motion) else 15)
-
-    def num_finalists(self, rules: Rules, num_drones: int) -> int:
-        """Return the number of finalists.
-
-        If each person has an own drift, the exact filter costs as many times as much as there are
-        drift samples, for no gain.
-        """
-        usual = 1 if has_own_drift(rules.person_motion) else min(8, FINALISTS // num_drones)
-        return self.finalists or max(usual, 1)
-
-
-FINALISTS = 32
-"""Plans of all drones together that the exact filter compares in a step by default."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -162,28 +136,6 @@ class ForwardBackwardOptions(BeamOptions):
         "kappa is 0; 1: no proof.", 1, low=1, high=10**4,
     )  # fmt: skip
     revisits: bool = field("bool", "Whether a drone may be in a cell twice.", True)
-
-
-@dataclass(frozen=True, kw_only=True)
-class EffortOptions(BeliefOptions):
-    """Options of the optimal allocation of effort."""
-
-    period: int = field("int", "Steps between two plans.", 4, low=1, high=10**6)
-
-
-@dataclass(frozen=True, kw_only=True)
-class RouteOptions(BeliefOptions):
-    """Options of the routes of a solver."""
-
-    period: int = field("int", "Steps between two plans.", 3, low=1, high=10**6)
-    reach: int = field(
-        "int", "Steps that a route may take after the drones have arrived, unless the mission ends "
-        "sooner.", 15, low=1, high=10**6,
-    )  # fmt: skip
-    cells_per_drone: int = field(
-        "int", "Number of the most likely cells per drone to choose the routes from.", 12,
-        low=1, high=10**4,
-    )  # fmt: skip
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -23,7 +23,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from dsse_ros.compiled.jit import compiled, inlined
+from dsse_ros.compiled.jit import compiled, inlined, kernel, part
 
 
 class PathTask(NamedTuple):
@@ -51,15 +51,16 @@ class PathTask(NamedTuple):
     weights: NDArray[np.float64]
 
 
-@compiled()
+@kernel
 def forward(chain, miss, reach):
     """Write the probability that the person reaches each state undetected."""
     reach[:] = 0.0
-    reach[: len(chain.prior)] = chain.prior
+    for s in range(len(chain.prior)):
+        reach[s] = chain.prior[s]
     spread(chain, miss, reach, 0)
 
 
-@compiled()
+@part
 def spread(chain, miss, reach, h):
     """Complete `reach` from its layer h to the end; later layers must be 0."""
     for s in range(chain.starts[h, 0], chain.starts[-1, 0]):
@@ -69,11 +70,12 @@ def spread(chain, miss, reach, h):
                 reach[chain.to[e]] += left * chain.chance[e]
 
 
-@compiled()
+@kernel
 def backward(chain, gains, worth, miss, later):
     """Write the expected value of what follows the looks at each state, if they all miss."""
     steps, last = len(gains), chain.starts[-1, 0]
-    later[last:] = worth
+    for k in range(len(worth)):
+        later[last + k] = worth[k]
     for h in range(steps - 1, -1, -1):
         for s in range(chain.starts[h, 0], chain.starts[h + 1, 0]):
             total = 0.0
@@ -86,7 +88,7 @@ def backward(chain, gains, worth, miss, later):
             later[s] = total
 
 
-@compiled()
+@kernel
 def value_of(chain, gains, worth, miss, reach):
     """Return the expected value of plans, after `forward`."""
     total = 0.0
@@ -99,7 +101,7 @@ def value_of(chain, gains, worth, miss, reach):
     return total
 
 
-@compiled()
+@part
 def multiply_misses_of_looks(chain, graph, h, a, cell, values):
     """Multiply `values` of the states of a layer by the probabilities that a move's looks miss.
 
@@ -118,7 +120,7 @@ def multiply_misses_of_looks(chain, graph, h, a, cell, values):
                 values[s] *= 1.0 - graph.pods[k, chain.persons[s]]
 
 
-@compiled()
+@kernel
 def multiply_miss(chain, graph, start, moves, miss):
     """Multiply `miss` by the probabilities that the looks of these moves (H,) miss."""
     cell = start
@@ -174,7 +176,7 @@ def reachable(ahead, start, steps):
     return np.flatnonzero(now)
 
 
-@compiled()
+@kernel
 def worth_of_ends(left, worth, nearness, columns, ends):
     """Write what one more searcher that ends in these columns adds to the worth.
 
@@ -186,54 +188,10 @@ def worth_of_ends(left, worth, nearness, columns, ends):
         ends: (C,) float64 in and out.
     """
     side = len(nearness)
-    for i in np.flatnonzero(left):
+    for i in range(len(left)):
+        if left[i] == 0.0:
+            continue
         y, x = i // side, i % side
         for j in columns:
             near = nearness[abs(j // side - y), abs(j % side - x)]
             ends[j] += left[i] * max(near - worth[i], 0.0)
-
-
-@compiled()
-def look_values(task, reach, values):
-    """Write what the looks of each move would add.
-
-    Args:
-        task: As in the module; of it, `ends`, `blocked` and `weights` are not read.
-        reach: As in the module.
-        values: (H, A, C) float64 out, by step, move and column after it.
-    """
-    for h in range(len(task.gains)):
-        for a in range(len(task.graph.ahead)):
-            for cell in range(task.graph.ahead.shape[1]):
-                values[h, a, cell] = gain_of(task, reach, h, a, cell)
-
-
-@compiled()
-def longest(ahead, blocked, values, start, moves):
-    """Find the path with the greatest sum of values, by dynamic programming; return the sum.
-
-    Args:
-        ahead: (A, C) of `SearchGraph`.
-        blocked: (H, C) bool.
-        values: (H, A, C) float64.
-        start: The first column.
-        moves: (H,) int64 out.
-    """
-    steps, num_moves, columns = values.shape
-    best = np.full((steps + 1, columns), -np.inf)
-    chosen = np.zeros((steps, columns), np.int64)
-    best[steps] = 0.0
-    for h in range(steps - 1, -1, -1):
-        for cell in range(columns):
-            for a in range(num_moves):
-                after = ahead[a, cell]
-                if after < 0 or blocked[h, after]:
-                    continue
-                total = values[h, a, after] + best[h + 1, after]
-                if total > best[h, cell]:
-                    best[h, cell], chosen[h, cell] = total, a
-    cell = start
-    for h in range(steps):
-        moves[h] = chosen[h, cell]
-        cell = ahead[moves[h], cell]
-    return best[0, start]

@@ -51,11 +51,6 @@ class Improved(NamedTuple):
     value: float
     bound: float
 
-    @property
-    def optimal(self) -> bool:
-        """Whether the plans are proven to be optimal."""
-        return _proven(self.value, self.bound)
-
 
 def _proven(value: float, bound: float) -> bool:
     """Return whether no plans can be better than those of this value."""

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dsse_ros.belief.belief_kernels import MARGIN
-from dsse_ros.compiled.jit import compiled, inlined, kernel
+from dsse_ros.compiled.jit import inlined, kernel
 
 
 class Moves(NamedTuple):
@@ -145,7 +145,7 @@ def credit_plan(moves, scenarios, path, length, gamma, credit):
         worth *= gamma
 
 
-@compiled()
+@kernel
 def worth_of_left(left, nearness, end):
     """Return the worth of the persons left at the end to a drone in a cell.
 

@@ -26,12 +26,10 @@ from dsse_ros.planners.options import (
     PATTERNS,
     BeamOptions,
     BeliefOptions,
-    EffortOptions,
     ForwardBackwardOptions,
     OnnxOptions,
     Options,
     PatternOptions,
-    RouteOptions,
 )
 from dsse_ros.planners.pattern_routes import PatternRoutes
 from dsse_ros.planners.planner import Planner, PlannerFactory, Search
@@ -98,14 +96,14 @@ LOADED_PLANNERS: Mapping[str, LoadedPlanner] = MappingProxyType(
             "persons",
         ),
         "optimal_effort": LoadedPlanner(
-            "dsse_ros.planners.optimal_effort:make_optimal_effort", EffortOptions, "persons"
+            "dsse_ros.planners.optimal_effort:make_optimal_effort", BeliefOptions, "persons"
         ),
         "astar": LoadedPlanner("dsse_ros.planners.astar:make_astar", Options, "cells"),
         "onnx": LoadedPlanner(
             "dsse_ros.planners.onnx:make_onnx", OnnxOptions, "", ("onnxruntime",)
         ),
         "route": LoadedPlanner(
-            "dsse_ros.planners.route:make_route", RouteOptions, "persons", ("ortools",)
+            "dsse_ros.planners.route:make_route", BeliefOptions, "persons", ("ortools",)
         ),
     }
 )

@@ -24,7 +24,7 @@ from dsse_ros.planners.optimal_effort import (
     looks_of_search,
     reach_of,
 )
-from dsse_ros.planners.options import RouteOptions
+from dsse_ros.planners.options import BeliefOptions
 from dsse_ros.planners.planner import Cell, Search
 from dsse_ros.scenario.actions import ActionSet
 
@@ -33,6 +33,12 @@ try:
 except ImportError as error:
     raise ImportError(f"{error}; {pip_install('routes')}") from error
 
+PERIOD = 3
+"""Steps between two plans: searches that fail change what later ones are worth."""
+STEPS_THERE = 15
+"""Steps that a route takes after the drones have arrived, as many as `belief` plans ahead."""
+CELLS_PER_DRONE = 12
+"""Most likely cells per drone to choose from; the solver's matrices grow with their square."""
 MICRO = 1_000_000
 """Scale of the gains: the solver takes whole numbers only."""
 NEVER = 1_000_000
@@ -41,7 +47,7 @@ _UNLIMITED_S = 86_400
 """Wall time for each part of the local search, which takes microseconds."""
 
 
-def make_route(search: Search, options: RouteOptions, *, seed: int) -> BeliefPlanner:
+def make_route(search: Search, options: BeliefOptions, *, seed: int) -> BeliefPlanner:
     """Return a planner that flies the routes of a solver.
 
     Args:
@@ -54,7 +60,7 @@ def make_route(search: Search, options: RouteOptions, *, seed: int) -> BeliefPla
         belief: TargetBelief, present: Sequence[Cell], steps: int, actions: Sequence[ActionSet]
     ) -> list[list[Cell]]:
         likely = belief.poc()
-        count, reach = options.cells_per_drone * len(present), reach_of(actions, present)
+        count, reach = CELLS_PER_DRONE * len(present), reach_of(actions, present)
         chosen = list(allocate(likely, SURE_LOOK, count, reach))
         chosen = chosen or [present[0]]
         found = expected_finds(likely, looks_of_search(belief))
@@ -65,13 +71,13 @@ def make_route(search: Search, options: RouteOptions, *, seed: int) -> BeliefPla
         nearest = [min(of_drone[n][len(present) :]) for n, of_drone in enumerate(ways)]
         there = max((steps for steps in nearest if steps < NEVER), default=0)
         limit = belief.forecast.scenario.timestep_limit
-        time = max(1, min(there + options.reach, limit - belief.step))
+        time = max(1, min(there + STEPS_THERE, limit - belief.step))
         return [
             [nodes[i] for i in route] or [cell]
             for route, cell in zip(solve(ways, gains, time), present, strict=True)
         ]
 
-    tactic = RoutePlanning(plan, options.period)
+    tactic = RoutePlanning(plan, PERIOD)
     return BeliefPlanner(search, tactic, seed=seed, learn_drift=options.learn_drift)
 
 

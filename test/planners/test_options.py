@@ -128,7 +128,6 @@ def test_a_text_is_read_as_a_scenario_file_reads_it(text: str, value: Any) -> No
 @pytest.mark.parametrize(
     ("texts", "line"),
     [
-        (["finalists=0"], "finalists must be an integer >= 1 and <= 1000, got 0"),
         (["width=0"], "width must be an integer >= 1 and <= 100000, got 0"),
         (["samples=0"], "samples must be an integer >= 1 and <= 1000000, got 0"),
         (["samples=1e3"], "samples must be an integer >= 1 and <= 1000000, got 1000.0"),

@@ -30,7 +30,6 @@ FITTING = [
 """Planners, with the profiles whose task is theirs."""
 FINDING = [name for name, rules in PROFILES.items() if not rules.covers]
 """Profiles with persons."""
-SMALL = {name: {**options, "drift_samples": 4} for name, options in LITTLE_EFFORT.items()}
 
 
 @pytest.mark.slow
@@ -43,7 +42,7 @@ def test_no_planner_leaves_the_area_or_lets_drones_collide(name: str, rules: str
         env = parallel_env(scenario_of(mask, rng, 4), rules=rules, probability_of_detection=0.0)
         if rules == "v1":
             env = parallel_env(scenario_of(mask, rng, 4), rules=rules)
-        planner = planner_for(env, name, seed=seed, **SMALL.get(name, {}))
+        planner = planner_for(env, name, seed=seed, **LITTLE_EFFORT.get(name, {}))
         observations, infos = env.reset(seed=seed)
         while env.agents:
             actions = planner(observations, infos)
@@ -65,7 +64,7 @@ def test_every_planner_decides_for_drones_that_are_observed_outside_the_area(
         rng = np.random.default_rng(seed)
         given = scenario_of(random_mask(rng, 10), rng, 4)
         env = parallel_env(given, rules=rules, position_noise=0.8)
-        planner = planner_for(env, name, seed=seed, **SMALL.get(name, {}))
+        planner = planner_for(env, name, seed=seed, **LITTLE_EFFORT.get(name, {}))
         observations, infos = env.reset(seed=seed)
         for _ in range(20):
             actions = planner(observations, infos)
@@ -174,7 +173,7 @@ def test_an_area_that_is_the_whole_grid_plans_as_without_one() -> None:
         moves = []
         for area in (around, None):
             env = parallel_env(area=area, num_drones=3, cell_size=130.0)
-            planner = planner_for(env, name, **SMALL.get(name, {}))
+            planner = planner_for(env, name, **LITTLE_EFFORT.get(name, {}))
             observations, infos = env.reset(seed=2)
             cells = []
             while env.agents:

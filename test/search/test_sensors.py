@@ -90,7 +90,7 @@ def test_world_b_of_a_batch_is_the_single_environment(rules: str) -> None:
 def test_the_planner_knows_from_its_infos_what_the_simulation_knows() -> None:
     env = parallel_env(rules="v2", observe="belief", **FIELDS)
     observations, infos = env.reset(seed=3)
-    planner: Any = planner_for(env, "belief", seed=0, samples=256, drift_samples=64)
+    planner: Any = planner_for(env, "belief", seed=0, samples=256)
     steps = 0
     while env.agents and steps < 25:
         actions = planner(observations, infos)

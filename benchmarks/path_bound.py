@@ -1,5 +1,6 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
+# mypy: disable-error-code="no-untyped-def"
 """A bound on the probability of detection by any joint paths, to state how good a plan is."""
 
 from __future__ import annotations
@@ -8,8 +9,9 @@ import math
 
 import numpy as np
 
+from dsse_ros.compiled.jit import compiled, kernel
 from dsse_ros.planners import path_kernels
-from dsse_ros.planners.path_kernels import PathTask
+from dsse_ros.planners.path_kernels import PathTask, gain_of
 from dsse_ros.planners.path_problem import PathProblem, Plan, Plans
 
 
@@ -41,7 +43,7 @@ def upper_bound(problem: PathProblem, cuts: int, rng: np.random.Generator) -> fl
             problem.chain, graph, problem.gains, np.empty(0), miss, later,
             np.empty((0, 0), np.bool_), np.empty((0, 0)),
         )  # fmt: skip
-        path_kernels.look_values(task, reach, values)
+        look_values(task, reach, values)
         value = problem.value(plans)
         for n, plan in enumerate(plans):
             if plan is not None:
@@ -52,10 +54,56 @@ def upper_bound(problem: PathProblem, cuts: int, rng: np.random.Generator) -> fl
         total = constant
         for n, start in enumerate(problem.starts):
             path = np.empty(steps, np.int64)
-            total += path_kernels.longest(
+            total += longest(
                 graph.ahead, problem.blocked_for(n, [None] * count), slopes, start, path
             )
         bound = min(bound, total)
         paths.append(path)
         plans = [paths[i] for i in rng.integers(len(paths) // 2, len(paths), count)]
     return bound
+
+
+@kernel
+def look_values(task, reach, values):
+    """Write what the looks of each move would add.
+
+    Args:
+        task: As in `path_kernels`; of it, `ends`, `blocked` and `weights` are not read.
+        reach: As in `path_kernels`.
+        values: (H, A, C) float64 out, by step, move and column after it.
+    """
+    for h in range(len(task.gains)):
+        for a in range(len(task.graph.ahead)):
+            for cell in range(task.graph.ahead.shape[1]):
+                values[h, a, cell] = gain_of(task, reach, h, a, cell)
+
+
+@compiled()
+def longest(ahead, blocked, values, start, moves):
+    """Find the path with the greatest sum of values, by dynamic programming; return the sum.
+
+    Args:
+        ahead: (A, C) of `SearchGraph`.
+        blocked: (H, C) bool.
+        values: (H, A, C) float64.
+        start: The first column.
+        moves: (H,) int64 out.
+    """
+    steps, num_moves, columns = values.shape
+    best = np.full((steps + 1, columns), -np.inf)
+    chosen = np.zeros((steps, columns), np.int64)
+    best[steps] = 0.0
+    for h in range(steps - 1, -1, -1):
+        for cell in range(columns):
+            for a in range(num_moves):
+                after = ahead[a, cell]
+                if after < 0 or blocked[h, after]:
+                    continue
+                total = values[h, a, after] + best[h + 1, after]
+                if total > best[h, cell]:
+                    best[h, cell], chosen[h, cell] = total, a
+    cell = start
+    for h in range(steps):
+        moves[h] = chosen[h, cell]
+        cell = ahead[moves[h], cell]
+    return best[0, start]
