@@ -25,8 +25,9 @@ from benchmarks.compare import CASES, RESULTS_PAGE
 from benchmarks.intervals import quantile
 from benchmarks.pages import with_table
 from dsse_ros.belief.beliefs import forecast_for
-from dsse_ros.planners.belief import BeamOnBelief
-from dsse_ros.planners.forward_backward import ForwardBackwardOnBelief
+from dsse_ros.planners.beam_search import BeamSearch, steps_planned
+from dsse_ros.planners.belief import DRIFT_SAMPLES
+from dsse_ros.planners.forward_backward import ForwardBackward
 from dsse_ros.planners.options import BeamOptions, ForwardBackwardOptions
 from dsse_ros.planners.planner import DecisionPoint
 from dsse_ros.step.looks import looks_of
@@ -38,21 +39,23 @@ NEGLIGIBLE = 1e-6
 """A mission ends when it is this probable that the person has not been found."""
 
 
-def mean_steps(key: str, factory: BeamOnBelief, seed: int, most: int | None = None) -> float:
+def mean_steps(key: str, options: BeamOptions, seed: int, most: int | None = None) -> float:
     """Return the mean time to a find in steps, of which a mission without a find has the limit.
 
     Args:
         key: Of `CASES`.
-        factory: Makes the planner.
+        options: Of the planner, which is `forward_backward` if they are its options.
         seed: Seed of the planner.
         most: Steps played; None for the limit of the scenario.
     """
     case = CASES[key]
     scenario, rules = case.scenario.resolve(case.rules), case.rules
-    forecast = forecast_for(
-        scenario, rules, horizon=factory.horizon(rules), drift_samples=factory.drift_samples
-    )
-    tactic = factory.start(forecast, seed)
+    horizon = steps_planned(rules, options.horizon)
+    forecast = forecast_for(scenario, rules, horizon=horizon, drift_samples=DRIFT_SAMPLES)
+    if isinstance(options, ForwardBackwardOptions):
+        tactic: BeamSearch = ForwardBackward(forecast, options, seed=seed)
+    else:
+        tactic = BeamSearch(forecast, options, seed=seed)
     # The exact filter judges the plans; that of the planner has fewer angles of the persons' drift.
     belief, exact = forecast.belief(), forecast_for(scenario, rules).belief()
     looks, actions = looks_of(scenario, rules), rules.action_set
@@ -75,16 +78,15 @@ def mean_steps(key: str, factory: BeamOnBelief, seed: int, most: int | None = No
 
 def run(key: str, seeds: int) -> dict[str, Any]:
     """Return the mean times of a case with both planners, and the gain with its 99 % interval."""
-    plain = BeamOnBelief(BeamOptions())
-    improved = ForwardBackwardOnBelief(ForwardBackwardOptions(budget_ms=BUDGET_MS))
+    plain, improved = BeamOptions(), ForwardBackwardOptions(budget_ms=BUDGET_MS)
     # The deadlines of planners are of wall time, which others on the machine would take from them.
     with mock.patch("time.monotonic", time.process_time):
-        for factory in (plain, improved):
+        for options in (plain, improved):
             # The first decisions load the compiled functions.
-            mean_steps(key, factory, 0, most=2)
+            mean_steps(key, options, 0, most=2)
         times = {
-            name: np.array([mean_steps(key, factory, seed) for seed in range(seeds)])
-            for name, factory in (("belief", plain), ("forward_backward", improved))
+            name: np.array([mean_steps(key, options, seed) for seed in range(seeds)])
+            for name, options in (("belief", plain), ("forward_backward", improved))
         }
     before, after = times.values()
     error = math.sqrt((before.var(ddof=1) + after.var(ddof=1)) / seeds)

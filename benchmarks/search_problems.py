@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from benchmarks import mpso
 from benchmarks.path_bound import upper_bound
 from dsse_ros.belief.beliefs import forecast_for
-from dsse_ros.planners.forward_backward import ForwardBackwardOnBelief
+from dsse_ros.planners.forward_backward import ForwardBackward
 from dsse_ros.planners.options import ForwardBackwardOptions
 from dsse_ros.planners.planner import DecisionPoint
 from dsse_ros.scenario.rules import Rules
@@ -178,8 +178,7 @@ def solve(problem: Problem) -> Solution:
     scenario, rules = problem.scenario.resolve(problem.rules), problem.rules
     steps = scenario.timestep_limit
     options = replace(problem.options, horizon=steps - problem.lead, gamma=1.0, kappa=0.0)
-    factory = ForwardBackwardOnBelief(options)
-    forecast = forecast_for(scenario, rules, horizon=factory.horizon(rules))
+    forecast = forecast_for(scenario, rules, horizon=steps - problem.lead)
     belief, present = forecast.belief(), list(scenario.drones_positions)
     looks, actions = looks_of(scenario, rules), rules.action_set
     agents: list[Hashable] = list(range(len(present)))
@@ -187,7 +186,7 @@ def solve(problem: Problem) -> Solution:
         belief.update([look for n in agents for look in looks.done(n, actions.search, present[n])])
         belief.advance()
     before = belief.pos
-    tactic = factory.start(forecast, SEED)
+    tactic = ForwardBackward(forecast, options, seed=SEED)
     began = time.process_time()
     tactic(DecisionPoint(belief, agents, present))
     seconds = time.process_time() - began

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dsse_ros.planners.belief import BeliefPlanner, Forecasts
-from dsse_ros.planners.planner import Planner, PlannerFactory, SharedPlanner
+from dsse_ros.planners.planner import Planner, PlannerFactory, Shareable
 from dsse_ros.planners.registry import check_task, load_planner
 from dsse_ros.scenario.definition import SearchDefinition
 from dsse_ros.scenario.fields import FieldError, Spec
@@ -176,7 +176,7 @@ class _Group:
         Returns:
             The group, or one for each seed if the planner has drawn for the first time.
         """
-        if self.drawn or not isinstance(self.planner, SharedPlanner):
+        if self.drawn or not isinstance(self.planner, Shareable):
             self._decide(batch)
             return [self]
         seeds = np.unique(self.seeds).tolist()
@@ -223,7 +223,7 @@ class _Group:
         groups = []
         for k in range(len(views)):
             chosen = of_view.ravel() == k
-            if not self.drawn and isinstance(self.planner, SharedPlanner):
+            if not self.drawn and isinstance(self.planner, Shareable):
                 planner: Planner = self.planner.with_seed(int(seeds[chosen][0]))
             else:
                 planner = self.planner if k == len(views) - 1 else _copied(self.planner)
@@ -249,7 +249,7 @@ def _collisions(drones: NDArray[np.void], here: NDArray[np.bool_]) -> NDArray[np
 
 
 def _copied(planner: Planner) -> Planner:
-    return planner.copy() if isinstance(planner, SharedPlanner) else copy.deepcopy(planner)
+    return planner.copy() if isinstance(planner, Shareable) else copy.deepcopy(planner)
 
 
 def _each(
@@ -274,7 +274,7 @@ def _groups(
         seeds: (M,) seed of the planner of each mission.
         threads: Number of threads that call the planners.
     """
-    shared = isinstance(make(0), SharedPlanner)
+    shared = isinstance(make(0), Shareable)
     parts: list[tuple[NDArray[np.int64], int]] = []
     if shared:
         for thread in range(min(threads, len(seeds))):
@@ -332,7 +332,7 @@ def play_missions(
 
     Args:
         count: M.
-        planner: One of `PLANNER_NAMES`, or a factory. Unless the planner is a `SharedPlanner`,
+        planner: One of `PLANNER_NAMES`, or a factory. Unless the planner is `Shareable`,
             `copy.deepcopy` must copy its state.
         scenario: As in `parallel_env`.
         rules: As in `parallel_env`.

@@ -13,8 +13,9 @@ from __future__ import annotations
 import copy
 import math
 import time
-from collections.abc import Mapping, Sequence
-from typing import Any, Protocol
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,6 +35,8 @@ from dsse_ros.planners.planner import (
     Infos,
     Observations,
     Search,
+    Tactic,
+    TacticFactory,
     cells_of,
     probability_of,
 )
@@ -44,66 +47,27 @@ from dsse_ros.scenario.scenario import ResolvedScenario
 from dsse_ros.scenario.swarm import Swarm, number_of
 from dsse_ros.step.looks import Looked, looks_of
 
-
-class Tactic(Protocol):
-    """Chooses from a belief where the drones of one mission go."""
-
-    def __call__(self, at: DecisionPoint) -> list[Cell]:
-        """Return the next cell of each drone; its present cell means a search there."""
-        ...
-
-    @property
-    def drawn(self) -> bool:
-        """Whether its seed has made a difference so far."""
-        ...
-
-    def copy(self) -> Tactic:
-        """Return an independent copy in the same state."""
-        ...
-
-    def with_seed(self, seed: int) -> Tactic:
-        """Return a copy as if started with this seed; the tactic must not have drawn yet."""
-        ...
-
-
-class TacticFactory(Protocol):
-    """Makes a tactic for each mission.
-
-    Attributes:
-        drift_samples: K of its forecasts, see `Forecast`.
-    """
-
-    @property
-    def drift_samples(self) -> int: ...  # noqa: D102
-
-    def horizon(self, rules: Rules) -> int:
-        """Return how many steps its tactics look ahead."""
-        ...
-
-    def start(self, forecast: TargetForecast, seed: int) -> Tactic:
-        """Return the tactic for a mission."""
-        ...
+DRIFT_SAMPLES = 16
+"""Angles of the persons' own drift in the belief of a tactic; one more costs as much as the first.
+"""
+CLOSENESS = 0.7
+"""Factor of `GreedyOnBelief` on the probability of a cell for each move to it."""
 
 
 class GreedyOnBelief(DrawsNothing):
     """Sends each drone to a likely cell near it, a different one for each drone.
 
     Among the remaining drones and cells, the tactic matches the pair with the greatest probability
-    times `closeness` to the power of the distance. A drone searches where it is if its next cell
+    times `CLOSENESS` to the power of the distance. A drone searches where it is if its next cell
     is another drone's present or already chosen cell.
+
+    Args:
+        forecast: Forecast of the mission.
+        seed: Makes no difference.
     """
 
-    drift_samples = 16
-    closeness = 0.7
-
-    def horizon(self, rules: Rules) -> int:
-        """Return 0: the tactic uses the present belief only."""
-        return 0
-
-    def start(self, forecast: TargetForecast, seed: int) -> GreedyOnBelief:
-        """Return the tactic for a mission; the seed makes no difference."""
+    def __init__(self, forecast: TargetForecast, *, seed: int = 0) -> None:
         self._swarm = Swarm.of(forecast.scenario, forecast.rules)
-        return self
 
     def __call__(self, at: DecisionPoint) -> list[Cell]:
         """Return the cell that each drone goes to; see `Tactic`."""
@@ -121,7 +85,7 @@ class GreedyOnBelief(DrawsNothing):
                 for able, cell in zip(actions, present, strict=True)
             ]
         )
-        worth = likely * self.closeness**away
+        worth = likely * CLOSENESS**away
         for drones, component in connected_components(actions, present):
             if component is not None:
                 worth[drones] = np.where(component, worth[drones], -1.0)
@@ -144,12 +108,13 @@ class Forecasts:
 
     Args:
         rules: The rules of the search.
-        tactic: Sets the horizon and the drift samples of the forecasts.
+        horizon: Of the forecasts.
+        drift_samples: Of the forecasts.
     """
 
-    def __init__(self, rules: Rules, tactic: TacticFactory) -> None:
+    def __init__(self, rules: Rules, horizon: int, drift_samples: int) -> None:
         self._rules = rules
-        self._tactic = tactic
+        self._horizon, self._drift_samples = horizon, drift_samples
         self._kept: list[TargetForecast] = []
 
     def __call__(self, scenario: ResolvedScenario) -> TargetForecast:
@@ -160,8 +125,8 @@ class Forecasts:
         made = forecast_for(
             scenario,
             self._rules,
-            horizon=self._tactic.horizon(self._rules),
-            drift_samples=self._tactic.drift_samples,
+            horizon=self._horizon,
+            drift_samples=self._drift_samples,
             planning=True,
         )
         before = self._kept[-1] if self._kept else None
@@ -184,8 +149,10 @@ class BeliefPlanner:
 
     Args:
         search: The rules and the scenario.
-        tactic: Makes the tactic that chooses the drones' next cells.
+        new_tactic: Makes the tactic of a mission, which chooses the drones' next cells.
         seed: Seed of the tactic.
+        horizon: Steps that the tactic looks ahead.
+        drift_samples: Angles of the persons' own drift, see `Forecast`.
         learn_drift: Whether to learn the drift if the observed map is not the expected one. The
             planner does not learn it if drones observe the belief instead of the map
             (`Search.observed`), if no drift explains the maps, or if persons follow an ensemble.
@@ -194,19 +161,26 @@ class BeliefPlanner:
         belief: The belief at the last observation, None before the first. Its drift is
             `belief.forecast.scenario.vector`.
         forecasts: Planners with the same tactic that decide in turn, step by step, may share one.
-        drawn: See `SharedPlanner`.
+        drawn: See `Shareable`.
 
     Raises:
         ValueError: If search or a straight move is missing in the rules.
     """
 
     def __init__(
-        self, search: Search, tactic: TacticFactory, *, seed: int = 0, learn_drift: bool = True
+        self,
+        search: Search,
+        new_tactic: TacticFactory,
+        *,
+        seed: int = 0,
+        horizon: int = 0,
+        drift_samples: int = DRIFT_SAMPLES,
+        learn_drift: bool = True,
     ) -> None:
         self._search = search
-        self._factory = tactic
+        self._new_tactic = new_tactic
         self._seed = seed
-        self.forecasts = Forecasts(search.rules, tactic)
+        self.forecasts = Forecasts(search.rules, horizon, drift_samples)
         self._swarm = Swarm.of(search.scenario, search.rules).with_moves()
         self._may_be_held_up = search.scenario.may_be_held_up
         self._learn_drift = (
@@ -343,7 +317,7 @@ class BeliefPlanner:
             self.belief = forecast.belief()
         else:
             self.belief.reset()
-        self._tactic = self._factory.start(self._forecast, self._seed)
+        self._tactic = self._new_tactic(forecast, seed=self._seed)
 
     def _looked(self, present: Mapping[str, Cell], infos: Infos) -> list[tuple[Looked, bool]]:
         """Return the looks of the last step, and whether each has found a person.
@@ -370,32 +344,21 @@ class BeliefPlanner:
         return looked
 
 
-class BeamOnBelief:
-    """Makes `BeamSearch` for each mission.
-
-    Args:
-        options: Options of the search.
-    """
-
-    drift_samples = 16
-
-    def __init__(self, options: BeamOptions) -> None:
-        self._options = options
-
-    def horizon(self, rules: Rules) -> int:
-        """Return how many steps the plans look ahead."""
-        return steps_planned(rules, self._options.horizon)
-
-    def start(self, forecast: TargetForecast, seed: int) -> BeamSearch:
-        """Return the tactic for a mission."""
-        return BeamSearch(forecast, self._options, seed=seed)
+def make_beam(
+    kind: Callable[..., BeamSearch], search: Search, options: BeamOptions, seed: int
+) -> BeliefPlanner:
+    """Return a planner by a beam search of this kind."""
+    return BeliefPlanner(
+        search, partial(kind, options=options), seed=seed, learn_drift=options.learn_drift,
+        horizon=steps_planned(search.rules, options.horizon),
+    )  # fmt: skip
 
 
 def make_belief(search: Search, options: BeamOptions, *, seed: int) -> BeliefPlanner:
     """Return the planner `belief`: beam search on the belief, with scenarios drawn by this seed."""
-    return BeliefPlanner(search, BeamOnBelief(options), seed=seed, learn_drift=options.learn_drift)
+    return make_beam(BeamSearch, search, options, seed)
 
 
 def make_belief_greedy(search: Search, options: BeliefOptions, *, seed: int) -> BeliefPlanner:
     """Return the planner `belief_greedy`: each drone goes to a likely cell near it."""
-    return BeliefPlanner(search, GreedyOnBelief(), learn_drift=options.learn_drift)
+    return BeliefPlanner(search, GreedyOnBelief, learn_drift=options.learn_drift)

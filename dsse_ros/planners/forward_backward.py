@@ -15,7 +15,7 @@ import numpy as np
 
 from dsse_ros.belief.protocol import TargetForecast
 from dsse_ros.planners.beam_search import BeamSearch, PlannedPath
-from dsse_ros.planners.belief import BeamOnBelief, BeliefPlanner
+from dsse_ros.planners.belief import BeliefPlanner, make_beam
 from dsse_ros.planners.options import ForwardBackwardOptions
 from dsse_ros.planners.path_problem import PathProblem, Plan, SearchGraph, search_graph
 from dsse_ros.planners.path_search import improve
@@ -123,23 +123,8 @@ class ForwardBackward(BeamSearch):
         return moves
 
 
-class ForwardBackwardOnBelief(BeamOnBelief):
-    """Makes `ForwardBackward` for each mission.
-
-    Args:
-        options: Options of the search.
-    """
-
-    _options: ForwardBackwardOptions
-
-    def start(self, forecast: TargetForecast, seed: int) -> ForwardBackward:
-        """Return the tactic for a mission."""
-        return ForwardBackward(forecast, self._options, seed=seed)
-
-
 def make_forward_backward(
     search: Search, options: ForwardBackwardOptions, *, seed: int
 ) -> BeliefPlanner:
     """Return the planner `forward_backward`: the plans of `belief`, improved."""
-    tactic = ForwardBackwardOnBelief(options)
-    return BeliefPlanner(search, tactic, seed=seed, learn_drift=options.learn_drift)
+    return make_beam(ForwardBackward, search, options, seed)

@@ -53,7 +53,6 @@ from dsse_ros.planners.planner import (
 from dsse_ros.scenario.actions import ActionSet
 from dsse_ros.scenario.fields import FieldError, shown
 from dsse_ros.scenario.options import OBSERVED
-from dsse_ros.scenario.rules import Rules
 from dsse_ros.scenario.swarm import Swarm
 from dsse_ros.search.world_beliefs import DRIFT_SAMPLES
 from dsse_ros.search.wrappers import own_first
@@ -164,14 +163,17 @@ class OnnxOnBelief(DrawsNothing):
     """Flies a policy on a belief; a `Tactic`.
 
     Args:
-        policy: The policy.
-        swarm: What the drones can do.
-        grid_size: G.
+        forecast: Forecast of the mission.
+        new_policy: Makes the policy.
+        seed: Makes no difference.
     """
 
-    def __init__(self, policy: Policy, swarm: Swarm, grid_size: int) -> None:
-        self._policy, self._swarm = policy, swarm
-        self._masks = [actions.masks(grid_size) for actions in swarm.of_kinds]
+    def __init__(
+        self, forecast: TargetForecast, new_policy: Callable[[], Policy], *, seed: int = 0
+    ) -> None:
+        self._policy, self._swarm = new_policy(), Swarm.of(forecast.scenario, forecast.rules)
+        size = forecast.scenario.grid_size
+        self._masks = [actions.masks(size) for actions in self._swarm.of_kinds]
 
     def copy(self) -> OnnxOnBelief:
         """Return an independent copy in the same state; the model is shared."""
@@ -188,29 +190,6 @@ class OnnxOnBelief(DrawsNothing):
         probability = belief.poc().astype(np.float32)
         cells = dict(zip(agents, present, strict=True))
         return self._swarm.actions.ends(present, self._policy.actions(cells, probability, masks))
-
-
-class OnnxTactics:
-    """Makes `OnnxOnBelief` for each mission.
-
-    Args:
-        new_policy: Makes the policy of a mission.
-    """
-
-    # The same as in environments that observe the belief.
-    drift_samples = DRIFT_SAMPLES
-
-    def __init__(self, new_policy: Callable[[], Policy]) -> None:
-        self._new_policy = new_policy
-
-    def horizon(self, rules: Rules) -> int:
-        """Return 0: the model sees the present belief only."""
-        return 0
-
-    def start(self, forecast: TargetForecast, seed: int) -> OnnxOnBelief:
-        """Return the tactic for a mission; the seed makes no difference."""
-        swarm = Swarm.of(forecast.scenario, forecast.rules)
-        return OnnxOnBelief(self._new_policy(), swarm, forecast.scenario.grid_size)
 
 
 def encode(
@@ -277,7 +256,10 @@ def make_onnx(search: Search, options: OnnxOptions, *, seed: int) -> Planner:
     swarm = Swarm.of(search.scenario, search.rules) if stated["avoid_collisions"] else None
     new_policy = partial(Policy, session, None if swarm is None else swarm.actions)
     if stated["observe"] == "belief" and search.observed == "map":
-        return BeliefPlanner(search, OnnxTactics(new_policy))
+        # As many drift samples as in environments that observe the belief.
+        return BeliefPlanner(
+            search, partial(OnnxOnBelief, new_policy=new_policy), drift_samples=DRIFT_SAMPLES
+        )
     return OnnxPlanner(new_policy(), swarm)
 
 

@@ -21,43 +21,45 @@ from numpy.typing import NDArray
 
 from dsse_ros.belief.protocol import TargetBelief
 from dsse_ros.planners.belief import BeliefPlanner
-from dsse_ros.planners.belief_routes import RoutePlanning
+from dsse_ros.planners.belief_routes import RoutesOnBelief
 from dsse_ros.planners.options import BeliefOptions
 from dsse_ros.planners.planner import Cell, Search
 from dsse_ros.scenario.actions import ActionSet
 from dsse_ros.step.looks import searches_of
-
-PERIOD = 4
-"""Steps between two plans: searches that fail change what later ones are worth."""
-
-
-def make_optimal_effort(search: Search, options: BeliefOptions, *, seed: int) -> BeliefPlanner:
-    """Return a planner that allocates the effort of the next steps and routes it.
-
-    The effort is the number of searches that the drones could do if they did not have to move.
-
-    Args:
-        search: The rules and the scenario.
-        options: The options.
-        seed: Seed for the choice of the cell to step aside to when a route is blocked.
-    """
-
-    def plan(
-        belief: TargetBelief, present: Sequence[Cell], steps: int, actions: Sequence[ActionSet]
-    ) -> list[list[Cell]]:
-        reach = reach_of(actions, present)
-        searches = allocate(belief.poc(), looks_of_search(belief), steps * len(present), reach)
-        return nearest_routes(present, searches, actions)
-
-    tactic = RoutePlanning(plan, PERIOD)
-    return BeliefPlanner(search, tactic, seed=seed, learn_drift=options.learn_drift)
-
 
 LookAround = Sequence[tuple[int, int, float]]
 """Looks of a search, each dx, dy and POD: see `sensors.sensor.Look`."""
 
 SURE_LOOK: LookAround = [(0, 0, 1.0)]
 """A look at the searched cell with a POD of 1."""
+
+
+class OptimalEffort(RoutesOnBelief):
+    """Allocates the effort of the next steps, and routes it.
+
+    The effort is the number of searches that the drones could do if they did not have to move.
+    """
+
+    period = 4
+
+    def plan(
+        self, belief: TargetBelief, present: Sequence[Cell], steps: int, able: Sequence[ActionSet]
+    ) -> list[list[Cell]]:
+        """See `RoutesOnBelief.plan`."""
+        reach = reach_of(able, present)
+        searches = allocate(belief.poc(), looks_of_search(belief), steps * len(present), reach)
+        return nearest_routes(present, searches, able)
+
+
+def make_optimal_effort(search: Search, options: BeliefOptions, *, seed: int) -> BeliefPlanner:
+    """Return the planner `optimal_effort`.
+
+    Args:
+        search: The rules and the scenario.
+        options: The options.
+        seed: Seed for the choice of the cell to step aside to when a route is blocked.
+    """
+    return BeliefPlanner(search, OptimalEffort, seed=seed, learn_drift=options.learn_drift)
 
 
 def looks_of_search(belief: TargetBelief) -> LookAround:

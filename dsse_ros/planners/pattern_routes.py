@@ -20,7 +20,7 @@ from dsse_ros.scenario.probable_cells import most_probable
 
 @dataclass(frozen=True)
 class PatternRoutes:
-    """The routes of drones along one search pattern, a `RoutePlan`.
+    """The routes of drones along one search pattern, a `RouteLayout`.
 
     Each drone flies a contiguous stretch of the track, all as long to within a cell; the first
     one starts at the commence search point. Cells outside the grid and the area are left out.

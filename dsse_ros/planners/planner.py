@@ -1,6 +1,6 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""The interface of a planner: a policy from the drones' observations to their actions."""
+"""The two interfaces of policies: `Planner`, on observations, and `Tactic`, on a belief."""
 
 from __future__ import annotations
 
@@ -51,8 +51,8 @@ class Planner(Protocol):
 
 
 @runtime_checkable
-class SharedPlanner(Planner, Protocol):
-    """A planner that missions with different seeds can share until it first draws.
+class Shareable(Protocol):
+    """A planner or tactic that missions with different seeds can share until it first draws.
 
     Attributes:
         drawn: Whether its seed has made a difference so far.
@@ -61,17 +61,17 @@ class SharedPlanner(Planner, Protocol):
     @property
     def drawn(self) -> bool: ...  # noqa: D102
 
-    def copy(self) -> SharedPlanner:
+    def copy(self) -> Self:
         """Return an independent copy in the same state."""
         ...
 
-    def with_seed(self, seed: int) -> SharedPlanner:
-        """Return a copy as if made with this seed; the planner must not have drawn yet."""
+    def with_seed(self, seed: int) -> Self:
+        """Return a copy as if made with this seed; it must not have drawn yet."""
         ...
 
 
 class DrawsNothing:
-    """A `SharedPlanner`, or tactic, that draws nothing and replaces what changes in its state.
+    """A `Shareable` that draws nothing and replaces what changes in its state.
 
     Attributes:
         drawn: False.
@@ -138,8 +138,19 @@ class DecisionPoint(NamedTuple):
     batteries: Sequence[float] = ()
 
 
+class Tactic(Shareable, Protocol):
+    """A policy on a belief for one mission; `BeliefPlanner` makes it a `Planner`."""
+
+    def __call__(self, at: DecisionPoint) -> list[Cell]:
+        """Return the next cell of each drone; its present cell means a search there."""
+        ...
+
+
 PlannerFactory: TypeAlias = Callable[..., Planner]
 """Takes a `Search`, the keyword `seed` and the planner's own options as keywords."""
+
+TacticFactory: TypeAlias = Callable[..., Tactic]
+"""Takes the forecast of a mission and the keyword `seed`."""
 
 
 def cells_of(observations: Observations) -> list[Cell]:

@@ -25,7 +25,7 @@ class RandomMoves:
         seed: Seed of all draws.
 
     Attributes:
-        drawn: See `SharedPlanner`.
+        drawn: See `Shareable`.
     """
 
     def __init__(self, swarm: Swarm, *, seed: int = 0) -> None:

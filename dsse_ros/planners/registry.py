@@ -34,7 +34,7 @@ from dsse_ros.planners.options import (
 from dsse_ros.planners.pattern_routes import PatternRoutes
 from dsse_ros.planners.planner import Planner, PlannerFactory, Search
 from dsse_ros.planners.random_moves import RandomMoves
-from dsse_ros.planners.routes import RouteFollower, RoutePlan
+from dsse_ros.planners.routes import RouteLayout, RoutePlanner
 from dsse_ros.planners.sector import sector_routes
 from dsse_ros.planners.spiral import spiral_routes
 from dsse_ros.planners.sweep import sweep_routes
@@ -48,7 +48,7 @@ from dsse_ros.scenario.yaml_file import parse_yaml
 GROUP = "dsse_ros.planners"
 """Group of the entry points."""
 
-_ROUTES: Mapping[str, RoutePlan] = MappingProxyType(
+_ROUTES: Mapping[str, RouteLayout] = MappingProxyType(
     {
         "sweep": sweep_routes,
         "creeping_line": partial(sweep_routes, creeping=True),
@@ -60,7 +60,7 @@ _ROUTES: Mapping[str, RoutePlan] = MappingProxyType(
 
 PLANNERS: Mapping[str, Callable[..., Planner]] = MappingProxyType(
     {
-        **{name: partial(RouteFollower, plan) for name, plan in _ROUTES.items()},
+        **{name: partial(RoutePlanner, layout) for name, layout in _ROUTES.items()},
         "greedy": Greedy,
         "random": RandomMoves,
     }
@@ -138,13 +138,13 @@ def _by_actions(name: str, search: Search, options: Options, *, seed: int) -> Pl
     swarm = Swarm.of(search.scenario, search.rules)
     if name not in _ROUTES:
         return PLANNERS[name](swarm, seed=seed)
-    plan = _ROUTES[name]
+    layout: RouteLayout = _ROUTES[name]
     if isinstance(options, PatternOptions) and options.pattern is not None:
         scenario = search.scenario.resolve(search.rules)
         if options.datum is not None:
             check_cell("datum", options.datum, scenario.grid_size)
-        plan = PatternRoutes(options.pattern, scenario.cell_size, options.datum)
-    return RouteFollower(plan, swarm, seed=seed, covers=search.rules.covers)
+        layout = PatternRoutes(options.pattern, scenario.cell_size, options.datum)
+    return RoutePlanner(layout, swarm, seed=seed, covers=search.rules.covers)
 
 
 def _registered() -> dict[str, list[EntryPoint]]:

@@ -16,7 +16,7 @@ import numpy as np
 from dsse_ros.belief.protocol import TargetBelief
 from dsse_ros.extras import pip_install
 from dsse_ros.planners.belief import BeliefPlanner
-from dsse_ros.planners.belief_routes import RoutePlanning
+from dsse_ros.planners.belief_routes import RoutesOnBelief
 from dsse_ros.planners.optimal_effort import (
     SURE_LOOK,
     allocate,
@@ -33,8 +33,6 @@ try:
 except ImportError as error:
     raise ImportError(f"{error}; {pip_install('routes')}") from error
 
-PERIOD = 3
-"""Steps between two plans: searches that fail change what later ones are worth."""
 STEPS_THERE = 15
 """Steps that a route takes after the drones have arrived, as many as `belief` plans ahead."""
 CELLS_PER_DRONE = 12
@@ -47,27 +45,24 @@ _UNLIMITED_S = 86_400
 """Wall time for each part of the local search, which takes microseconds."""
 
 
-def make_route(search: Search, options: BeliefOptions, *, seed: int) -> BeliefPlanner:
-    """Return a planner that flies the routes of a solver.
+class SolvedRoutes(RoutesOnBelief):
+    """Flies the routes of a solver."""
 
-    Args:
-        search: The rules and the scenario.
-        options: The options.
-        seed: Seed for the choice of the cell to step aside to when a route is blocked.
-    """
+    period = 3
 
     def plan(
-        belief: TargetBelief, present: Sequence[Cell], steps: int, actions: Sequence[ActionSet]
+        self, belief: TargetBelief, present: Sequence[Cell], steps: int, able: Sequence[ActionSet]
     ) -> list[list[Cell]]:
+        """See `RoutesOnBelief.plan`; the routes are longer than the steps until the next plan."""
         likely = belief.poc()
-        count, reach = CELLS_PER_DRONE * len(present), reach_of(actions, present)
+        count, reach = CELLS_PER_DRONE * len(present), reach_of(able, present)
         chosen = list(allocate(likely, SURE_LOOK, count, reach))
         chosen = chosen or [present[0]]
         found = expected_finds(likely, looks_of_search(belief))
         gains = [float(found[row, col]) for col, row in chosen]
         nodes = [*present, *chosen]
-        of_kinds = {able: _ways(able, nodes) for able in actions}
-        ways = [of_kinds[able] for able in actions]
+        of_kinds = {actions: _ways(actions, nodes) for actions in able}
+        ways = [of_kinds[actions] for actions in able]
         nearest = [min(of_drone[n][len(present) :]) for n, of_drone in enumerate(ways)]
         there = max((steps for steps in nearest if steps < NEVER), default=0)
         limit = belief.forecast.scenario.timestep_limit
@@ -77,8 +72,16 @@ def make_route(search: Search, options: BeliefOptions, *, seed: int) -> BeliefPl
             for route, cell in zip(solve(ways, gains, time), present, strict=True)
         ]
 
-    tactic = RoutePlanning(plan, PERIOD)
-    return BeliefPlanner(search, tactic, seed=seed, learn_drift=options.learn_drift)
+
+def make_route(search: Search, options: BeliefOptions, *, seed: int) -> BeliefPlanner:
+    """Return the planner `route`.
+
+    Args:
+        search: The rules and the scenario.
+        options: The options.
+        seed: Seed for the choice of the cell to step aside to when a route is blocked.
+    """
+    return BeliefPlanner(search, SolvedRoutes, seed=seed, learn_drift=options.learn_drift)
 
 
 def _ways(actions: ActionSet, nodes: Sequence[Cell]) -> list[list[int]]:

@@ -5,7 +5,7 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Hashable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TypeAlias
 
@@ -21,15 +21,15 @@ from dsse_ros.scenario.swarm import Swarm
 MAX_WAIT = 2
 """Turns that a drone waits for a blocked cell before it steps aside."""
 
-RoutePlan: TypeAlias = Callable[
+RouteLayout: TypeAlias = Callable[
     [Sequence[Cell], NDArray[np.float32], Sequence[ActionSet]], Sequence[Sequence[Cell]]
 ]
 """Maps the drones' cells, the map (G, G) and the actions of each drone to one route per drone, none
-empty."""
+empty. `RoutePlanner` flies them."""
 
 
 @dataclass
-class Track:
+class RouteProgress:
     """Progress of one drone along its route, which it flies back and forth."""
 
     route: Sequence[Cell]
@@ -69,44 +69,30 @@ class Track:
 class RouteFollower:
     """Flies each drone along its route: to the next cell, search there, and on.
 
-    It plans the routes from the first observation. A drone that has searched its whole route
-    waits for the others, flying next to the route's end without searching. When all live drones
-    have finished, each flies its route backwards, and so on back and forth.
+    A drone that has searched its whole route waits for the others, flying next to the route's end
+    without searching. When all live drones have finished, each flies its route backwards, and so on
+    back and forth.
 
     Two drones never enter the same cell: a drone whose path is blocked searches where it is, and
-    steps aside after `MAX_WAIT` turns. The planner makes new routes if a new agent appears.
-
-    In coverage tasks, where a drone covers each cell that it enters, it flies over the cells of its
-    route that are left to cover, without a search.
+    steps aside after `MAX_WAIT` turns.
 
     Args:
-        plan: Makes the routes.
         swarm: What the drones can do.
         seed: Seed for the choice of the cell to step aside to.
-        covers: Whether the task is to cover cells.
 
     Attributes:
-        drawn: See `SharedPlanner`.
+        drawn: See `Shareable`.
 
     Raises:
         ValueError: If a straight move is missing.
     """
 
-    def __init__(
-        self,
-        plan: RoutePlan,
-        swarm: Swarm,
-        *,
-        seed: int = 0,
-        covers: bool = False,
-    ) -> None:
-        self._plan = plan
-        self._covers = covers
+    def __init__(self, swarm: Swarm, *, seed: int = 0) -> None:
         self._swarm = swarm.with_moves()
         self._rng = np.random.default_rng(seed)
         self._shuffled: list[int] = []
         self.drawn = False
-        self._tracks: dict[str, Track] = {}
+        self._tracks: dict[Hashable, RouteProgress] = {}
         self._size = 0
         self._swept = False
 
@@ -125,25 +111,43 @@ class RouteFollower:
             twin._rng.shuffle([0] * length)
         return twin
 
-    def __call__(self, observations: Observations, infos: Infos) -> dict[str, int]:
-        """Return an action number for every observed drone; see `Planner`."""
-        if not observations:
-            return {}
-        present = cells_of(observations)
-        if not observations.keys() <= self._tracks.keys():
-            self._start(list(observations), present, probability_of(observations))
-        tracks = [self._tracks[agent] for agent in observations]
-        actions = self._swarm.actions_of(observations)
-        self._skip(tracks, actions, present, probability_of(observations))
-        self._swept = self._swept or all(track.finished for track in tracks)
+    def has_routes(self, agents: Collection[Hashable]) -> bool:
+        """Return whether each of these drones has a route."""
+        return self._tracks.keys() >= set(agents)
 
+    def start(
+        self, agents: Sequence[Hashable], routes: Sequence[Sequence[Cell]], size: int
+    ) -> None:
+        """Begin with one route for each drone, on a grid of this size."""
+        self._size = size
+        self._tracks = {a: RouteProgress(route) for a, route in zip(agents, routes, strict=True)}
+        self._swept = False
+
+    def next_cells(
+        self,
+        agents: Sequence[Hashable],
+        present: Sequence[Cell],
+        under_way: Collection[Hashable] = (),
+        left: NDArray[np.float32] | None = None,
+    ) -> list[Cell]:
+        """Return the next cell of each drone; its present cell means a search there.
+
+        Args:
+            agents: The live drones.
+            present: Their cells.
+            under_way: Drones that take no commands.
+            left: (G, G), what is left to cover. Drones cover what they fly over, so they skip the
+                rest of their routes. None if they search.
+        """
+        tracks = [self._tracks[agent] for agent in agents]
+        actions = self._swarm.actions_of(agents)
+        self._skip(tracks, actions, present, left)
+        self._swept = self._swept or all(track.finished for track in tracks)
         requested: list[Cell | None] = []
         ways: dict[int, Cell] = {}
         exits: dict[int, list[Cell]] = {}
-        for drone, (agent, track, cell) in enumerate(
-            zip(observations, tracks, present, strict=True)
-        ):
-            if is_under_way(infos.get(agent, {})):
+        for drone, (agent, track, cell) in enumerate(zip(agents, tracks, present, strict=True)):
+            if agent in under_way:
                 requested.append(cell)
                 continue
             end = self._request(track, actions[drone], cell)
@@ -159,34 +163,25 @@ class RouteFollower:
         for track, request, end in zip(tracks, requested, granted, strict=True):
             blocked = request is not None and request != end
             track.waited = track.waited + 1 if blocked else 0
-        cells = dict(zip(observations, present, strict=True))
-        return masked_moves(cells, granted, infos, self._swarm)
-
-    def _start(
-        self, agents: Sequence[str], cells: Sequence[Cell], probability: NDArray[np.float32]
-    ) -> None:
-        self._size = len(probability)
-        routes = self._plan(cells, probability, self._swarm.actions_of(agents))
-        self._tracks = {a: Track(route) for a, route in zip(agents, routes, strict=True)}
-        self._swept = False
+        return granted
 
     def _skip(
         self,
-        tracks: Sequence[Track],
+        tracks: Sequence[RouteProgress],
         actions: Sequence[ActionSet],
         present: Sequence[Cell],
-        left: NDArray[np.float32],
+        left: NDArray[np.float32] | None,
     ) -> None:
         """Skip the cells of routes that need no visit, or to which no moves lead."""
-        if not self._covers and all(able.two_way for able in self._swarm.of_kinds):
+        if left is None and all(able.two_way for able in self._swarm.of_kinds):
             return
         for track, able, cell in zip(tracks, actions, present, strict=True):
-            if self._covers:
+            if left is not None:
                 track.skip_covered(left)
             if not able.two_way:
                 track.skip_unreachable(able, cell)
 
-    def _request(self, track: Track, actions: ActionSet, cell: Cell) -> Cell | None:
+    def _request(self, track: RouteProgress, actions: ActionSet, cell: Cell) -> Cell | None:
         """Return the cell that a drone wants to be in next; None if it only makes room."""
         if track.finished and not self._swept:
             return None
@@ -195,7 +190,7 @@ class RouteFollower:
             return cell
         return None if track.waited >= MAX_WAIT else actions.towards(cell, track.goal)
 
-    def _way_out(self, track: Track, actions: ActionSet, cell: Cell) -> Cell:
+    def _way_out(self, track: RouteProgress, actions: ActionSet, cell: Cell) -> Cell:
         """Return the cell that a drone which makes room would rather be in next."""
         if not track.finished or self._swept:
             return actions.towards(cell, track.goal)
@@ -226,3 +221,58 @@ class RouteFollower:
             ]
             exits = {n: [c for c in cells if c not in occupied] for n, cells in exits.items()}
         return resolve_conflicts_with_yielding(present, requested, exits)
+
+
+class RoutePlanner:
+    """Flies routes; a `Planner`.
+
+    It lays them out at the first observation, and again if a new agent appears.
+
+    Args:
+        layout: Lays out the routes.
+        swarm: What the drones can do.
+        seed: See `RouteFollower`.
+        covers: Whether the task is to cover cells.
+
+    Raises:
+        ValueError: If a straight move is missing.
+    """
+
+    def __init__(
+        self, layout: RouteLayout, swarm: Swarm, *, seed: int = 0, covers: bool = False
+    ) -> None:
+        self._layout = layout
+        self._swarm = swarm
+        self._covers = covers
+        self._follower = RouteFollower(swarm, seed=seed)
+
+    @property
+    def drawn(self) -> bool:
+        """See `Shareable`."""
+        return self._follower.drawn
+
+    def copy(self) -> RoutePlanner:
+        """Return an independent copy in the same state."""
+        twin = copy.copy(self)
+        twin._follower = self._follower.copy()
+        return twin
+
+    def with_seed(self, seed: int) -> RoutePlanner:
+        """Return a copy that draws with this seed."""
+        twin = copy.copy(self)
+        twin._follower = self._follower.with_seed(seed)
+        return twin
+
+    def __call__(self, observations: Observations, infos: Infos) -> dict[str, int]:
+        """Return an action number for every observed drone; see `Planner`."""
+        if not observations:
+            return {}
+        agents, present = list(observations), cells_of(observations)
+        probability = probability_of(observations)
+        if not self._follower.has_routes(agents):
+            routes = self._layout(present, probability, self._swarm.actions_of(agents))
+            self._follower.start(agents, routes, len(probability))
+        under_way = [agent for agent in agents if is_under_way(infos.get(agent, {}))]
+        left = probability if self._covers else None
+        ends = self._follower.next_cells(agents, present, under_way, left)
+        return masked_moves(dict(zip(agents, present, strict=True)), ends, infos, self._swarm)

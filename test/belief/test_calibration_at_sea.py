@@ -53,7 +53,7 @@ def search(
     planned, belief = (
         forecast_for(scenario, SEA, planning=planning).belief() for planning in (True, False)
     )
-    tactic = GreedyOnBelief().start(planned.forecast, 0)
+    tactic = GreedyOnBelief(planned.forecast)
     cells = list(scenario.drones_positions)
     for _ in range(STEPS):
         ends = tactic(DecisionPoint(planned, range(DRONES), cells))
@@ -114,7 +114,7 @@ def test_pos_does_not_count_what_a_planner_has_chosen_by_chance() -> None:
         of_persons.tracks = replace(tracks, particles=tracks.truth, weights=weights)
         beliefs = {name: forecast.belief() for name, forecast in forecasts.items()}
         exact = of_persons.belief()
-        tactic = GreedyOnBelief().start(forecasts[True], 0)
+        tactic = GreedyOnBelief(forecasts[True])
         cells = list(scenario.drones_positions)
         for _ in range(STEPS):
             ends = tactic(DecisionPoint(beliefs[True], range(DRONES), cells))

@@ -12,7 +12,6 @@ from benchmarks.bench import RESULTS
 from benchmarks.compare import RESULTS_PAGE
 from benchmarks.decision_time import mean_steps, table
 from benchmarks.pages import with_table
-from dsse_ros.planners.belief import BeamOnBelief
 from dsse_ros.planners.options import BeamOptions
 
 ROW = {
@@ -22,8 +21,8 @@ ROW = {
 
 
 def test_each_step_counts_with_the_probability_that_nobody_was_found_before() -> None:
-    factory = BeamOnBelief(BeamOptions(samples=64, width=4))
-    times = [mean_steps("santos_8", factory, 0, most=most) for most in (1, 8, 16)]
+    options = BeamOptions(samples=64, width=4)
+    times = [mean_steps("santos_8", options, 0, most=most) for most in (1, 8, 16)]
     assert times[0] == pytest.approx(1.0)
     assert times[0] < times[1] <= 8.0 and times[1] < times[2] < 16.0
 

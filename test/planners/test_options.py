@@ -122,7 +122,7 @@ def test_a_seed_that_is_none_is_refused(planner: str, seed: Any) -> None:
 def test_a_text_is_read_as_a_scenario_file_reads_it(text: str, value: Any) -> None:
     option = text.partition("=")[0]
     planner: Any = planner_with(env_for("belief"), "belief", [text])
-    assert getattr(planner._factory._options, option) == value
+    assert getattr(planner._new_tactic.keywords["options"], option) == value
 
 
 @pytest.mark.parametrize(

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from dsse_ros.planners import make_planner
 from dsse_ros.planners.planner import Cell
-from dsse_ros.planners.routes import MAX_WAIT, RouteFollower
+from dsse_ros.planners.routes import MAX_WAIT, RoutePlanner
 from dsse_ros.scenario.swarm import Swarm
 
 action_names = st.sampled_from([STRAIGHT, DIAGONAL])
@@ -36,8 +36,8 @@ def test_from_any_start_the_whole_grid_is_searched(
     walker.cover(planner, limit=3 * longest + 30 * size + 30)
 
 
-def fixed_routes(*routes: Sequence[Cell]) -> RouteFollower:
-    return RouteFollower(lambda cells, probability, actions: routes, Swarm.alike(STRAIGHT))
+def fixed_routes(*routes: Sequence[Cell]) -> RoutePlanner:
+    return RoutePlanner(lambda cells, probability, actions: routes, Swarm.alike(STRAIGHT))
 
 
 def test_a_drone_that_stays_is_flown_around() -> None:
