@@ -129,7 +129,7 @@ def test_options_as_text_are_those_of_the_same_values() -> None:
     with_texts = planner_with(env, "sweep", texts)
     with_values = planner_for(env, "sweep", **values)
     assert with_texts(observations, infos) == with_values(observations, infos)
-    assert with_texts._plan == with_values._plan
+    assert with_texts._layout == with_values._layout
 
 
 @pytest.mark.parametrize(
