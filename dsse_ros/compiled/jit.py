@@ -83,6 +83,19 @@ def _locked(call: Callable[..., Any], folder: Path, kind: int) -> Callable[..., 
     return locked
 
 
+def _tolerant(load_index: Callable[[], dict[Any, str]]) -> Callable[[], dict[Any, str]]:
+    """Return a loader that takes an index of classes that were renamed for an empty one."""
+
+    @functools.wraps(load_index)
+    def load() -> dict[Any, str]:
+        try:
+            return load_index()
+        except (AttributeError, ImportError):
+            return {}
+
+    return load
+
+
 def fields_of(kinds: Iterable[Any]) -> tuple[Any, ...]:
     """Return the names of the fields of the named tuples among types, also of nested ones."""
     tuples: list[Any] = [kind for kind in kinds if isinstance(kind, types.BaseTuple)]
@@ -109,6 +122,7 @@ def compiled(**options: Any) -> Callable[[Callable[..., Any]], Any]:
         with contextlib.suppress(AttributeError):
             file = dispatcher._cache._cache_file
             folder = Path(dispatcher._cache.cache_path)
+            file._load_index = _tolerant(file._load_index)
             file.load = _locked(file.load, folder, fcntl.LOCK_SH)
             file.save = _locked(file.save, folder, fcntl.LOCK_EX)
             sources = sources_of(Path(function.__code__.co_filename))

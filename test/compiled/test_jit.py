@@ -99,6 +99,24 @@ def test_a_named_tuple_with_its_fields_in_another_order_has_it_compiled_anew(
 
 
 @pytest.mark.slow
+def test_a_named_tuple_with_another_name_has_it_compiled_anew(tmp_path: Path) -> None:
+    (tmp_path / "lower.py").write_text(
+        "from dsse_ros.compiled.jit import compiled\n"
+        "@compiled()\ndef lower(pair):\n    return pair.low\n"
+    )
+    for name in ("Pair", "Couple"):
+        (tmp_path / "pair.py").write_text(
+            f"from typing import NamedTuple\nclass {name}(NamedTuple):\n    low: float\n"
+        )
+        run = f"from lower import lower; from pair import {name}; print(lower({name}(1.0)))"
+        done = subprocess.run(
+            [sys.executable, "-B", "-c", run],
+            cwd=tmp_path, check=True, capture_output=True, text=True,
+        )  # fmt: skip
+        assert done.stdout == "1.0\n"
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("run", "module", "change", "results"),
     [
