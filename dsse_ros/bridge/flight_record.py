@@ -54,8 +54,9 @@ class FlightRecord:
 def inherited(record: FlightRecord, *, fresh: bool) -> FlightRecord:
     """Return the record with which a restarted bridge begins.
 
-    A clearance ends with the bridge that was given it. A vehicle in the air is flown on only if the
-    bridge was gone for a short time: then nobody else can have controlled it unseen.
+    A clearance ends with the bridge that was given it, and it is unknown who armed a vehicle that
+    this bridge was about to launch. A vehicle in the air is flown on only if the bridge was gone
+    for a short time: then nobody else can have controlled it unseen.
 
     Args:
         record: Record of the bridge before.
@@ -63,7 +64,7 @@ def inherited(record: FlightRecord, *, fresh: bool) -> FlightRecord:
     """
     custody = record.custody
     if custody is Custody.CLEARED:
-        custody = Custody.FOLLOWING if record.launched else Custody.FREE
+        custody = Custody.TAKEN if record.launched else Custody.FREE
     if custody in AIRBORNE and not fresh:
         custody = Custody.RELEASED
     return replace(record, custody=custody)

@@ -449,11 +449,9 @@ class VehicleCustody:
         if may_be_a_doubles or state.identity.twins:
             return
         if self.airborne or self.state in _ENDS_ON_THE_GROUND or self._was_armed:
-            # It is unknown who disarmed a vehicle that an earlier program was about to launch.
-            unflown = self.state is Custody.FOLLOWING and not self.record.flown
-            if self.state is Custody.FOLLOWING and (unflown or not self._whole):
+            if self.state is Custody.FOLLOWING and not self._whole:
                 self.lose("on the ground again before the end of the search")
-            self.on(Event.TAKE_OVER if unflown else Event.DOWN)
+            self.on(Event.DOWN)
         if self._was_armed or not (takes_off and self.state is Custody.CLEARED):
             self.record = replace(self.record, launched=False, home=None, items=0)
         self._was_armed = False
