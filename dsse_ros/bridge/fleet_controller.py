@@ -14,7 +14,6 @@ from typing import TYPE_CHECKING, Any, Literal, TypeVar
 
 from numpy.typing import NDArray
 
-from dsse_ros.bridge.clearance import Clearance
 from dsse_ros.bridge.custody import MAY_ORDER, Custody
 from dsse_ros.bridge.fleet_airspace import FleetAirspace
 from dsse_ros.bridge.flight_plan import FlightPlan
@@ -23,7 +22,7 @@ from dsse_ros.bridge.flight_records import FlightRecords
 from dsse_ros.bridge.followed_search import FollowedSearch, News
 from dsse_ros.bridge.settings import BridgeSettings
 from dsse_ros.bridge.vehicle_custody import VehicleCustody
-from dsse_ros.bridge.vehicle_follower import VehicleFollower
+from dsse_ros.bridge.vehicle_follower import Clearance, VehicleFollower
 from dsse_ros.defects import Defects, describe
 from dsse_ros.flight.autopilots import AUTOPILOTS
 from dsse_ros.flight.orders import FlyMission, Hold
@@ -114,10 +113,8 @@ class FleetController:
     def _adopt(self, i: int) -> None:
         """Count the modes that an earlier program has set as those of the bridge."""
         record, vehicle = self.followers[i].custody.record, self._vehicles[i]
-        if record.mode:
-            vehicle.adopt(record.mode)
-        if record.custody is Custody.FOLLOWING:
-            vehicle.adopt(AUTOPILOTS[self._settings.autopilot].take_off_mode)
+        for mode in filter(None, (record.mode, *record.ordered)):
+            vehicle.adopt(mode)
 
     def _each(self) -> list[tuple[str, VehicleFollower, Vehicle]]:
         return list(zip(self.names, self.followers, self._vehicles, strict=True))
@@ -346,7 +343,7 @@ class FleetController:
             if self._defects[i].is_new(error):
                 self._log("error", f"{self.names[i]}: {why}")
                 self._log("debug", traceback.format_exc())
-            self.followers[i].drop_out(why)
+            self.followers[i].custody.drop_out(why)
             return None
 
     def _next_order(self, i: int, now_s: float) -> Order | None:
@@ -475,10 +472,9 @@ class FleetController:
 
 def _shown(follower: VehicleFollower) -> str:
     record = follower.custody.record
-    state = record.custody.value
-    if state in record.lost:  # such as "taken over: in LOITER"
-        return record.lost
-    return f"{state}: {record.lost}" if record.lost else state
+    if record.lost and record.custody in (Custody.TAKEN, Custody.FAILSAFE):
+        return record.lost  # such as "taken over: in LOITER"
+    return f"{record.custody.value}: {record.lost}" if record.lost else record.custody.value
 
 
 def shown_order(order: Order | None) -> str:

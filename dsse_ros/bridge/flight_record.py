@@ -26,9 +26,10 @@ class FlightRecord:
             seen disarmed on the ground since.
         lost: Why it no longer follows its drone in that search; empty if it does.
         arm: While it is cleared, whether the bridge may arm it.
-        modes: While it is cleared or recalled, modes of others that the bridge may change.
+        from_modes: While it is cleared or recalled, modes of others that the bridge may change.
         end: While it is recalled, `return` or `land`.
-        mode: While the bridge flies it, the last reported mode.
+        mode: While the bridge flies it, the last mode that the bridge has brought about.
+        ordered: Modes to which its last order leads.
         top_amsl_m: Altitude above mean sea level to which it takes off for that search.
         looked_ns: Stamp of the last step for which it has searched, -1 for none.
         home: While the bridge flies it, its home at the take-off; None if it was not reported.
@@ -42,9 +43,10 @@ class FlightRecord:
     launched: bool = False
     lost: str = ""
     arm: bool = False
-    modes: tuple[str, ...] = ()
+    from_modes: tuple[str, ...] = ()
     end: str = ""
     mode: str = ""
+    ordered: tuple[str, ...] = ()
     top_amsl_m: float = 0.0
     looked_ns: int = -1
     home: Place | None = None

@@ -207,16 +207,17 @@ def _parse(values: Mapping[str, Any]) -> FlightRecord:
         | {
             "custody": Custody(values["custody"]),
             "search": None if values["search"] is None else (int(run_id), int(mission)),
-            "modes": tuple(values["modes"]),
+            "from_modes": tuple(values["from_modes"]),
+            "ordered": tuple(values["ordered"]),
             "top_amsl_m": float(values["top_amsl_m"]),
             "looked_ns": int(values["looked_ns"]),
             "home": values["home"] and (float(lat_deg), float(lon_deg), float(alt_m)),
             "items": int(values["items"]),
         }
     )
-    texts = (record.lost, record.end, record.mode, *record.modes)
+    texts = (record.lost, record.end, record.mode, *record.from_modes, *record.ordered)
     if not all(isinstance(text, str) for text in texts):
-        raise TypeError("lost, end, mode and modes must be strings")
+        raise TypeError("lost, end and modes must be strings")
     if not all(isinstance(flag, bool) for flag in (record.flown, record.launched, record.arm)):
         raise TypeError("flown, launched and arm must be true or false")
     return record

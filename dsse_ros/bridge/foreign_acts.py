@@ -1,15 +1,20 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""What somebody else does to a vehicle in the air without changing its mode."""
+"""Separates what the bridge has done with a vehicle from what somebody else has."""
 
 from __future__ import annotations
 
 import math
 
 from dsse_ros.bridge.flight_record import FlightRecord
+from dsse_ros.flight.autopilots import Autopilot
+from dsse_ros.flight.orders import FlyMission, GoTo, Hold, Land, Return, Search, TakeOff
+from dsse_ros.flight.vehicle_controller import Order
 from dsse_ros.flight.vehicle_state import VehicleState
 from dsse_ros.scenario.geodesy import offset_m
 
+RISEN_M = 3.0
+"""Distance below its take-off altitude from which a vehicle counts as having taken off."""
 _HOME_M, _HOME_UP_M = 10.0, 5.0
 """PX4 moves its own home by less in the first minutes of a flight."""
 _SKIPPED = 3
@@ -17,8 +22,61 @@ _GAP_S = 3.0
 """Several items can be reached between two reports that are further apart."""
 
 
+def modes_of(order: Order, autopilot: Autopilot) -> tuple[str, ...]:
+    """Return the modes to which an order leads."""
+    match order:
+        case TakeOff():
+            # In the air it flies to a setpoint.
+            return (autopilot.take_off_mode or autopilot.guided_mode, autopilot.guided_mode)
+        case GoTo() | Search():
+            return (autopilot.guided_mode,)
+        case Hold():
+            return (autopilot.resting_mode,)
+        case Return():
+            return (autopilot.return_mode,)
+        case Land():
+            return (autopilot.land_mode,)
+        case FlyMission():
+            return tuple(sorted(autopilot.mission_modes))
+    return ()
+
+
+def is_ours(record: FlightRecord, state: VehicleState, autopilot: Autopilot) -> bool | None:
+    """Return whether the bridge has brought about the mode of a vehicle, in any of its programs.
+
+    Args:
+        record: Its last mode that was, and its last order.
+        state: What it reports.
+        autopilot: Autopilot of the vehicle.
+
+    Returns:
+        None if that cannot be decided yet.
+    """
+    mode, climbing = state.mode, autopilot.take_off_mode
+    if not record.mode:
+        return mode in autopilot.take_off_modes
+    if mode in (record.mode, *record.ordered):
+        return True
+    if record.mode != climbing or mode != autopilot.resting_mode:
+        return False
+    # A climb ends in this mode. Before its top, only a person can have set it.
+    return state.alt_amsl_m >= record.top_amsl_m - RISEN_M if state.has_position else None
+
+
+def lacks_setpoints(record: FlightRecord, state: VehicleState, autopilot: Autopilot) -> bool:
+    """Return whether a vehicle may have left its guided mode because setpoints stopped.
+
+    Args:
+        record: Its last mode that the bridge has brought about, and its last order.
+        state: What it reports.
+        autopilot: Autopilot of the vehicle.
+    """
+    guided = autopilot.guided_mode in (record.mode, *record.ordered)
+    return guided and bool(state.failsafe) and state.mode in autopilot.setpoint_loss_modes
+
+
 def foreign_act(record: FlightRecord, before: VehicleState, state: VehicleState) -> str:
-    """Return what somebody else has done to a vehicle that the bridge flies; empty for nothing.
+    """Return what somebody else has done without changing the mode; empty for nothing.
 
     Args:
         record: Its home at the take-off and the number of its mission's items.

@@ -2,7 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Custody of one vehicle, from what it reports, from searches and from persons.
 
-This module recognises the events of `custody`. The `FlightRecord` outlasts the program.
+This module alone recognises the events of `custody`. What somebody else does under an order is seen
+by the vehicle's controller, and the order's outcome reports it; the rest is seen here.
+The `FlightRecord` outlasts the program.
 """
 
 from __future__ import annotations
@@ -14,11 +16,10 @@ from typing import Literal
 
 from dsse_ros.bridge.custody import AIRBORNE, Custody, Event, next_custody
 from dsse_ros.bridge.flight_record import FlightRecord, SearchId
-from dsse_ros.bridge.foreign_acts import foreign_act
-from dsse_ros.bridge.own_modes import OwnModes
+from dsse_ros.bridge.foreign_acts import foreign_act, is_ours, lacks_setpoints, modes_of
 from dsse_ros.flight.autopilots import Autopilot
-from dsse_ros.flight.orders import FlyMission
-from dsse_ros.flight.vehicle_controller import Outcome
+from dsse_ros.flight.orders import FlyMission, Hold, TakeOff
+from dsse_ros.flight.vehicle_controller import Order, Outcome
 from dsse_ros.flight.vehicle_state import VehicleState
 from dsse_ros.result import Accepted, Rejected, Result
 
@@ -29,8 +30,8 @@ _ENDS_ON_THE_GROUND = (Custody.FAILSAFE, Custody.RELEASED)
 CONTINUES = ("", "offboard", "radio", "gcs")
 """Failsafes after which the bridge goes on with an autopilot that stays in its mode, or brings it
 back to that mode."""
-FOREIGN_S = 5.0
-"""How long a vehicle without an order may be in a mode that does not fit its state."""
+FAILSAFE_S = 5.0
+"""Time in which an autopilot that is critical without giving a reason may recover."""
 CONSENT_S = 600.0
 """Time for which a clearance without a search waits for one."""
 _EXPLAINED_S = 3.0
@@ -49,7 +50,6 @@ class VehicleCustody:
         autopilot: Autopilot of the vehicle.
         arm: See `Arm`.
         record: Its record so far.
-        at_end: What it does when its search is over: `return`, `land` or `hold`.
         whole: Whether the vehicle flies searches as missions, which land by themselves.
         changed: Called after each change of state except lift-off: earlier orders are void.
 
@@ -69,11 +69,9 @@ class VehicleCustody:
         record: FlightRecord,
         changed: Callable[[], None],
         *,
-        at_end: str = "return",
         whole: bool = False,
     ) -> None:
         self._autopilot = autopilot
-        self._modes = OwnModes(autopilot, at_end, whole=whole)
         self._arm = arm
         self.record = record
         self._changed = changed
@@ -86,14 +84,14 @@ class VehicleCustody:
         self._automatic = False
         self._is_first = False
         self._was_armed = False
-        self._inherited = record.custody
-        # When it was cleared for a search to come, and when an unexplained mode took it away.
+        # When it was cleared for a search to come.
         self._cleared_s = math.inf
-        self._unexplained_s = -math.inf
+        # Since when a failsafe is active, and until when the cause of its loss may be reported.
+        self._failsafe_since_s = math.inf
+        self._explained_until_s = -math.inf
         # The highest number of an order for which it is known whether somebody else has ended it,
         # now and at the latest clearance.
         self._number = self._cleared_number = 0
-        self._foreign_since_s: float | None = None
 
     @property
     def state(self) -> Custody:
@@ -133,12 +131,14 @@ class VehicleCustody:
         if custody is before:
             return
         self.record = replace(self.record, custody=custody)
+        if custody not in AIRBORNE:
+            self.record = replace(self.record, mode="", ordered=())
+        elif before not in AIRBORNE:
+            self.record = replace(self.record, mode=self.seen.mode, flown=True, launched=True)
         if event is Event.CLEAR or (event is Event.COME_DOWN and before not in AIRBORNE):
             self.authority += 1
             self._cleared_number = self._number
-        if event is Event.LIFT_OFF:
-            self.record = replace(self.record, flown=True, launched=True)
-        else:
+        if event is not Event.LIFT_OFF:
             self._changed()
         ended = before in AIRBORNE and custody not in AIRBORNE
         if ended and self.search is not None and self.record.search != self.search:
@@ -149,12 +149,16 @@ class VehicleCustody:
         if not self.is_out and self.record.search == self.search:
             self.record = replace(self.record, lost=why)
 
+    def drop_out(self, why: str) -> None:
+        """Stop following the drone."""
+        self.lose(why)
+        self.on(Event.DROP_OUT)
+
     def replace_vehicle(self, record: FlightRecord) -> None:
         """Take the record of another vehicle that has turned out to be connected."""
-        self.record, self._inherited = record, record.custody
-        self.seen, self.over, self._foreign_since_s = VehicleState(), False, None
-        self._cleared_number, self._unexplained_s = self._number, -math.inf
-        self._was_armed = False
+        self.record, self.seen, self.over = record, VehicleState(), False
+        self._cleared_number, self._was_armed = self._number, False
+        self._failsafe_since_s, self._explained_until_s = math.inf, -math.inf
         if self.search is not None:
             self.begin(self.search, self.top_amsl_m, first=self._is_first)
 
@@ -219,7 +223,7 @@ class VehicleCustody:
         self._cleared_s = now_s
         self.record = replace(
             self.record, search=search, top_amsl_m=self.top_amsl_m, lost="", arm=arm,
-            modes=tuple(modes), looked_ns=-1,
+            from_modes=tuple(modes), looked_ns=-1,
         )  # fmt: skip
 
     def _clear_in_the_air(self, *, search_alive: bool) -> Result[str]:
@@ -232,7 +236,7 @@ class VehicleCustody:
         self.on(Event.CLEAR)
         if self.search is not None and self.record.search != self.search:
             self._join(self.search)
-        self.record = replace(self.record, flown=True, modes=())
+        self.record = replace(self.record, flown=True, from_modes=())
         return Accepted("cleared to fly")
 
     def lapse(self, now_s: float) -> None:
@@ -301,26 +305,58 @@ class VehicleCustody:
             self._changed()
         modes = () if self.airborne else (self.seen.mode,)
         self.on(event)
-        self.record = replace(self.record, end=end, modes=modes)
+        self.record = replace(self.record, end=end, from_modes=modes)
 
     def fall(self, why: str) -> None:
         """Have it land, because it falls without an order."""
         self._recall("land", why, Event.FALL)
 
+    # Orders
+
+    def record_order(self, order: Order) -> None:
+        """Record an order that is about to be given."""
+        arms = isinstance(order, TakeOff | FlyMission) and order.arm and not self.seen.armed
+        launched, ordered = self.record.launched or arms, modes_of(order, self._autopilot)
+        self.record = replace(self.record, launched=launched, ordered=ordered)
+
+    def look_done(self, stamp_ns: int) -> None:
+        """Record that it has searched for the step of this stamp."""
+        self.record = replace(self.record, looked_ns=stamp_ns)
+
+    def rest(self) -> None:
+        """Record, as the program ends, that it is ordered to hold."""
+        if self.airborne and self.record.mode == self._autopilot.guided_mode:
+            ordered = (*self.record.ordered, *modes_of(Hold(), self._autopilot))
+            self.record = replace(self.record, ordered=ordered)
+
     # The vehicle
 
-    def observe(self, state: VehicleState, outcome: Outcome, *, takes_off: bool) -> None:
+    def observe(self, state: VehicleState, outcome: Outcome, now_s: float) -> None:
         """Recognise who controls the vehicle.
 
         Args:
             state: Its reported state.
             outcome: Outcome of the last order.
-            takes_off: Whether it was ordered to take off.
+            now_s: Time on a steady clock.
         """
         before, self.seen = self.seen, state
         if state.identity.restarts > before.identity.restarts and self.state is not Custody.FREE:
             self.lose("taken over: its autopilot was restarted")
             self.on(Event.TAKE_OVER)
+        self._observe_outcome(state, outcome)
+        self._explain(state)
+        if state.connected and state.mode:
+            self._observe_foreign_acts(before, state, outcome)
+            self._observe_mode(before, state)
+            if outcome.order is None:
+                self._observe_without_order(state)
+            self._observe_motors(state, outcome)
+            if self.airborne and is_ours(self.record, state, self._autopilot):
+                self.record = replace(self.record, mode=state.mode)
+        self._observe_failsafe(state, outcome, now_s)
+
+    def _observe_outcome(self, state: VehicleState, outcome: Outcome) -> None:
+        """Take what the controller has seen under an order."""
         ended = outcome.status in ("taken_over", "failsafe")
         self._number = outcome.number if ended else outcome.number - 1
         # A clearance takes earlier ends of orders into account, but not how an order that is still
@@ -330,68 +366,55 @@ class VehicleCustody:
             if outcome.status == "taken_over":
                 self._take_over(outcome.reason, state)
             elif outcome.status == "failsafe":
-                self.lose(f"{state.failsafe or 'critical'} failsafe")
-                self.on(Event.FAILSAFE)
-        self._observe_without_order(state, outcome)
-        self._explain(state)
-        if state.connected and state.mode:
-            ordered = outcome.order is not None or not self.airborne
-            known = ordered or self._observe_since_record(state)
-            self._observe_foreign_acts(before, state, outcome)
-            self._observe_mode(before, state)
-            self._observe_motors(state, takes_off=takes_off)
-            mode = state.mode if self.airborne else ""
-            # Do not record a mode that somebody else has set before it is known who has.
-            ours = not mode or (known and self._modes.is_ours(state, self.record, outcome))
-            if ours and mode != self.record.mode:
-                self.record = replace(self.record, mode=mode)
+                self._fail(state, Event.FAILSAFE)
 
-    def _observe_since_record(self, state: VehicleState) -> bool:
-        """Recognise a mode that somebody else has set since an earlier program recorded one.
-
-        Returns:
-            Whether that can be decided already.
-        """
-        ours = self._modes.is_result(state, self.record, self._inherited)
-        if ours is False:
-            self._lose_to_others(state)
-        return ours is not None
-
-    def _observe_without_order(self, state: VehicleState, outcome: Outcome) -> None:
-        """Recognise that somebody else controls a vehicle that an earlier program flew."""
-        ordered = outcome.order is not None or not (self.airborne and state.connected)
-        orderly = self._modes.fits(state.mode, self.record) and state.failsafe in CONTINUES
-        if ordered or orderly or not (state.armed or state.flying):
-            self._foreign_since_s = None
+    def _observe_without_order(self, state: VehicleState) -> None:
+        """Recognise a mode that somebody else has set, since an earlier program saw its last."""
+        if not (self.airborne and state.armed) or lacks_setpoints(
+            self.record, state, self._autopilot
+        ):
             return
-        if self._foreign_since_s is None:
-            self._foreign_since_s = state.heard_s
-        if state.heard_s - self._foreign_since_s >= FOREIGN_S:
-            self._lose_to_others(state)
+        if is_ours(self.record, state, self._autopilot) is False:
+            if state.failsafe:
+                self._fail(state, Event.FAILSAFE)
+            else:
+                self._take_over(f"in {state.mode}", state)
 
-    def _lose_to_others(self, state: VehicleState) -> None:
-        if state.failsafe:
-            self.lose(f"{state.failsafe} failsafe")
-            self.on(Event.FAILSAFE)
-        else:
-            self._take_over(f"in {state.mode}", state)
+    def _observe_failsafe(self, state: VehicleState, outcome: Outcome, now_s: float) -> None:
+        """Recognise a failsafe that does not change the mode, or takes the vehicle later."""
+        ordered, acts = outcome.order is not None, self._autopilot.acts_when_critical
+        concerns = self.airborne or (ordered and self.state is Custody.CLEARED)
+        if not concerns or state.failsafe in CONTINUES:
+            self._failsafe_since_s = math.inf
+            return
+        self._failsafe_since_s = min(self._failsafe_since_s, now_s)
+        # A critical state without a reason may become a named failsafe.
+        named = state.failsafe != "critical" and (ordered or acts)
+        if named or now_s - self._failsafe_since_s >= FAILSAFE_S:
+            self._fail(state, Event.DROP_OUT if ordered and not acts else Event.FAILSAFE)
+
+    def _fail(self, state: VehicleState, event: Event) -> None:
+        before = self.record.lost
+        self.lose(f"{state.failsafe or 'critical'} failsafe")
+        if self.record.lost != before:
+            unnamed = state.failsafe in ("", "critical")
+            self._explained_until_s = math.inf if unnamed else -math.inf
+        self.on(event)
 
     def _take_over(self, what: str, state: VehicleState) -> None:
         self.lose(f"taken over: {what}")
         self.on(Event.TAKE_OVER)
-        foreign = state.mode not in self._autopilot.take_off_modes
-        self._unexplained_s = state.heard_s if foreign else -math.inf
+        foreign = state.flying and state.mode not in self._autopilot.take_off_modes
+        self._explained_until_s = state.heard_s + _EXPLAINED_S if foreign else -math.inf
 
     def _explain(self, state: VehicleState) -> None:
         """Recognise the failsafe that has taken it away, reported after its effect."""
-        if state.failsafe in ("", "critical", "offboard"):
-            return
-        of_mode = self.state is Custody.TAKEN and self.seen.flying
-        if of_mode and state.heard_s - self._unexplained_s <= _EXPLAINED_S:
+        named = state.failsafe not in ("", "critical", "offboard")
+        if named and state.heard_s < self._explained_until_s:
+            self._explained_until_s = -math.inf
             self.on(Event.EXPLAIN)
-            self.record = replace(self.record, lost=self.record.lost and "critical failsafe")
-        if self.record.lost == "critical failsafe":
-            self.record = replace(self.record, lost=f"{state.failsafe} failsafe")
+            lost = self.record.lost and f"{state.failsafe} failsafe"
+            self.record = replace(self.record, lost=lost)
 
     def _observe_foreign_acts(
         self, before: VehicleState, state: VehicleState, outcome: Outcome
@@ -415,11 +438,6 @@ class VehicleCustody:
             if state.item_total == items != self.record.items:
                 self.record = replace(self.record, items=items)
 
-    def rest(self) -> None:
-        """Record, as the program ends, that it is ordered to hold."""
-        if self.state is Custody.FOLLOWING and self.record.mode == self._autopilot.guided_mode:
-            self.record = replace(self.record, mode=self._autopilot.resting_mode)
-
     def _observe_mode(self, before: VehicleState, state: VehicleState) -> None:
         autopilot = self._autopilot
         guided_mode = autopilot.guided_mode
@@ -432,15 +450,9 @@ class VehicleCustody:
         if self.state is Custody.RELEASED and state.mode not in autopilot.orderly_modes:
             self.on(Event.FAILSAFE if state.failsafe else Event.TAKE_OVER)
 
-    def look_done(self, stamp_ns: int) -> None:
-        """Record that it has searched for the step of this stamp."""
-        self.record = replace(self.record, looked_ns=stamp_ns)
-
-    def launch(self) -> None:
-        """Record that it is about to be ordered to arm and take off."""
-        self.record = replace(self.record, launched=True)
-
-    def _observe_motors(self, state: VehicleState, *, takes_off: bool) -> None:
+    def _observe_motors(self, state: VehicleState, outcome: Outcome) -> None:
+        cleared = self.state is Custody.CLEARED
+        takes_off = cleared and isinstance(outcome.order, TakeOff | FlyMission)
         if state.armed or state.flying:
             self._was_armed |= state.armed
             self._observe_running_motors(state, takes_off=takes_off)
@@ -452,13 +464,11 @@ class VehicleCustody:
             if self.state is Custody.FOLLOWING and not self._whole:
                 self.lose("on the ground again before the end of the search")
             self.on(Event.DOWN)
-        if self._was_armed or not (takes_off and self.state is Custody.CLEARED):
+        if self._was_armed or not takes_off:
             self.record = replace(self.record, launched=False, home=None, items=0)
         self._was_armed = False
 
     def _observe_running_motors(self, state: VehicleState, *, takes_off: bool) -> None:
-        if self.airborne and state.flying and not self.record.flown:
-            self.record = replace(self.record, flown=True)
         if self.state is not Custody.CLEARED:
             return
         autopilot = self._autopilot

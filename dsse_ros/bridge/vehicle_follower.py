@@ -9,25 +9,20 @@ which order is wanted.
 from __future__ import annotations
 
 import math
-from dataclasses import replace
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from typing import cast
 
-from dsse_ros.bridge.clearance import Clearance
 from dsse_ros.bridge.custody import MAY_ORDER, Custody, Event
 from dsse_ros.bridge.fence import Fence
 from dsse_ros.bridge.flight_record import FlightRecord, SearchId
-from dsse_ros.bridge.given_order import GivenOrder
-from dsse_ros.bridge.leg_progress import LegProgress
-from dsse_ros.bridge.own_modes import COMING_DOWN, RISEN_M
+from dsse_ros.bridge.foreign_acts import RISEN_M
 from dsse_ros.bridge.place_watch import Low, PlaceWatch
+from dsse_ros.bridge.progress import GivenOrder, LegProgress
 from dsse_ros.bridge.settings import BridgeSettings
 from dsse_ros.bridge.take_off import lacks, reason_to_stay, unready
 from dsse_ros.bridge.tasks import Task, waits_over_home
-from dsse_ros.bridge.vehicle_custody import (
-    CONTINUES,
-    Arm,
-    VehicleCustody,
-)
+from dsse_ros.bridge.vehicle_custody import Arm, VehicleCustody
 from dsse_ros.flight.autopilots import AUTOPILOTS
 from dsse_ros.flight.orders import (
     FlyMission,
@@ -44,10 +39,27 @@ from dsse_ros.flight.vehicle_state import VehicleState
 from dsse_ros.mission_items.track_missions import Leg
 from dsse_ros.result import Result
 
-CRITICAL_S = 5.0
-"""Time in which an autopilot that is critical without giving a reason may recover."""
-
 _ENDS: dict[str, Order] = {"return": Return(), "land": Land(), "hold": Hold()}
+
+
+@dataclass(frozen=True)
+class Clearance:
+    """Permissions of a vehicle, from the other vehicles and the search.
+
+    Attributes:
+        search_alive: Whether the search is running; without it no vehicle takes off.
+        take_off: Why the vehicle must not take off yet; empty if it may.
+        home: Place to fly to, at its altitude, before it comes down there; None to come down at
+            once.
+        admit: Returns the order to give instead of the wanted one, or why that has to wait.
+        intruder: Returns why an order under way has to be interrupted; empty if it goes on.
+    """
+
+    search_alive: bool = True
+    take_off: str = ""
+    home: GoTo | None = None
+    admit: Callable[[Order], Order | str] = lambda order: order
+    intruder: Callable[[Order | None], str] = lambda order: ""
 
 
 class VehicleFollower:
@@ -82,7 +94,6 @@ class VehicleFollower:
             cast(Arm, settings.arm),
             record or FlightRecord(),
             self._forget_order,
-            at_end=settings.at_end,
             whole=self._whole,
         )
 
@@ -98,7 +109,6 @@ class VehicleFollower:
 
     def _forget_order(self) -> None:
         self._given = GivenOrder()
-        self._critical_since_s = math.inf
 
     # The search
 
@@ -145,11 +155,6 @@ class VehicleFollower:
         self._forget_order()
         self.risen = self.progress.arrived = False
         self.custody.replace_vehicle(record)
-
-    def drop_out(self, why: str) -> None:
-        """Stop following the drone."""
-        self.custody.lose(why)
-        self.custody.on(Event.DROP_OUT)
 
     @property
     def refused(self) -> str:
@@ -231,7 +236,7 @@ class VehicleFollower:
         clearance = clearance or Clearance()
         self._look(outcome, now_s)
         self._set_over()
-        self.custody.observe(state, outcome, takes_off=self.takes_off)
+        self.custody.observe(state, outcome, now_s)
         self.custody.lapse(now_s)
         self._watch(state, now_s, trouble)
         self.custody.clear_automatically(now_s)
@@ -252,7 +257,7 @@ class VehicleFollower:
                 self.custody.look_done(self.progress.stamp_ns)
             self.progress.advance()
         if fails and not self.lost:
-            self.drop_out(f"failed: {outcome.reason}")
+            self.custody.drop_out(f"failed: {outcome.reason}")
 
     def _set_over(self) -> None:
         """Recognise whether this vehicle has nothing left to do in the search."""
@@ -285,14 +290,10 @@ class VehicleFollower:
         because = f": {trouble}" if trouble else ""
         silent = bool(state.mode) and not state.connected
         if state.problem or state.identity.twins:
-            self.drop_out(state.problem or state.identity.twins)
+            self.custody.drop_out(state.problem or state.identity.twins)
         elif silent and now_s - state.heard_s >= self._settings.lost_timeout and not self.lost:
             timeout_s = self._settings.lost_timeout
-            self.drop_out(f"link lost: no heartbeat for {timeout_s:g} s{because}")
-        elif self._has_failsafe(state, now_s):
-            self.drop_out(f"{state.failsafe} failsafe")
-            if self._autopilot.acts_when_critical:
-                custody.on(Event.FAILSAFE)
+            self.custody.drop_out(f"link lost: no heartbeat for {timeout_s:g} s{because}")
 
     def _watch_place(self, state: VehicleState, now_s: float) -> None:
         """Recognise whether it has left its place, the fence or the air without an order."""
@@ -311,7 +312,7 @@ class VehicleFollower:
             # A mission goes on without the bridge, and all of it is checked before.
             outside = watch.outside(state, now_s, fence)
             if outside and custody.state is Custody.FOLLOWING:
-                self.drop_out(f"outside the fence: {outside}")
+                self.custody.drop_out(f"outside the fence: {outside}")
 
     def _low_reason(self, state: VehicleState) -> Low:
         """Return why it may be below the lowest altitude."""
@@ -321,22 +322,10 @@ class VehicleFollower:
             # The last item brings it down.
             last = custody.record.items - 1 + self._autopilot.first_item
             ordered |= not custody.record.items or state.item_current >= last
-        if ordered or state.mode in COMING_DOWN.values():
+        if ordered or state.mode in self._autopilot.descent_modes:
             return Low.ORDERED
         climbs = isinstance(self._given.under_way, TakeOff)
         return Low.CLIMBING if climbs else Low.RISEN if self.risen else Low.UNKNOWN
-
-    def _has_failsafe(self, state: VehicleState, now_s: float) -> bool:
-        """Return whether a failsafe, or a lasting critical state, ends following the drone."""
-        certain = self._autopilot.acts_when_critical and state.failsafe != "critical"
-        if self._given.order is None and not (certain and self.custody.airborne):
-            return False
-        if state.failsafe != "critical":
-            self._critical_since_s = math.inf
-            return state.failsafe not in CONTINUES
-        # A critical state without a reason may become a named failsafe.
-        self._critical_since_s = min(self._critical_since_s, now_s)
-        return now_s - self._critical_since_s >= CRITICAL_S
 
     def _is_finished(self, state: VehicleState) -> bool:
         if self.progress.leg is None:
@@ -367,7 +356,7 @@ class VehicleFollower:
         if what:
             self._blocked_since_s = min(self._blocked_since_s, now_s)
             if now_s - self._blocked_since_s > self._settings.join_timeout:
-                self.drop_out(f"{what} within {self._settings.join_timeout:g} s{why}")
+                self.custody.drop_out(f"{what} within {self._settings.join_timeout:g} s{why}")
             return
         self._blocked_since_s = math.inf
         self.ready = self.custody.state is Custody.CLEARED
@@ -419,7 +408,7 @@ class VehicleFollower:
             intruder = clearance.intruder(given.order) if waits and not given.done else ""
             if intruder and self._may_stop:
                 self.blocked = intruder
-                return self._give(Hold(), (Hold(), 0), state)
+                return self._give(Hold(), (Hold(), 0))
             if not given.is_due_again(now_s):
                 return None
         order = wanted
@@ -429,17 +418,16 @@ class VehicleFollower:
                 self.blocked = admitted
                 return None
             order = admitted
-        return self._give(order, stamped, state)
+        return self._give(order, stamped)
 
     @property
     def _may_stop(self) -> bool:
         """Whether it may be ordered to hold where it is."""
         return not self._whole and Hold in MAY_ORDER[self.custody.state]
 
-    def _give(self, order: Order, stamped: tuple[Order, int], state: VehicleState) -> Order:
+    def _give(self, order: Order, stamped: tuple[Order, int]) -> Order:
         self._given.give(order, stamped)
-        if isinstance(order, TakeOff | FlyMission) and order.arm and not state.armed:
-            self.custody.launch()
+        self.custody.record_order(order)
         return order
 
     def _stamped(self, order: Order) -> tuple[Order, int]:
@@ -456,7 +444,7 @@ class VehicleFollower:
                 return Hold()
             case Custody.RECALLED:
                 record = self.custody.record
-                from_mode = record.modes[0] if record.modes else ""
+                from_mode = record.from_modes[0] if record.from_modes else ""
                 return Land(from_mode) if record.end == "land" else Return(from_mode)
             case Custody.ENDING:
                 return self._wanted_at_the_end(state, clearance)
@@ -465,7 +453,7 @@ class VehicleFollower:
     def _wanted_on_the_ground(self, state: VehicleState, clearance: Clearance) -> Order | None:
         if not self.is_awaited or not state.has_position:
             return None
-        arm, modes = self.custody.record.arm, self.custody.record.modes
+        arm, modes = self.custody.record.arm, self.custody.record.from_modes
         refused = bool(self.refused) or not clearance.search_alive
         if refused or clearance.take_off or not (self.ready or self.takes_off):
             # This also cancels a take-off that has not begun.
@@ -493,6 +481,6 @@ class VehicleFollower:
     def _wanted_at_the_end(self, state: VehicleState, clearance: Clearance) -> Order | None:
         end, home = _ENDS["return" if self._whole else self._settings.at_end], clearance.home
         # An earlier program may have begun the end.
-        begun = self._given.was_given_for(end) or state.mode in COMING_DOWN.values()
+        begun = self._given.was_given_for(end) or state.mode in self._autopilot.descent_modes
         there = home is not None and self._given.done and self._given.was_given_for(home)
         return end if home is None or end == Hold() or self.lost or begun or there else home

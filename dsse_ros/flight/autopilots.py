@@ -56,6 +56,8 @@ class Autopilot:
         guided_mode: Mode in which it flies to setpoints.
         resting_mode: Mode in which it waits for orders, and from which it takes off.
         mission_mode: Mode in which it flies a mission.
+        return_mode: Mode in which it flies home and lands.
+        land_mode: Mode in which it lands on the spot.
         take_off_mode: Mode of a commanded take-off; empty if that does not change the mode. It
             ends in `resting_mode`.
         boot_modes: Modes in which it may start without a person having chosen them.
@@ -101,6 +103,8 @@ class Autopilot:
     guided_mode: str
     resting_mode: str
     mission_mode: str
+    return_mode: str
+    land_mode: str
     take_off_mode: str = ""
     boot_modes: frozenset[str]
     landed_modes: frozenset[str]
@@ -150,6 +154,11 @@ class Autopilot:
     def take_off_modes(self) -> frozenset[str]:
         """Modes from which, and in which, it takes off."""
         return self.orderly_modes | ({self.take_off_mode} if self.take_off_mode else set())
+
+    @property
+    def descent_modes(self) -> frozenset[str]:
+        """Modes in which it comes down by itself."""
+        return frozenset({self.return_mode, self.land_mode})
 
     @property
     def mission_modes(self) -> frozenset[str]:
@@ -203,6 +212,8 @@ ARDUPILOT = Autopilot(
     guided_mode="GUIDED",
     resting_mode="GUIDED",
     mission_mode="AUTO",
+    return_mode="RTL",
+    land_mode="LAND",
     boot_modes=frozenset({"STABILIZE"}),
     landed_modes=frozenset({"RTL", "LAND", "AUTO"}),
     # The second of each from 4.7 on.
@@ -256,6 +267,8 @@ PX4 = Autopilot(
     guided_mode="OFFBOARD",
     resting_mode="HOLD",
     mission_mode="MISSION",
+    return_mode="RTL",
+    land_mode="LAND",
     take_off_mode="TAKEOFF",
     # Without a remote control it starts in HOLD; with one, the switches choose the mode.
     boot_modes=_NO_MODES,

@@ -251,7 +251,8 @@ class Return(Order):
 
     def carry_out(self, controller: VehicleController) -> Iterator[str]:
         """See `Order`."""
-        return come_down(controller, "RTL", "returning", self.from_mode)
+        mode = controller.situation.autopilot.return_mode
+        return come_down(controller, mode, "returning", self.from_mode)
 
 
 @dataclass(frozen=True)
@@ -266,7 +267,8 @@ class Land(Order):
 
     def carry_out(self, controller: VehicleController) -> Iterator[str]:
         """See `Order`."""
-        return come_down(controller, "LAND", "landing", self.from_mode)
+        mode = controller.situation.autopilot.land_mode
+        return come_down(controller, mode, "landing", self.from_mode)
 
 
 @dataclass(frozen=True)

@@ -9,18 +9,13 @@ from typing import Any
 
 import pytest
 
-from dsse_ros.bridge.custody import MAY_ORDER, Custody
+from dsse_ros.bridge.custody import Custody
 from dsse_ros.bridge.flight_record import FlightRecord, inherited
-from dsse_ros.bridge.own_modes import RISEN_M
-from dsse_ros.bridge.vehicle_custody import (
-    CONSENT_S,
-    FOREIGN_S,
-    Arm,
-    VehicleCustody,
-)
+from dsse_ros.bridge.foreign_acts import RISEN_M
+from dsse_ros.bridge.vehicle_custody import CONSENT_S, FAILSAFE_S, Arm, VehicleCustody
 from dsse_ros.flight.autopilots import ARDUPILOT, PX4, Autopilot
 from dsse_ros.flight.identity import Identity
-from dsse_ros.flight.orders import FlyMission, GoTo, Land, TakeOff
+from dsse_ros.flight.orders import FlyMission, GoTo, Hold, Land, Order, Return, TakeOff
 from dsse_ros.flight.vehicle_controller import Outcome
 from dsse_ros.flight.vehicle_state import VehicleState
 from dsse_ros.mission_items.items import MissionItem
@@ -33,6 +28,7 @@ ENDING = replace(FLOWN, custody=Custody.ENDING)
 HELD = replace(FLOWN, custody=Custody.HELD)
 LANDING = replace(FLOWN, custody=Custody.RECALLED, end="land")
 STEP = GoTo(-24.0, -46.0, TOP_M, 10.0)
+MISSION = FlyMission(tuple(MissionItem(16, lat_deg=-24.0, lon_deg=-46.0) for _ in range(6)))
 
 
 def custody_of(autopilot: Autopilot, record: FlightRecord, arm: Arm = "true") -> VehicleCustody:
@@ -52,54 +48,67 @@ def seen_in(mode: str, **changes: Any) -> VehicleState:
 
 SHORT = {"alt_m": TOP_M - RISEN_M - 1.0}
 CRITICAL = {"failsafe": "critical"}
+CLIMB = TakeOff(TOP_M)
+# The record, the last mode and the last order of the bridge before; the mode that is found.
 FOUND = {
     # What the bridge before has commanded, or was about to.
-    "guided": (ARDUPILOT, FLOWN, "GUIDED", "GUIDED", {}, Custody.FOLLOWING),
-    "return begun": (ARDUPILOT, ENDING, "GUIDED", "RTL", {}, Custody.ENDING),
-    "returning": (ARDUPILOT, ENDING, "RTL", "RTL", {}, Custody.ENDING),
-    "landing begun": (ARDUPILOT, LANDING, "GUIDED", "LAND", {}, Custody.RECALLED),
-    "climb": (PX4, FLOWN, "TAKEOFF", "TAKEOFF", SHORT, Custody.FOLLOWING),
-    "end of the climb": (PX4, FLOWN, "TAKEOFF", "HOLD", {}, Custody.FOLLOWING),
-    "brought to offboard": (PX4, FLOWN, "HOLD", "OFFBOARD", {}, Custody.FOLLOWING),
-    "missed setpoints": (PX4, FLOWN, "OFFBOARD", "HOLD", CRITICAL, Custody.FOLLOWING),
-    "hold begun": (PX4, HELD, "OFFBOARD", "HOLD", {}, Custody.HELD),
+    "guided": (ARDUPILOT, FLOWN, "GUIDED", STEP, "GUIDED", {}, Custody.FOLLOWING),
+    "return begun": (ARDUPILOT, ENDING, "GUIDED", Return(), "RTL", {}, Custody.ENDING),
+    "returning": (ARDUPILOT, ENDING, "RTL", Return(), "RTL", {}, Custody.ENDING),
+    "landing begun": (ARDUPILOT, LANDING, "GUIDED", Land(), "LAND", {}, Custody.RECALLED),
+    "take-off begun": (PX4, FLOWN, "HOLD", CLIMB, "TAKEOFF", SHORT, Custody.FOLLOWING),
+    "climb": (PX4, FLOWN, "TAKEOFF", CLIMB, "TAKEOFF", SHORT, Custody.FOLLOWING),
+    "end of the climb": (PX4, FLOWN, "TAKEOFF", CLIMB, "HOLD", {}, Custody.FOLLOWING),
+    "brought to offboard": (PX4, FLOWN, "HOLD", STEP, "OFFBOARD", {}, Custody.FOLLOWING),
+    "missed setpoints": (PX4, FLOWN, "OFFBOARD", STEP, "HOLD", CRITICAL, Custody.FOLLOWING),
+    "missed them soon": (PX4, FLOWN, "HOLD", STEP, "RTL", CRITICAL, Custody.FOLLOWING),
+    "hold begun": (PX4, HELD, "OFFBOARD", Hold(), "HOLD", {}, Custody.HELD),
     # What a person has.
-    "guided after a return": (ARDUPILOT, ENDING, "RTL", "GUIDED", {}, Custody.TAKEN),
-    "a return in the search": (ARDUPILOT, FLOWN, "GUIDED", "RTL", {}, Custody.TAKEN),
-    "a return for a landing": (ARDUPILOT, LANDING, "LAND", "RTL", {}, Custody.TAKEN),
-    "loiter": (ARDUPILOT, FLOWN, "GUIDED", "LOITER", {}, Custody.TAKEN),
-    "a hold in the climb": (PX4, FLOWN, "TAKEOFF", "HOLD", SHORT, Custody.TAKEN),
-    "a hold in the search": (PX4, FLOWN, "OFFBOARD", "HOLD", {}, Custody.TAKEN),
-    "offboard after a return": (PX4, ENDING, "RTL", "OFFBOARD", {}, Custody.TAKEN),
-    "another mode than hold": (PX4, HELD, "HOLD", "POSCTL", {}, Custody.TAKEN),
+    "guided after a return": (ARDUPILOT, ENDING, "RTL", Return(), "GUIDED", {}, Custody.TAKEN),
+    "a return in the search": (ARDUPILOT, FLOWN, "GUIDED", STEP, "RTL", {}, Custody.TAKEN),
+    "a return for a landing": (ARDUPILOT, LANDING, "LAND", Land(), "RTL", {}, Custody.TAKEN),
+    "a landing for a return": (ARDUPILOT, ENDING, "GUIDED", Return(), "LAND", {}, Custody.TAKEN),
+    "loiter": (ARDUPILOT, FLOWN, "GUIDED", STEP, "LOITER", {}, Custody.TAKEN),
+    "a hold in the climb": (PX4, FLOWN, "TAKEOFF", CLIMB, "HOLD", SHORT, Custody.TAKEN),
+    "a hold in the search": (PX4, FLOWN, "OFFBOARD", STEP, "HOLD", {}, Custody.TAKEN),
+    "offboard after a return": (PX4, ENDING, "RTL", Return(), "OFFBOARD", {}, Custody.TAKEN),
+    "another mode than hold": (PX4, HELD, "HOLD", Hold(), "POSCTL", {}, Custody.TAKEN),
     # What a failsafe has.
-    "battery": (ARDUPILOT, FLOWN, "GUIDED", "LAND", {"failsafe": "battery"}, Custody.FAILSAFE),
-}
+    "battery": (ARDUPILOT, FLOWN, "GUIDED", STEP, "LAND", {"failsafe": "battery"},
+                Custody.FAILSAFE),
+}  # fmt: skip
+
+
+def left(record: FlightRecord, mode: str, order: Order, autopilot: Autopilot) -> FlightRecord:
+    """Return the record of a vehicle that a bridge has left in a mode, with an order."""
+    custody = VehicleCustody(autopilot, "true", replace(record, mode=mode), lambda: None)
+    custody.record_order(order)
+    return custody.record
 
 
 @pytest.mark.parametrize("found", FOUND.values(), ids=FOUND)
 def test_what_has_changed_without_a_bridge_was_changed_by_somebody_else(found: Any) -> None:
-    autopilot, record, before, now, changes, expected = found
-    custody = custody_of(autopilot, replace(record, mode=before))
-    custody.observe(seen_in(now, **changes), Outcome(), takes_off=False)
+    autopilot, record, before, order, now, changes, expected = found
+    custody = custody_of(autopilot, left(record, before, order, autopilot))
+    custody.observe(seen_in(now, **changes), Outcome(), 0.0)
     assert custody.state is expected
     assert bool(custody.lost) == (expected in (Custody.TAKEN, Custody.FAILSAFE))
 
 
 def test_whether_a_climb_has_ended_is_not_known_without_an_altitude() -> None:
-    custody = custody_of(PX4, replace(FLOWN, mode="TAKEOFF"))
+    custody = custody_of(PX4, left(FLOWN, "TAKEOFF", CLIMB, PX4))
     lost = {"lat_deg": float("nan"), "lon_deg": float("nan"), "alt_m": float("nan")}
-    custody.observe(seen_in("HOLD", **lost), Outcome(), takes_off=False)
+    custody.observe(seen_in("HOLD", **lost), Outcome(), 0.0)
     assert custody.state is Custody.FOLLOWING
-    custody.observe(seen_in("HOLD", **SHORT), Outcome(), takes_off=False)
+    custody.observe(seen_in("HOLD", **SHORT), Outcome(), 0.0)
     assert custody.state is Custody.TAKEN
 
 
 def test_a_bridge_that_ends_in_order_leaves_a_vehicle_that_the_next_one_knows_to_hold() -> None:
-    custody = custody_of(PX4, replace(FLOWN, mode="OFFBOARD"))
+    custody = custody_of(PX4, left(FLOWN, "OFFBOARD", STEP, PX4))
     custody.rest()
     after = custody_of(PX4, custody.record)
-    after.observe(seen_in("HOLD"), Outcome(), takes_off=False)
+    after.observe(seen_in("HOLD"), Outcome(), 0.0)
     assert after.state is Custody.FOLLOWING
 
 
@@ -110,10 +119,10 @@ def test_what_ends_an_order_after_a_clearance_in_the_air_counts(
 ) -> None:
     custody = custody_of(autopilot, HELD)
     climbs = Outcome(TakeOff(TOP_M), 2, "under_way")
-    custody.observe(seen_in(autopilot.guided_mode), climbs, takes_off=False)
+    custody.observe(seen_in(autopilot.guided_mode), climbs, 0.0)
     assert custody.clear(0.0) == Accepted("cleared to fly")
     assert custody.state is Custody.FOLLOWING
-    custody.observe(seen_in("LAND"), replace(climbs, status=status), takes_off=False)
+    custody.observe(seen_in("LAND"), replace(climbs, status=status), 0.0)
     assert custody.state in (Custody.TAKEN, Custody.FAILSAFE)
     assert custody.lost
 
@@ -121,13 +130,13 @@ def test_what_ends_an_order_after_a_clearance_in_the_air_counts(
 def test_who_has_ended_an_order_before_a_clearance_is_known_to_who_clears_it() -> None:
     custody = custody_of(ARDUPILOT, FLOWN)
     ended = Outcome(STEP, 2, "taken_over", "in LOITER")
-    custody.observe(seen_in("LOITER"), ended, takes_off=False)
+    custody.observe(seen_in("LOITER"), ended, 0.0)
     assert custody.state is Custody.TAKEN
-    custody.observe(seen_in("GUIDED"), ended, takes_off=False)
+    custody.observe(seen_in("GUIDED"), ended, 0.0)
     assert custody.state is Custody.RELEASED
     custody.begin((7, 2), TOP_M, first=False)
     assert custody.clear(0.0, alone=True) == Accepted("cleared to fly")
-    custody.observe(seen_in("GUIDED"), ended, takes_off=False)
+    custody.observe(seen_in("GUIDED"), ended, 0.0)
     assert custody.state is Custody.FOLLOWING
 
 
@@ -148,12 +157,11 @@ def test_who_has_ended_an_order_before_a_clearance_is_known_to_who_clears_it() -
 def test_a_mission_that_goes_on_without_its_bridge_is_left_by_a_person_alone(
     autopilot: Autopilot, mode: str, known: bool
 ) -> None:
-    record = replace(FLOWN, mode=autopilot.mission_mode)
+    record = left(FLOWN, autopilot.mission_mode, MISSION, autopilot)
     custody = VehicleCustody(autopilot, "true", record, lambda: None, whole=True)
     custody.begin(SEARCH, TOP_M, first=True)
-    custody.observe(seen_in(autopilot.mission_mode), Outcome(), takes_off=False)
-    for time_s in (0.0, 1.0, FOREIGN_S):
-        custody.observe(seen_in(mode, heard_s=time_s), Outcome(), takes_off=False)
+    custody.observe(seen_in(autopilot.mission_mode), Outcome(), 0.0)
+    custody.observe(seen_in(mode), Outcome(), 1.0)
     assert custody.state is (Custody.FOLLOWING if known else Custody.TAKEN)
 
 
@@ -162,9 +170,9 @@ def test_a_failsafe_in_a_mission_without_its_bridge_is_named() -> None:
         ARDUPILOT, "true", replace(FLOWN, mode="AUTO"), lambda: None, whole=True
     )
     custody.begin(SEARCH, TOP_M, first=True)
-    for time_s in (0.0, FOREIGN_S):
+    for time_s in (0.0, FAILSAFE_S):
         failed = seen_in("RTL", failsafe="battery", heard_s=time_s)
-        custody.observe(failed, Outcome(), takes_off=False)
+        custody.observe(failed, Outcome(), time_s)
     assert custody.state is Custody.FAILSAFE and custody.lost == "battery failsafe"
 
 
@@ -174,11 +182,11 @@ def test_what_an_operator_has_called_back_is_not_given_back_by_the_parameter(
 ) -> None:
     custody = custody_of(ARDUPILOT, record, "always")
     custody.begin((7, 2), TOP_M, first=False)
-    custody.observe(seen_in("LAND"), Outcome(Land(), 1, "under_way"), takes_off=False)
+    custody.observe(seen_in("LAND"), Outcome(Land(), 1, "under_way"), 0.0)
     custody.clear_automatically(0.0)
     taken = Outcome(Land(), 1, "taken_over", "in GUIDED")
     for _ in range(3):
-        custody.observe(seen_in("GUIDED"), taken, takes_off=False)
+        custody.observe(seen_in("GUIDED"), taken, 0.0)
         custody.clear_automatically(0.0)
     assert custody.state is Custody.RELEASED
 
@@ -207,29 +215,29 @@ def test_a_vehicle_in_the_air_is_flown_on_only_by_a_bridge_that_comes_soon(
 def test_a_clearance_ends_with_its_bridge_and_the_parameter_of_the_next_one_counts(
     fresh: bool, arm: Arm, search: Any
 ) -> None:
-    record = replace(CLEARED, search=search, arm=True, modes=("LOITER",))
+    record = replace(CLEARED, search=search, arm=True, from_modes=("LOITER",))
     custody = custody_of(ARDUPILOT, inherited(record, fresh=fresh), arm)
     assert custody.state is Custody.FREE
-    custody.observe(on_the_ground(), Outcome(), takes_off=False)
+    custody.observe(on_the_ground(), Outcome(), 0.0)
     custody.clear_automatically(0.0)
     assert custody.state is Custody.CLEARED and custody.record.arm == (arm == "true")
-    assert custody.record.modes == ()
+    assert custody.record.from_modes == ()
     later = VehicleCustody(ARDUPILOT, arm, inherited(record, fresh=fresh), lambda: None)
     later.begin((7, 2), TOP_M, first=False)
-    later.observe(on_the_ground(), Outcome(), takes_off=False)
+    later.observe(on_the_ground(), Outcome(), 0.0)
     later.clear_automatically(0.0)
     assert later.state is Custody.FREE
 
 
 def test_a_clearance_for_a_search_to_come_lapses_if_none_comes() -> None:
     custody = VehicleCustody(ARDUPILOT, "false", FlightRecord(), lambda: None)
-    custody.observe(on_the_ground(), Outcome(), takes_off=False)
+    custody.observe(on_the_ground(), Outcome(), 0.0)
     assert custody.clear(50.0) == Accepted("cleared for the next search")
     for now_s, expected in ((CONSENT_S, Custody.CLEARED), (CONSENT_S + 51.0, Custody.FREE)):
         custody.lapse(now_s)
         assert custody.state is expected
     followed = custody_of(ARDUPILOT, FlightRecord(), "false")
-    followed.observe(on_the_ground(), Outcome(), takes_off=False)
+    followed.observe(on_the_ground(), Outcome(), 0.0)
     assert followed.clear(50.0) == Accepted("cleared to fly")
     followed.lapse(CONSENT_S + 1000.0)
     assert followed.state is Custody.CLEARED
@@ -243,8 +251,8 @@ def test_what_a_bridge_was_about_to_launch_is_only_brought_down_by_the_next_one(
 ) -> None:
     before = custody_of(autopilot, CLEARED)
     waits = on_the_ground(autopilot)
-    before.launch()
-    before.observe(waits, Outcome(TakeOff(TOP_M), 2, "under_way", "arming"), takes_off=True)
+    before.record_order(CLIMB)
+    before.observe(waits, Outcome(TakeOff(TOP_M), 2, "under_way", "arming"), 0.0)
     after = custody_of(autopilot, inherited(before.record, fresh=fresh), "always")
     mode = autopilot.take_off_mode or autopilot.guided_mode
     state = {
@@ -252,7 +260,7 @@ def test_what_a_bridge_was_about_to_launch_is_only_brought_down_by_the_next_one(
         "armed": replace(waits, armed=True),
         "climbing": seen_in(mode, alt_m=10.0),
     }[seen]
-    after.observe(state, Outcome(), takes_off=False)
+    after.observe(state, Outcome(), 0.0)
     after.clear_automatically(0.0)
     assert after.state is Custody.TAKEN
     assert isinstance(after.operate("hold"), Rejected)
@@ -263,15 +271,15 @@ def test_what_a_bridge_was_about_to_launch_is_only_brought_down_by_the_next_one(
 
 def test_a_take_off_that_is_called_off_before_the_motors_turn_has_launched_nothing() -> None:
     custody = custody_of(ARDUPILOT, CLEARED)
-    custody.launch()
-    custody.observe(on_the_ground(), Outcome(), takes_off=False)
+    custody.record_order(CLIMB)
+    custody.observe(on_the_ground(), Outcome(), 0.0)
     assert not custody.record.launched and custody.state is Custody.CLEARED
 
 
 @pytest.mark.parametrize("mode", ["GUIDED", "LOITER"])
 def test_what_nobody_has_commanded_to_arm_is_somebody_elses(mode: str) -> None:
     custody = custody_of(ARDUPILOT, CLEARED)
-    custody.observe(seen_in(mode, flying=False, alt_m=0.0), Outcome(), takes_off=False)
+    custody.observe(seen_in(mode, flying=False, alt_m=0.0), Outcome(), 0.0)
     assert custody.state is Custody.TAKEN
 
 
@@ -282,14 +290,14 @@ def test_who_arms_it_by_hand_hands_it_over_in_guided_alone(mode: str, expected: 
     custody = custody_of(ARDUPILOT, replace(CLEARED, arm=False), "false")
     seen = seen_in(mode, flying=False, alt_m=0.0)
     waiting = Outcome(TakeOff(TOP_M, arm=False), 1, "under_way")
-    custody.observe(seen, waiting, takes_off=True)
+    custody.observe(seen, waiting, 0.0)
     assert custody.state is expected
 
 
 def test_what_somebody_arms_and_disarms_after_its_flight_is_theirs() -> None:
     custody = custody_of(ARDUPILOT, replace(FLOWN, custody=Custody.GROUNDED), "always")
     for armed in (False, True, False):
-        custody.observe(on_the_ground(armed=armed), Outcome(), takes_off=False)
+        custody.observe(on_the_ground(armed=armed), Outcome(), 0.0)
     assert custody.state is Custody.TAKEN
     custody.begin((7, 2), TOP_M, first=False)
     custody.clear_automatically(0.0)
@@ -302,7 +310,7 @@ RESTARTED = Identity("", restarts=1)
 @pytest.mark.parametrize("custody", Custody)
 def test_a_restarted_autopilot_was_in_somebodys_hands(custody: Custody) -> None:
     led = custody_of(ARDUPILOT, replace(FLOWN, custody=custody), "false")
-    led.observe(on_the_ground(identity=RESTARTED), Outcome(), takes_off=False)
+    led.observe(on_the_ground(identity=RESTARTED), Outcome(), 0.0)
     may_arm = led.state is Custody.CLEARED
     assert not may_arm
     # Before anybody has cleared it, it may be switched on as often as anybody likes.
@@ -312,7 +320,7 @@ def test_a_restarted_autopilot_was_in_somebodys_hands(custody: Custody) -> None:
 def test_what_a_restarted_autopilot_was_cleared_for_is_cleared_again_by_a_person() -> None:
     led = custody_of(ARDUPILOT, CLEARED)
     for _ in range(3):
-        led.observe(on_the_ground(identity=RESTARTED), Outcome(), takes_off=False)
+        led.observe(on_the_ground(identity=RESTARTED), Outcome(), 0.0)
         led.clear_automatically(0.0)
     assert led.state is Custody.TAKEN and led.lost == "taken over: its autopilot was restarted"
     assert led.clear(0.0) == Accepted("cleared to fly")
@@ -335,18 +343,15 @@ def test_a_home_that_is_moved_in_flight_is_a_persons_act(
     home: Any, expected: Custody, restarted: bool
 ) -> None:
     led = custody_of(ARDUPILOT, FLOWN)
-    led.observe(seen_in("GUIDED", home=HOME), Outcome(STEP, 1, "under_way"), takes_off=False)
+    led.observe(seen_in("GUIDED", home=HOME), Outcome(STEP, 1, "under_way"), 0.0)
     if restarted:
         led = custody_of(ARDUPILOT, inherited(led.record, fresh=True))
-    led.observe(seen_in("GUIDED", home=home), Outcome(STEP, 1, "under_way"), takes_off=False)
+    led.observe(seen_in("GUIDED", home=home), Outcome(STEP, 1, "under_way"), 0.0)
     assert led.state is expected
 
 
 def in_mission(item: int, time_s: float, total: int = 5, **changes: Any) -> VehicleState:
     return seen_in("AUTO", item_current=item, item_total=total, item_s=time_s, **changes)
-
-
-MISSION = FlyMission(tuple(MissionItem(16, lat_deg=-24.0, lon_deg=-46.0) for _ in range(6)))
 
 
 @pytest.mark.parametrize(
@@ -371,21 +376,22 @@ def test_who_changes_the_mission_that_it_flies_has_taken_it_over(
         return led
 
     flies = Outcome(MISSION, 1, "under_way")
-    led = bridge(FLOWN)
-    led.observe(in_mission(2, 10.0), flies, takes_off=False)
+    led = bridge(left(FLOWN, "AUTO", MISSION, ARDUPILOT))
+    led.observe(in_mission(2, 10.0), flies, 0.0)
     if restarted:
         led, flies = bridge(inherited(led.record, fresh=True)), Outcome()
-        led.observe(in_mission(2, 10.0), flies, takes_off=False)
-    led.observe(state, flies, takes_off=False)
+        led.observe(in_mission(2, 10.0), flies, 0.0)
+    led.observe(state, flies, 0.0)
     assert led.state is expected
 
 
 def test_an_autopilot_that_does_not_report_the_length_of_its_mission_may_go_on() -> None:
-    led = VehicleCustody(ARDUPILOT, "true", FLOWN, lambda: None, whole=True)
+    record = left(FLOWN, "AUTO", MISSION, ARDUPILOT)
+    led = VehicleCustody(ARDUPILOT, "true", record, lambda: None, whole=True)
     led.begin(SEARCH, TOP_M, first=True)
     for item in range(1, 5):
         state = in_mission(item, 10.0 * item, total=0)
-        led.observe(state, Outcome(MISSION, 1, "under_way"), takes_off=False)
+        led.observe(state, Outcome(MISSION, 1, "under_way"), 0.0)
     assert led.state is Custody.FOLLOWING
 
 
@@ -393,10 +399,10 @@ def test_an_autopilot_that_does_not_report_the_length_of_its_mission_may_go_on()
 def test_a_failsafe_whose_cause_comes_after_its_mode_is_named(later_s: float, named: bool) -> None:
     led = custody_of(ARDUPILOT, FLOWN)
     taken = Outcome(STEP, 1, "taken_over", "in LAND")
-    led.observe(seen_in("LAND", heard_s=10.0), taken, takes_off=False)
+    led.observe(seen_in("LAND", heard_s=10.0), taken, 0.0)
     assert led.state is Custody.TAKEN and led.lost == "taken over: in LAND"
     seen = seen_in("LAND", heard_s=10.0 + later_s, failsafe="fence")
-    led.observe(seen, taken, takes_off=False)
+    led.observe(seen, taken, 0.0)
     assert led.state is (Custody.FAILSAFE if named else Custody.TAKEN)
     assert led.lost == ("fence failsafe" if named else "taken over: in LAND")
 
@@ -404,11 +410,11 @@ def test_a_failsafe_whose_cause_comes_after_its_mode_is_named(later_s: float, na
 def test_a_vehicle_without_a_search_is_not_cleared_to_fly() -> None:
     for record in (HELD, replace(LANDING, lost="recalled by the operator: land")):
         led = VehicleCustody(ARDUPILOT, "true", record, lambda: None)
-        led.observe(seen_in("GUIDED"), Outcome(), takes_off=False)
+        led.observe(seen_in("GUIDED"), Outcome(), 0.0)
         refused = led.clear(0.0)
         assert isinstance(refused, Rejected) and "no search" in refused.reason
         assert led.state is record.custody
     led = custody_of(ARDUPILOT, HELD)
-    led.observe(seen_in("GUIDED"), Outcome(), takes_off=False)
+    led.observe(seen_in("GUIDED"), Outcome(), 0.0)
     assert isinstance(led.clear(0.0, search_alive=False), Rejected)
     assert led.state is Custody.HELD

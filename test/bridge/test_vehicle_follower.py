@@ -12,14 +12,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dsse_ros.bridge.clearance import Clearance
 from dsse_ros.bridge.custody import MAY_ORDER, Custody
 from dsse_ros.bridge.fence import Fence
 from dsse_ros.bridge.flight_record import FlightRecord, inherited
-from dsse_ros.bridge.given_order import RETRY_S, TRIES
+from dsse_ros.bridge.progress import RETRY_S, TRIES
 from dsse_ros.bridge.settings import BridgeSettings
 from dsse_ros.bridge.tasks import leg_task, mission_task
-from dsse_ros.bridge.vehicle_follower import CRITICAL_S, VehicleFollower
+from dsse_ros.bridge.vehicle_custody import FAILSAFE_S
+from dsse_ros.bridge.vehicle_follower import Clearance, VehicleFollower
 from dsse_ros.flight.autopilots import PX4
 from dsse_ros.flight.identity import Identity
 from dsse_ros.flight.orders import (
@@ -571,9 +571,9 @@ def test_who_is_critical_without_a_reason_may_be_well_again_in_time() -> None:
     vehicle.turn()
     for failsafe in ("critical", "offboard", "", "critical"):
         vehicle.state = replace(FLYING, failsafe=failsafe)
-        vehicle.now_s += CRITICAL_S - 0.5
+        vehicle.now_s += FAILSAFE_S - 0.5
         assert vehicle.turn() is None and not led.lost
-    vehicle.now_s += CRITICAL_S
+    vehicle.now_s += FAILSAFE_S
     assert vehicle.turn() == Return()
     assert led.lost == "critical failsafe"
 
