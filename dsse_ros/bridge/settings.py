@@ -131,6 +131,10 @@ class BridgeSettings(FlightSettings):
             # The records of the vehicles are kept by system id.
             if (number := self.system_ids.count(system_id)) > 1:
                 raise FieldError(f"system_ids must differ, got {system_id} for {number} vehicles")
+        if self.own_system_id in (self.system_ids or range(1, count + 1)):
+            raise FieldError(
+                f"own_system_id must not be a vehicle's system id, got {self.own_system_id}"
+            )
         if self.fence_center is not None:
             for value, limit in zip(self.fence_center, (90.0, 180.0), strict=True):
                 if abs(value) > limit:

@@ -14,7 +14,6 @@ from dataclasses import dataclass, field
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from dsse_ros.checks import check_number
 from dsse_ros.flight.autopilots import AUTOPILOTS, Autopilot
 from dsse_ros.flight.transfer import Timeouts
 from dsse_ros.flight.vehicle_state import VehicleState
@@ -54,6 +53,8 @@ _PROGRESS_M = 0.5
 class ControllerSettings:
     """How a vehicle is flown; times are our wall time unless stated otherwise.
 
+    Values are checked where a person gives them: see `BridgeSettings`.
+
     Attributes:
         autopilot: Name of its autopilot in `AUTOPILOTS`.
         speed_mps: Ground speed to request, 0 for the vehicle's own.
@@ -67,9 +68,6 @@ class ControllerSettings:
         command_tries: How often a command is sent before its order fails.
         stall_s: How long an order may make no progress.
         transfer: Time-outs of a mission upload.
-
-    Raises:
-        ValueError: If a value is not allowed.
     """
 
     autopilot: str = "ardupilot"
@@ -83,23 +81,6 @@ class ControllerSettings:
     command_tries: int = 15
     stall_s: float = 60.0
     transfer: Timeouts = Timeouts()
-
-    def __post_init__(self) -> None:
-        if self.autopilot not in AUTOPILOTS:
-            raise ValueError(f"autopilot must be {' or '.join(AUTOPILOTS)}, got {self.autopilot!r}")
-        needed_hz = max(one.setpoint_rate_hz for one in AUTOPILOTS.values())
-        check_number("setpoint_hz", self.setpoint_hz, needed_hz, 200, exclusive=True)
-        for name, least, most in (
-            ("speed_mps", 0, 100),
-            ("alt_tolerance_m", 0.1, 1000),
-            ("recovery_alt_m", 0, 20000),
-            ("position_hz", 0.5, 50),
-            ("link_timeout_s", 0.1, 3600),
-            ("command_s", 0.01, 3600),
-            ("command_tries", 1, 1000),
-            ("stall_s", 0.1, 1e6),
-        ):
-            check_number(name, getattr(self, name), least, most)
 
 
 class OrderFailedError(Exception):

@@ -18,7 +18,6 @@ from types import MappingProxyType
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from dsse_ros.checks import check_number
 from dsse_ros.defects import Defects
 from dsse_ros.flight.commands import ControllerSettings
 from dsse_ros.flight.orders import Hold
@@ -56,28 +55,17 @@ class VehicleSettings(ControllerSettings):
     """A vehicle, how it is reached and how it is flown.
 
     Attributes:
-        connection: See `link.parse_connection`; whatever its form, the name of the link.
+        connection: See `link.parse_connection`.
         system_id: The vehicle's.
         own_system_id: Ours.
         signing_key_file: 32 bytes or 64 hexadecimal digits that nobody else can read; empty to
             leave messages unsigned. The time of the last signature is kept beside it.
-
-    Raises:
-        ValueError: If a value is not allowed.
     """
 
     connection: str
     system_id: int = 1
     own_system_id: int = 245
     signing_key_file: str = ""
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        object.__setattr__(self, "connection", parse_connection(self.connection).name)
-        check_number("system_id", self.system_id, 1, 255)
-        check_number("own_system_id", self.own_system_id, 1, 255)
-        if self.system_id == self.own_system_id:
-            raise ValueError(f"own_system_id must not be the vehicle's, got {self.own_system_id}")
 
 
 @dataclass(frozen=True)
@@ -107,7 +95,7 @@ class Vehicle:
         settings: How to reach the vehicle and how to fly it.
 
     Raises:
-        ValueError: If there is no key in the key file.
+        ValueError: If the connection is none, or there is no key in the key file.
     """
 
     def __init__(self, settings: VehicleSettings) -> None:
@@ -210,8 +198,8 @@ class Vehicle:
 
     @property
     def connection(self) -> str:
-        """Its connection string."""
-        return self.settings.connection
+        """Name of its link, whatever the form in which the settings have it."""
+        return self._link.name
 
     @property
     def snapshot(self) -> VehicleSnapshot:
@@ -384,7 +372,7 @@ class Vehicle:
         if self._up:
             self._counts["closed"] += 1
         self._up = False
-        self._trouble = f"{self.settings.connection}: {error.strerror or error}"
+        self._trouble = f"{self.connection}: {error.strerror or error}"
         self._reopen_s = time.monotonic() + _REOPEN_S
         self._link.close()
         self._outbox.clear()
@@ -401,7 +389,8 @@ class Fleet(list[Vehicle]):
     """
 
     def __init__(self, settings: Sequence[VehicleSettings]) -> None:
-        for connection, number in Counter(one.connection for one in settings).items():
+        links = Counter(parse_connection(one.connection).name for one in settings)
+        for connection, number in links.items():
             if number > 1:
                 raise ValueError(
                     f"connection must differ, got {connection!r} for {number} vehicles"

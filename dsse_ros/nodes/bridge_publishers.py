@@ -136,10 +136,9 @@ class BridgePublishers:
             "item_reached": state.item_reached,
         }
         values |= {f"count.{key}": n for key, n in sorted(vehicle.counts.items())}
-        settings = vehicle.settings
         state_message = vehicle_state_message(
             self._names[i],
-            f"{settings.connection} system {settings.system_id}",
+            f"{vehicle.connection} system {vehicle.system_id}",
             stamp,
             progress,
             level=level,

@@ -77,10 +77,8 @@ class BridgeNode(AlarmNode):
             self.get_logger().warning(_ALWAYS)
         self.fleet.start()
         for name, vehicle in zip(names, self.fleet, strict=True):
-            one = vehicle.settings
-            self.get_logger().info(
-                f"{name}: waiting for system {one.system_id} on {one.connection}"
-            )
+            waiting = f"waiting for system {vehicle.system_id} on {vehicle.connection}"
+            self.get_logger().info(f"{name}: {waiting}")
 
     def _log(self, level: str, text: str) -> None:
         # One call per level: rclpy raises if a call in the source logs at a second level.
@@ -103,7 +101,7 @@ class BridgeNode(AlarmNode):
         """
         directory = Path(self.settings.state_directory or default_directory())
         try:
-            connections = [(one.system_id, one.settings.connection) for one in vehicles]
+            connections = [(one.system_id, one.connection) for one in vehicles]
             records = FlightRecords(directory, connections)
         except OSError as error:
             raise FieldError(

@@ -47,6 +47,14 @@ from dsse_ros.scenario.fields import FieldError
             {"link_timeout": 40.0},
             "lost_timeout must be at least link_timeout, 40 s, got 30",
         ),
+        (
+            {"own_system_id": 2, "num_vehicles": 2},
+            "own_system_id must not be a vehicle's system id, got 2",
+        ),
+        (
+            {"system_ids": (245,)},
+            "own_system_id must not be a vehicle's system id, got 245",
+        ),
     ],
 )
 def test_what_does_not_fit_is_refused_in_one_line(given: dict[str, Any], why: str) -> None:

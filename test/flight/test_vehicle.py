@@ -306,9 +306,6 @@ def test_closing_ends_the_thread_and_may_be_done_twice(monkeypatch: pytest.Monke
     ("name", "value"),
     [
         ("connection", "nowhere"),
-        ("system_id", 0),
-        ("system_id", 256),
-        ("own_system_id", 1),
         ("signing_key_file", "/no/such/key"),
     ],
 )
