@@ -28,6 +28,20 @@ from dsse_ros.mavlink.messages import (
 from dsse_ros.mission_items.items import FIRMWARES
 
 _NO_MODES: frozenset[str] = frozenset()
+_FAILSAFE_TEXTS = (
+    ("battery", ("is low", "failsafe", "low battery", "is critical")),
+    ("gcs", ("failsafe",)),
+    ("radio", ("failsafe",)),
+    ("ekf", ("failsafe",)),
+    ("fence", ("breach",)),
+)
+_FAILSAFE_CHARGES = frozenset(
+    {
+        mavlink.MAV_BATTERY_CHARGE_STATE_CRITICAL,
+        mavlink.MAV_BATTERY_CHARGE_STATE_EMERGENCY,
+        mavlink.MAV_BATTERY_CHARGE_STATE_FAILED,
+    }
+)
 MULTICOPTERS = frozenset(
     {
         mavlink.MAV_TYPE_QUADROTOR,
@@ -49,7 +63,6 @@ class Autopilot:
 
     Attributes:
         name: Its name in parameters and in `FIRMWARES`.
-        number: MAV_AUTOPILOT, as in HEARTBEAT.autopilot.
         modes: Names of the flight modes by the fields of HEARTBEAT.custom_mode.
         mode_shifts: Bit positions of these fields.
         mode_mask: Bits of each of them.
@@ -73,6 +86,10 @@ class Autopilot:
         position_is_checked: Whether its pre-arm check covers its position estimate. If not,
             EKF_STATUS_REPORT has to report a good estimate.
         texts_prove_failsafe: Whether a STATUSTEXT about a failsafe is sent only if one is active.
+        failsafe_texts: Names of failsafes, with words one of which a STATUSTEXT about it has too.
+        failsafe_charges: MAV_BATTERY_CHARGE_STATE at which it acts.
+        check_texts: How a STATUSTEXT begins that says why it cannot be armed.
+        checks_s: Time after which such a text, if it is not repeated, is not true any more.
         acts_when_critical: Whether it reports a critical state only while a failsafe flies it, in
             whatever mode.
         mode_is_checked: Whether the pre-arm check depends on the mode, and passes in
@@ -80,7 +97,6 @@ class Autopilot:
         streams_setpoints: Whether it needs setpoints all the time in `guided_mode`. If not, each is
             sent until POSITION_TARGET_GLOBAL_INT confirms it.
         setpoint_loss_modes: Modes to which it may change for lack of setpoints.
-        setpoint_rate_hz: Least rate of setpoints that it needs, in its own time.
         paced_setpoints: Whether it ignores MAV_CMD_DO_CHANGE_SPEED in `guided_mode`, so that a
             speed is flown by setpoints that move.
         take_off_amsl: Whether MAV_CMD_NAV_TAKEOFF has an altitude above mean sea level; if not,
@@ -96,7 +112,6 @@ class Autopilot:
     """
 
     name: str
-    number: int
     modes: Mapping[tuple[int, ...], str]
     mode_shifts: tuple[int, ...]
     mode_mask: int
@@ -116,11 +131,14 @@ class Autopilot:
     messages: tuple[Any, ...]
     position_is_checked: bool
     texts_prove_failsafe: bool
+    failsafe_texts: tuple[tuple[str, tuple[str, ...]], ...] = _FAILSAFE_TEXTS
+    failsafe_charges: frozenset[int] = _FAILSAFE_CHARGES
+    check_texts: tuple[str, ...]
+    checks_s: float
     acts_when_critical: bool
     mode_is_checked: bool
     streams_setpoints: bool
     setpoint_loss_modes: frozenset[str] = _NO_MODES
-    setpoint_rate_hz: float = 0.0
     paced_setpoints: bool
     take_off_amsl: bool
     unchanged: float
@@ -138,8 +156,9 @@ class Autopilot:
             kind: HEARTBEAT.type.
             autopilot: HEARTBEAT.autopilot.
         """
-        if autopilot != self.number:
-            wanted, name = (enum_name("MAV_AUTOPILOT", one) for one in (self.number, autopilot))
+        number = FIRMWARES[self.name].mav_autopilot
+        if autopilot != number:
+            wanted, name = (enum_name("MAV_AUTOPILOT", one) for one in (number, autopilot))
             return f"HEARTBEAT.autopilot must be {wanted} with autopilot:={self.name}, got {name}"
         if kind not in MULTICOPTERS:
             return f"HEARTBEAT.type must be a multicopter, got {enum_name('MAV_TYPE', kind)}"
@@ -200,7 +219,6 @@ _MESSAGES = (GlobalPosition, GpsRaw, SysStatus, ExtendedSysState, MissionCurrent
 
 ARDUPILOT = Autopilot(
     name="ardupilot",
-    number=mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA,
     # https://mavlink.io/en/messages/ardupilotmega.html#COPTER_MODE
     modes={
         (number,): entry.name.removeprefix("COPTER_MODE_")
@@ -222,6 +240,9 @@ ARDUPILOT = Autopilot(
     messages=(*_MESSAGES, EkfStatus, PositionTarget),
     position_is_checked=False,
     texts_prove_failsafe=True,
+    check_texts=("prearm:", "arm:"),
+    # It repeats them every 30 s.
+    checks_s=35.0,
     acts_when_critical=False,
     mode_is_checked=False,
     streams_setpoints=False,
@@ -240,7 +261,6 @@ ARDUPILOT = Autopilot(
 
 PX4 = Autopilot(
     name="px4",
-    number=mavlink.MAV_AUTOPILOT_PX4,
     # MAVLink does not enumerate these: see px4_custom_mode.h; the names are QGroundControl's.
     modes={
         (1, 0): "MANUAL",
@@ -285,13 +305,14 @@ PX4 = Autopilot(
     position_is_checked=True,
     # It sends the same texts as a mere warning.
     texts_prove_failsafe=False,
+    check_texts=("preflight:", "preflight fail:"),
+    checks_s=35.0,
     acts_when_critical=True,
     # In OFFBOARD the check fails as long as no setpoints come.
     mode_is_checked=True,
     streams_setpoints=True,
     # Parameter COM_OBL_RC_ACT chooses among them.
     setpoint_loss_modes=frozenset({"RTL", "HOLD", "LAND", "POSCTL", "ALTCTL", "STABILIZED"}),
-    setpoint_rate_hz=2.0,
     paced_setpoints=True,
     take_off_amsl=True,
     unchanged=math.nan,

@@ -56,14 +56,6 @@ _GLOBAL_FRAMES = frozenset({mavlink.MAV_FRAME_GLOBAL, mavlink.MAV_FRAME_GLOBAL_I
 _RELATIVE_FRAMES = frozenset(
     {mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT, mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT}
 )
-_BATTERY_FAILSAFE = frozenset(
-    {
-        mavlink.MAV_BATTERY_CHARGE_STATE_CRITICAL,
-        mavlink.MAV_BATTERY_CHARGE_STATE_EMERGENCY,
-        mavlink.MAV_BATTERY_CHARGE_STATE_FAILED,
-    }
-)
-"""At these PX4 acts; at LOW it only warns."""
 _SENSORS = {
     mavlink.MAV_SYS_STATUS_AHRS: "ekf",
     mavlink.MAV_SYS_STATUS_SENSOR_GPS: "gps",
@@ -72,22 +64,11 @@ _SENSORS = {
 """Possible causes of a failsafe, by the bit of SYS_STATUS that reports them unhealthy."""
 _NO_FIX = mavlink.GPS_FIX_TYPE_2D_FIX
 """GPS_FIX_TYPE up to which no altitude is known."""
-_FAILSAFE_TEXTS = (
-    ("battery", ("is low", "failsafe", "low battery", "is critical")),
-    ("gcs", ("failsafe",)),
-    ("radio", ("failsafe",)),
-    ("ekf", ("failsafe",)),
-    ("fence", ("breach",)),
-)
 _CLEARED = "cleared"
 _ALARM_S = 5.0
 """How long a text about a failsafe counts before the heartbeats report that one is active."""
 _UNKNOWN_TOTAL = 2**16 - 1
 """MISSION_CURRENT.total of an autopilot that does not report it."""
-_CHECKS = ("prearm:", "arm:", "preflight:", "preflight fail:")
-"""How status texts begin that say why it cannot be armed."""
-_REPEATED_S = 35.0
-"""They are repeated as long as they are true: by ArduPilot every 30 s."""
 _UNTIL_THE_NEXT_REPORT = math.inf
 
 _RATE_HZ = 1.0
@@ -216,7 +197,7 @@ def observe(
         case SysStatus():
             return _sys_status(state, message, autopilot)
         case BatteryStatus(charge_state=charge):
-            return _failsafe(replace(state, _battery_low=charge in _BATTERY_FAILSAFE))
+            return _failsafe(replace(state, _battery_low=charge in autopilot.failsafe_charges))
         case EkfStatus(flags=flags):
             good = (
                 bool(flags & mavlink.EKF_POS_HORIZ_ABS) and not flags & mavlink.EKF_CONST_POS_MODE
@@ -360,11 +341,12 @@ def _target(state: VehicleState, message: PositionTarget) -> tuple[float, float,
 
 def _status_text(state: VehicleState, text: str, now: float, autopilot: Autopilot) -> VehicleState:
     lower = text.lower()
-    if lower.startswith(_CHECKS):
+    if lower.startswith(autopilot.check_texts):
         complaints = dict(state._complaints) | {text: now}
-        latest = [(one, time_s) for one, time_s in complaints.items() if now - time_s < _REPEATED_S]
-        return replace(state, _complaints=tuple(latest))
-    for name, signs in _FAILSAFE_TEXTS:
+        since_s = now - autopilot.checks_s
+        latest = tuple((one, time_s) for one, time_s in complaints.items() if time_s > since_s)
+        return replace(state, _complaints=latest)
+    for name, signs in autopilot.failsafe_texts:
         if name in lower and any(sign in lower for sign in signs):
             alarm = "" if _CLEARED in lower else name
             if autopilot.texts_prove_failsafe:

@@ -28,8 +28,24 @@ def test_each_autopilot_has_its_missions() -> None:
 @pytest.mark.parametrize("autopilot", AUTOPILOTS.values(), ids=list(AUTOPILOTS))
 def test_all_modes_that_are_set_or_awaited_are_known(autopilot: Autopilot) -> None:
     named = autopilot.take_off_modes | autopilot.disarmed_modes | autopilot.setpoint_loss_modes
-    named |= {autopilot.mission_mode, "RTL", "LAND", *autopilot.item_modes.values()}
+    named |= autopilot.descent_modes | autopilot.mission_modes
     assert named <= set(autopilot.modes.values())
+
+
+MODES = {mode for autopilot in AUTOPILOTS.values() for mode in autopilot.modes.values()}
+
+
+def test_no_other_module_names_a_mode() -> None:
+    packages = [ROOT / "dsse_ros" / name for name in ("bridge", "flight", "nodes", "mission")]
+    files = [file for folder in packages for file in folder.rglob("*.py")]
+    found = [
+        (file.name, node.value)
+        for file in files
+        if file.name != "autopilots.py"
+        for node in ast.walk(ast.parse(file.read_text()))
+        if isinstance(node, ast.Constant) and node.value in MODES
+    ]
+    assert found == []
 
 
 @pytest.mark.parametrize("file", SOURCES, ids=lambda file: str(file.relative_to(ROOT)))
