@@ -22,13 +22,14 @@ NO_DIFFERENCE, NO_STATEMENT = "none shown", "–"
 WIDEST_SHARE = 0.03
 BASELINE = "greedy"
 SHOWN = {
-    "v2": ("PPO", "expanding_square", "greedy", "optimal_effort", "belief_greedy", "belief"),
-    "v1": ("REINFORCE", "expanding_square", "greedy", "optimal_effort", "belief_greedy", "belief"),
-    "santos_4": ("sweep", "expanding_square", "sector", "greedy", "belief_greedy", "belief"),
-    "shore": ("creeping_line", "spiral", "greedy", "optimal_effort", "belief_greedy", "belief"),
+    "v2": ("expanding_square", "greedy", "belief_greedy", "belief"),
+    "v1": ("expanding_square", "greedy", "belief_greedy", "belief"),
+    "santos_4": ("sector", "greedy", "belief_greedy", "belief"),
+    "shore": ("spiral", "greedy", "belief_greedy", "belief"),
 }
-"""Rows of the short tables, by case."""
-SHOWN_AT_SEA = ("expanding_square", "greedy", "optimal_effort", "route", "belief_greedy", "belief")
+"""Rows of the short tables, by case: the best pattern, on the map, and on a belief."""
+TITLES = {"v2": "`v2`", "v1": "`v1`", "santos_4": "`paper`", "shore": "Shore"}
+SHOWN_AT_SEA = ("expanding_square", "greedy", "route", "belief_greedy", "belief")
 ON_A_BELIEF = ("optimal_effort", "route", "belief_greedy", "belief")
 WITH_FAULTS = ("greedy", "optimal_effort", "belief_greedy", "belief")
 FIELDS = (
@@ -62,15 +63,38 @@ def markdown(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
     return "".join(f"| {' | '.join(line)} |\n" for line in lines)
 
 
-def case_table(rows: Mapping[str, Row], published: Sequence[Source]) -> str:
-    """Return share found, mean steps and paired difference of planners, below published ones."""
-    lines = [[f"published: {one.name}", f"{100 * one.found:.1f}", f"{one.steps:.1f}", ""]
-             for one in published]  # fmt: skip
+def case_table(rows: Mapping[str, Row]) -> str:
+    """Return share found, mean steps and paired difference of planners."""
+    lines = []
     for name, row in rows.items():
         more = difference(row["difference"], row["difference_interval"], 1)
         beside = "" if name == BASELINE else more
         lines.append([f"`{name}`", share(row), f"{row['steps']:.1f}", beside])
     return markdown(["Planner", "Found, %", "Mean steps", f"Steps more than `{BASELINE}`"], lines)
+
+
+def all_table(results: Mapping[str, Any], published: Mapping[str, Sequence[Source]]) -> str:
+    """Return share found and mean steps of every planner in the cases of `TITLES`, and at sea."""
+    cases = {key: results["cases"][key] for key in TITLES}
+    lines = [
+        [
+            f"published: {one.name}",
+            *(f"{100 * one.found:.1f}, {one.steps:.1f}" if one in published[key] else ""
+              for key in cases),
+            "",
+        ]
+        for sources in published.values() for one in sources
+    ]  # fmt: skip
+    for name in next(iter(cases.values())):
+        at_sea = results["incidents"].get(name)
+        lines.append(
+            [
+                f"`{name}`",
+                *(f"{share(rows[name])}, {rows[name]['steps']:.1f}" for rows in cases.values()),
+                f"{100 * at_sea['found'][-1]:.1f}" if at_sea else "",
+            ]
+        )
+    return markdown(["Planner", *TITLES.values(), f"At sea, {incidents.MINUTES[-1]} min"], lines)
 
 
 def cost_table(
@@ -120,20 +144,16 @@ def tables(
         published: Published figures by case.
         conditions: Titles of what is wrong, by key.
     """  # fmt: skip
-    written = {}
+    written = {"all": all_table(results, published)}
     for key, rows in results["cases"].items():
         if key in SHOWN:
-            written[f"{key}, all"] = case_table(rows, published[key])
-            sources = [one for one in published[key] if one.name in {*SHOWN[key]} - {*rows}]
-            written[key] = case_table(_chosen(rows, SHOWN[key]), sources)
+            written[key] = case_table(_chosen(rows, SHOWN[key]))
     for key, by_condition in results["disturbed"].items():
         written[f"{key}, disturbed"] = cost_table(by_condition, conditions, ON_A_BELIEF)
     written["faults"] = cost_table(results["faults"], conditions, WITH_FAULTS)
     baseline = f"`{incidents.BASELINE}`"
-    for name, planners in (("incidents, all", tuple(results["incidents"])),
-                           ("incidents", SHOWN_AT_SEA)):  # fmt: skip
-        rows = {f"`{one}`": row for one, row in _chosen(results["incidents"], planners).items()}
-        written[name] = at_sea_table(rows, "Planner", baseline, baseline)
+    at_sea = {f"`{name}`": row for name, row in _chosen(results["incidents"], SHOWN_AT_SEA).items()}
+    written["incidents"] = at_sea_table(at_sea, "Planner", baseline, baseline)
     by_error = {incidents.ERRORS[name]: row for name, row in results["wrong_drift"].items()}
     written["wrong_drift"] = at_sea_table(
         by_error, "What is wrong", incidents.ERRORS["none"], "with the right drift"

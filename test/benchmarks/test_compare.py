@@ -95,7 +95,7 @@ def test_a_short_table_is_short(name: str) -> None:
     written = tables(json.loads((RESULTS / "compare.json").read_text(encoding="utf-8")))
     head, _, *rows = written[name].splitlines()
     assert head.count("|") == 5
-    assert len(rows) == 6
+    assert 4 <= len(rows) <= 6
 
 
 def test_a_table_states_only_what_its_intervals_support() -> None:
