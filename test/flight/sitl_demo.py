@@ -55,7 +55,7 @@ from dsse_ros.view.rendering import save_picture  # noqa: E402
 from msg_adapters.step_report import step_report_from_message  # noqa: E402
 
 RADIUS_M = 10.0
-HOMES_APART_M = 20.0
+HOMES_APART_M = 30.0
 PATIENCE_S = 600.0
 MAX_SPEEDUP = 100.0
 MANY = QoSProfile(depth=1000, reliability=ReliabilityPolicy.RELIABLE)
