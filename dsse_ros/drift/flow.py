@@ -32,8 +32,8 @@ MAX_BYTES = 10_000_000
 class Flow:
     """The velocity of air or water.
 
-    An axis of length 1 means that the flow does not change along it. Between the values of an axis
-    the flow is linear; beyond its ends there is none.
+    An axis of length 1 means that the flow does not change along it. Values
+    are interpolated linearly along an axis; beyond its ends there is none.
 
     Attributes:
         times_s: (T,) float64, increasing, seconds since 1970-01-01 UTC.
@@ -133,7 +133,7 @@ def speed_and_direction(kind: Kind, east_mps: float, north_mps: float) -> tuple[
 
 
 def constant_flow(kind: Kind, speed_mps: float, direction_deg: float) -> Flow:
-    """Return a flow that is the same always and everywhere; see `components`."""
+    """Return a flow that is constant in time and place; see `components`."""
     return table_flow(np.zeros(1), [components(kind, speed_mps, direction_deg)])
 
 
@@ -157,7 +157,7 @@ def read_table(kind: Kind, path: str | os.PathLike[str]) -> Flow:
     because it covers the time between them.
 
     Raises:
-        ValueError: If the file cannot be read, or has anything else.
+        ValueError: If the file cannot be read or is not such a table.
     """
     name, sense = os.fspath(path), SENSE[kind]
     columns = ["time", "speed_mps", sense]

@@ -83,11 +83,11 @@ def _below(axis, value):
 def _at_time(flow, t, j, i, v, u):
     """Return the flow at one of its times, from the neighbours that have a value; or NaN.
 
-    The shore cells of a current have values at the sea's side only.
+    The shore cells of a current have values on the sea side only.
     """
     if v == 0.0 and u == 0.0:
         e, n = flow.east_mps[t, j, i], flow.north_mps[t, j, i]
-        # A component alone is none.
+        # One component alone is no velocity.
         return e + 0.0 * n, n + 0.0 * e
     east, north, total = 0.0, 0.0, 0.0
     for dj in range(2):

@@ -15,8 +15,8 @@ where e is normal with the standard deviation of its class, drawn once per parti
 slope + e / 20 < 0. The crosswind component has the same form with its own coefficients and error,
 which is not truncated. Half of the particles use the right coefficients, the others the left ones.
 
-The error has the part e / 2 in a calm too: particles also spread without wind, and as the spread
-follows the direction of the wind, a cloud can contract when the wind turns.
+The part e / 2 of the error does not depend on the wind: particles also spread in a calm. The spread
+follows the direction of the wind, so a cloud can contract when the wind turns.
 """
 
 from __future__ import annotations
@@ -131,7 +131,7 @@ def draw_leeway(
     error = std * rng.standard_normal(count)
     while (negative := slope + error / 20 < 0).any():
         error[negative] = std * rng.standard_normal(int(negative.sum()))
-    # Drawing the halves by number makes them exact, and a prefix of the particles is fair too.
+    # Alternating sides make the halves exact, also of the first particles alone.
     side = np.where(np.arange(count)[:, None] % 2 == 0, of.right, of.left)
     cross_slope, cross_offset, cross_std = side.T if positive_crosswind == "left" else -side.T
     cross_error = cross_std * rng.standard_normal(count)

@@ -88,7 +88,7 @@ def _positions(
 def _filled(
     times_s: NDArray[np.float64], lats: NDArray[np.float64], lons: NDArray[np.float64]
 ) -> DriftTracks:
-    """Return tracks without gaps: each position missing is the last one, or else the first."""
+    """Return tracks without gaps, filled with the last position or else the first."""
     there = np.isfinite(lats)
     steps = np.arange(len(times_s))[:, None]
     last = np.maximum.accumulate(np.where(there, steps, -1), axis=0)

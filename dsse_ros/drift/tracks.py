@@ -36,8 +36,8 @@ class Sighting(NamedTuple):
         lat_deg: WGS84 latitude.
         lon_deg: WGS84 longitude.
         time_s: Time, in seconds since 1970-01-01 UTC.
-        radius_m: Distance from there that the object exceeds in one case of a hundred; its position
-            is normal along both axes.
+        radius_m: Distance from there that the object exceeds in one of a hundred cases; its
+            position is normal along both axes.
         weight: Weight among several sightings of one object.
         time_error_s: The object was there up to this time before or after.
     """
@@ -109,7 +109,7 @@ def drift_tracks(
 
     Args:
         drift: How the object drifts.
-        sightings: Where it was seen; particles are shared out by their weights.
+        sightings: Where it was seen; their weights divide the particles.
         times_s: (T,) float64, increasing or decreasing. The first one may be later than the
             sightings: particles then drift until there.
         count: M.

@@ -193,12 +193,12 @@ class ActionSet:
 
     @property
     def reaches_all(self) -> bool:
-        """Whether moves lead from each cell of the grid to each other one."""
+        """Whether moves lead from each cell of the grid to every other cell."""
         return self._paths is None
 
     @property
     def two_way(self) -> bool:
-        """Whether a drone can fly back each way that it came."""
+        """Whether each path can be flown in both directions."""
         return self._paths is None or self._paths.two_way
 
     def reachable(self, cell: Cell) -> NDArray[np.bool_] | None:
@@ -291,7 +291,7 @@ def _reaches_the_same(
         actions: Actions of the drone.
         cell: Cell of the drone.
         component: Cells that another drone can reach.
-        alike: Whether the drone has the other's actions, which lead back too.
+        alike: Whether both drones have the same actions, and paths lead both ways.
     """
     if component is None:
         return actions.reachable(cell) is None

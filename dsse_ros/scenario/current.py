@@ -87,9 +87,8 @@ def resolve_vector(
         )
     if math.dist(drift, nearest) > MAX_ERROR * cells:
         raise FieldError(
-            f"current_speed must be lower, or vector be given, with rules {rules.profile}, whose "
-            f"datum takes whole steps for a cell, got {speed:g}: the nearest current is "
-            f"{drone_speed * math.hypot(*nearest):.4g} m/s"
+            f"current_speed must be one that rules {rules.profile} can give, with whole steps per "
+            f"cell, got {speed:g}; the nearest is {drone_speed * math.hypot(*nearest):.4g} m/s"
         )
     return of_current
 

@@ -104,7 +104,7 @@ class GivenArray:
         side = len(self.values)
         if side != grid_size:
             raise FieldError(
-                f"{self.NAME} must have {grid_size} x {grid_size} cells as grid_size says, got "
+                f"{self.NAME} must have {grid_size} x {grid_size} cells, as grid_size, got "
                 f"{self.source} of {side} x {side}"
             )
 

@@ -39,7 +39,7 @@ from dsse_ros.scenario.while_alive import while_alive
 LONGEST_SEARCH_S = 6 * 3600.0
 """Time after the start of a search for which wind and current are read from files."""
 FASTEST_DRIFT_MPS = 2.0
-"""Speed of a drift up to which wind, current and shore are read around the sightings."""
+"""Fastest drift for which wind, current and shore are read around the sightings."""
 MAX_SPREAD_M = 500_000.0
 """Greatest distance at which wind, current and shore are read around the sightings."""
 
@@ -62,7 +62,7 @@ _OF_SIGHTING = {
 
 
 class Laid(NamedTuple):
-    """What follows from the grid of an incident.
+    """Values that the grid of an incident determines.
 
     Attributes:
         begins_s: Time at which the drones are at the grid, in seconds since 1970-01-01 UTC.
@@ -91,10 +91,10 @@ class Incident:
         jibing: See `drift.tracks.Drift`.
         positive_crosswind: See `drift.tracks.Drift`.
         land: Polygons of land to strand on; None for none.
-        laid: What follows from the grid, once it is laid; None before.
+        laid: What the grid determines, once it is laid out; None before.
         given: Tracks of another model, which then replace sightings, wind, current and land.
-        truth: The incident by whose law the persons drift, where that is another; only the
-            fields of `truth` differ.
+        truth: The incident whose drift the persons follow, if it is a different one; it
+            differs in the fields of `truth`.
     """
 
     key: str
@@ -114,7 +114,7 @@ class Incident:
 
     @property
     def followed(self) -> Incident:
-        """The incident by whose law the persons drift."""
+        """The incident whose drift the persons follow."""
         return self if self.truth is None else replace(self.truth, laid=self.laid)
 
     @classmethod
@@ -139,7 +139,7 @@ class Incident:
         except FieldError:
             raise
         except ValueError as error:
-            # What the package drift refuses.
+            # Errors of `dsse_ros.drift`.
             raise FieldError(f"incident: {error}") from None
 
     def to_dict(self) -> dict[str, Any]:
@@ -188,7 +188,7 @@ class Incident:
     def tracks(
         self, times_s: NDArray[np.float64], count: int, rng: np.random.Generator
     ) -> DriftTracks:
-        """Return tracks of particles, see `drift_tracks`; given ones are as many as there are.
+        """Return tracks of particles, see `drift_tracks`; given ones keep their number.
 
         Raises:
             FieldError: If wind, current or given tracks do not cover them, or a sighting is on
@@ -233,7 +233,7 @@ class Incident:
 
     def _given_tracks(self, given: GivenTracks, times_s: NDArray[np.float64]) -> DriftTracks:
         lats, lons = given.lats_deg.astype(np.float64), given.lons_deg.astype(np.float64)
-        # Of another model only the last positions are known to be final.
+        # Tracks of another model do not state when a particle strands.
         stranded = np.zeros(lats.shape, np.bool_)
         try:
             return at_times(DriftTracks(given.times_s, lats, lons, stranded), times_s)
@@ -334,7 +334,7 @@ def _law(name: str, values: Mapping[str, Any], folder: str, span: Span) -> dict[
 
 
 def _laid(value: Any) -> Laid | None:
-    """Return what follows from the grid of an incident.
+    """Return the values that the grid of an incident determines.
 
     Raises:
         FieldError: If the value is not a valid `laid`.
@@ -455,7 +455,7 @@ def _shore(land: Area, box: Box) -> Shore:
 
 
 def _boxes(land: Area, box: Box) -> Iterator[Box]:
-    """Yield the boxes of polygons, each turned around the Earth to where it is near a box."""
+    """Yield the bounding boxes of polygons, with longitudes near those of a given box."""
     centre = (box.west_deg + box.east_deg) / 2
     for outline, *_ in land.polygons:
         lats, lons = np.array(outline).T

@@ -1,6 +1,6 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""The grid of an incident: around what its particles reach while the search lasts."""
+"""The grid of an incident, around the positions of its particles during the search."""
 
 from __future__ import annotations
 
@@ -24,10 +24,10 @@ OUTSIDE = 0.005
 """Share of the particles that may leave the grid: half of the 1 % that is promised, because these
 particles are only a sample."""
 APPROACHES = 3
-"""Times that the grid is laid, as the time of transit depends on it."""
+"""Number of times that the grid is laid out: the time of transit depends on it."""
 PARTICLES = 4000
 TIME_STEP_S = 60.0
-"""Particles, and the longest time between their positions, by which a grid is laid."""
+"""Particles, and the longest time between their positions, to lay out a grid."""
 
 
 class IncidentGrid(NamedTuple):
@@ -55,7 +55,7 @@ def lay_grid(
     incident: Incident, *, cell_m: float, alt_m: float, grid_size: int | None, steps: int,
     step_s: float, speed_mps: float, seed: int,
 ) -> IncidentGrid:  # fmt: skip
-    """Return the grid around what the particles of an incident reach.
+    """Return the grid around the positions that the particles of an incident reach.
 
     Args:
         incident: The incident.
@@ -114,7 +114,7 @@ def positions(
         step_s: Duration of a step of the sea.
         steps: T - 1.
         rng: Generator of the draws.
-        count: M; given tracks are as many as there are.
+        count: M; given tracks keep their number.
 
     Raises:
         FieldError: If wind or current are missing.
@@ -166,12 +166,12 @@ def _square(
     """
     ends = []
     for axis in (x, y):
-        # A quarter of what may be outside is beyond each side.
+        # Each of the four sides may lose a quarter of the share that may be outside.
         low = np.quantile(axis.min(axis=0), OUTSIDE / 4)
         high = np.quantile(axis.max(axis=0), 1 - OUTSIDE / 4)
         ends.append((float(low), float(high)))
     if grid_size is None:
-        # The margin is more than the grid turns between its centre and its corner.
+        # The margin covers the rotation of north between the grid's centre and its corner.
         grid_size = math.ceil(max(high - low for low, high in ends) / cell_m) + 2
     side = grid_size * cell_m
     corner = tuple((low + high - side) / 2 for low, high in ends)

@@ -409,7 +409,7 @@ class ResolvedScenario(Scenario):
 
     @property
     def truth(self) -> ResolvedScenario:
-        """The scenario by whose law the persons drift; a belief goes by this one."""
+        """The scenario whose drift the persons follow; beliefs follow this one's."""
         if self.incident is None or self.incident.truth is None:
             return self
         return dataclasses.replace(self, incident=self.incident.followed)

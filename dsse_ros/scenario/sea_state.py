@@ -29,11 +29,11 @@ Velocity = tuple[float, float]
 
 
 class SeaFlow(NamedTuple):
-    """Wind or current in the terms of each.
+    """Wind or current, with its direction as it is usually stated.
 
     Attributes:
         kind: Which of them.
-        velocity_mps: To where it flows.
+        velocity_mps: Its velocity.
         sense: `from` or `toward`, how its direction is stated.
         speed_mps: Its speed.
         direction_deg: Its direction, clockwise from north.

@@ -58,7 +58,7 @@ class TransitionProbabilities(GivenArray):
 
 
 def _check_cells(fine: NDArray[np.bool_], wanted: str, found: NDArray[np.float64]) -> None:
-    """Raise for the first cell that is not fine; the arrays are (G, G).
+    """Raise for the first cell that fails a check; the arrays are (G, G).
 
     Raises:
         FieldError: If there is one.

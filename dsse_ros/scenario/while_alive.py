@@ -1,6 +1,6 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""A cache that ends with what its results belong to."""
+"""A cache whose results live as long as the object that they belong to."""
 
 from __future__ import annotations
 

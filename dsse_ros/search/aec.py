@@ -81,7 +81,7 @@ def _float32(space: Any) -> spaces.Box:
 
 
 def raw_env(*args: Any, **kwargs: Any) -> AECEnv[str, Any, int | None]:
-    """Return the search as an AEC environment without wrappers; arguments of `parallel_env`.
+    """Return the search as an AEC environment without wrappers; arguments as in `parallel_env`.
 
     Agents are named drone_0 and observe float32 vectors, see `FlattenedObservationWrapper`.
     """

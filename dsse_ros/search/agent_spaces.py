@@ -16,8 +16,8 @@ class AgentSpaces:
     may have seeded it.
 
     Attributes:
-        observation_spaces: Of each agent.
-        action_spaces: Of each agent.
+        observation_spaces: Observation space of each agent.
+        action_spaces: Action space of each agent.
     """
 
     observation_spaces: dict[str, spaces.Space[Any]]

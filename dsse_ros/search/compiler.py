@@ -1,6 +1,6 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""Compilation of the search, at its first use after an installation unless it is prepared."""
+"""Compiles the search ahead of its first use, and announces when and what is compiled."""
 
 from __future__ import annotations
 
@@ -22,14 +22,14 @@ from dsse_ros.search.world import HOLD
 from dsse_ros.search.world_beliefs import WorldBeliefs
 
 COMPILING = ", once after an installation, in 10 s to a minute"
-"""Of the line that is logged before the compiler starts, if its cache is not complete."""
+"""End of the line that is logged before the compiler starts, if its cache is not complete."""
 _REPORT_S = 1.0
 """Wall time between two lines of the compiler's progress."""
 _LINES = re.compile(r"\b(compiling .+?)(?:: (\d+ functions?))?(?:[,;] .*)?$")
 
 
 class _Announcer(event.Listener):
-    """Counts what is compiled of this package."""
+    """Counts the functions of this package that are compiled."""
 
     def __init__(self, what: str, announce: Callable[[str], object]) -> None:
         self._what = what
@@ -75,7 +75,7 @@ def progress(log: str) -> str:
     """Return what is being compiled, with the number of functions; empty for nothing.
 
     Args:
-        log: Log of a process; its last line counts.
+        log: Log of a process; only its last line is read.
     """
     found = _LINES.search(log.rstrip().rpartition("\n")[2])
     if found is None:

@@ -31,7 +31,7 @@ def poc_of(scenario: ResolvedScenario, rules: Rules) -> NDArray[np.float64]:
 
     It is the scenario's `probability_matrix`. Without one, it is the `belief.Belief` after the
     persons have moved for `reset_sea_steps` and `pre_search_minutes`. It is 0 outside the area,
-    sums to 1, and is cut where it is less than `cover_min_probability`.
+    sums to 1, and is 0 where it is less than `cover_min_probability`.
 
     Raises:
         FieldError: If nothing is left.
@@ -106,5 +106,5 @@ class Coverage:
         }
 
     def cells(self, x: NDArray[np.int64], y: NDArray[np.int64]) -> NDArray[np.float32]:
-        """Return the rest of cells, (B, K) float32, 0 outside the grid; see `World.cells`."""
+        """Return what is left of cells, (B, K) float32, 0 outside the grid; see `World.cells`."""
         return cells_of_maps(self.left, np.arange(len(self.left)), x, y).astype(np.float32)

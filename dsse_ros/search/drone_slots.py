@@ -78,7 +78,7 @@ class SlotStep(NamedTuple):
 def searched_probability(step: Transition) -> NDArray[np.float64]:
     """Return the probability (B, N) that each drone's looks find; looks at one cell share it.
 
-    Only looks that the drones did count, from the cells in which they did them.
+    Count only the looks that the drones made, from the cells in which they made them.
 
     With the belief as observation, their sum is the expected number of finds in the step: a dense
     reward without the luck of an actual find. With several persons it uses their mean POD.

@@ -154,7 +154,7 @@ class Faults:
     def of(
         cls, scenario: ResolvedScenario, rules: Rules, num_worlds: int, looks: Looks
     ) -> Faults | None:
-        """Return the faults of a scenario, or None if it has no faults and its drones no limits.
+        """Return the faults of a scenario, or None if it has none and its drones have no limits.
 
         Args:
             scenario: The scenario.
@@ -184,7 +184,7 @@ class Faults:
         fault_kernels.start_conditions(world.batch, self.fleet, which)
 
     def check(self, snapshot: Snapshot, grid_size: int) -> None:
-        """Raise if a snapshot of this shape would make the kernels leave their arrays.
+        """Raise if a snapshot of this shape would make the kernels read beyond their arrays.
 
         Raises:
             SnapshotError: If it would.

@@ -340,7 +340,7 @@ class SearchEnv(Rebound, AgentSpaces, ParallelEnv[str, AgentObservation, int]):
         """Raise before the first reset.
 
         Raises:
-            gymnasium.error.ResetNeeded: If it is.
+            gymnasium.error.ResetNeeded: If there was no reset.
         """
         if self._done[0] and self.steps_done == 0:
             raise ResetNeeded(RESET_FIRST)
@@ -424,7 +424,7 @@ def action_of(rules: Rules, agent: str, actions: Mapping[str, int]) -> int:
         raise FieldError(f"actions: {agent} is missing; one action per live agent")
     value = actions[agent]
     try:
-        # If the rules refuse nothing, any value equal to a number is it, as in DSSE 0.1.13.
+        # If unknown actions do nothing, any value that equals a number counts, as in DSSE 0.1.13.
         known = range(len(rules.actions))
         return known.index(value if rules.noop_actions else operator.index(value))
     except (TypeError, ValueError):

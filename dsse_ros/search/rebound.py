@@ -1,6 +1,6 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""Objects with views on their own arrays, which a copy or a pickle would turn into other arrays."""
+"""Objects with views on their own arrays, which a plain copy or pickle would detach."""
 
 from __future__ import annotations
 

@@ -134,7 +134,7 @@ def _digest_of(head: bytes) -> str:
         raise SnapshotError("not a snapshot of dsse_ros")
     version, _, digest = head[len(MAGIC) + 1 :].decode("ascii", "replace").partition(" ")
     if version != str(VERSION):
-        raise SnapshotError(f"snapshot version {version[:20]!r}; version {VERSION} is read")
+        raise SnapshotError(f"version of the snapshot must be {VERSION}, got {version[:20]!r}")
     return digest
 
 

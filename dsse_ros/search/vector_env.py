@@ -33,7 +33,7 @@ RESET_MASK = "reset_mask"
 """Option of a reset, as in Gymnasium: the worlds to reset."""
 
 FEW_ACTIONS = 4096
-"""Up to so many, NumPy's reductions take longer than a look at each byte."""
+"""Up to this many actions, checking each byte is faster than NumPy's reductions."""
 
 MAX_REACH = 10_000
 """Cells on each side of the centre of the largest window."""
@@ -111,7 +111,7 @@ class VectorEnv:
     (`belief.Belief`), in the cells that the drones observed, and infos have `pos` (B,) float64, the
     cumulative probability of success of the mission's searches there. Beliefs take
     8 B C K (G + 4)^2 bytes, with C different `person_pod_multipliers` and K = 1, or 64 if each
-    person has an own drift (`v2`). Beliefs of an ensemble take 8 B C M bytes, with M `particles`.
+    person has its own drift (`v2`). Beliefs of an ensemble take 8 B C M bytes, with M `particles`.
 
     In the coverage task `probability` is the probability left to cover, `Found` is whether all is
     covered, and infos have the metrics of `coverage.Coverage`, (B,) float64 each.

@@ -388,7 +388,7 @@ class World(Rebound):
         self._refresh(self.maps)
 
     def _check_possible(self, arrays: Mapping[str, NDArray[Any]]) -> None:
-        """Raise if a state would make the kernels leave their arrays.
+        """Raise if a state would make the kernels read beyond their arrays.
 
         The checksum alone does not prevent that: it is not a signature.
 
@@ -410,7 +410,7 @@ class World(Rebound):
                 raise SnapshotError(f"the snapshot is damaged: {name} is not from 0 to {high}")
         multipliers = arrays["persons"]["pod_multiplier"]
         if not ((multipliers >= 0.0) & (multipliers < np.inf)).all():
-            raise SnapshotError("the snapshot is damaged: a pod_multiplier is not a factor")
+            raise SnapshotError("the snapshot is damaged: a pod_multiplier is not 0 or more")
         if self.ensemble is not None:
             high = self.ensemble.tracks.truth.shape[1] - 1
             if not ((arrays["track"] >= 0) & (arrays["track"] <= high)).all():

@@ -26,7 +26,7 @@ def tracks(scenario: Any, steps: int, rng: np.random.Generator, count: int) -> T
         prior = scenario.probability_matrix.values
     rows, cols = np.nonzero(prior)
     weights = prior[rows, cols] / prior.sum()
-    # Positions on the edges of cells would not survive the way through metres.
+    # Positions on the edges of cells would not survive the conversion to metres and back.
     moved = np.floor(np.arange(steps + 1)[:, None] * np.array(scenario.drift) + 0.5)
     cells = np.stack([cols, rows], axis=1) + moved[:, None]
     return Tracks((cells + 0.5) * scenario.cell_size, weights)

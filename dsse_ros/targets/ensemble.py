@@ -60,7 +60,7 @@ class Ensemble(NamedTuple):
     Attributes:
         doc: Motion of a person, as a phrase without a subject.
         tracks: Function that draws the tracks.
-        count: Function that returns how many there will be for a `ResolvedScenario`, or more.
+        count: Function that returns an upper bound of their number for a `ResolvedScenario`.
     """
 
     doc: str

@@ -26,7 +26,7 @@ def tracks(scenario: Any, steps: int, rng: np.random.Generator, count: int) -> T
 
 
 def count(scenario: Any) -> int:
-    """Return the number of tracks; those of another model are as many as there are."""
+    """Return the number of tracks: the scenario's, or that of the tracks of another model."""
     given = None if scenario.incident is None else scenario.incident.given
     return requested(scenario) if given is None else int(given.lats_deg.shape[1])
 

@@ -114,7 +114,7 @@ def is_open(area, g, x, y):
 
 @part
 def step_within(area, g, x, y, dx, dy):
-    """Return the cell that a step leads to; only an axis that would leave does not move.
+    """Return the cell that a step leads to; an axis along which it would leave does not change.
 
     If each axis alone would stay in the area but both together would not, x moves.
     """
