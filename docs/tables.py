@@ -89,7 +89,12 @@ def shown(value: Any) -> str:
 
 
 def allowed(spec: Spec) -> str:
-    """Return the allowed values."""
+    """Return the allowed values, with their unit."""
+    return f"{limits(spec)} {spec.unit}".strip()
+
+
+def limits(spec: Spec) -> str:
+    """Return the allowed values without their unit."""
     if len(spec.choices or ()) > _MOST_CHOICES:
         return f"{len(spec.choices)} names, which the error for another name lists"
     if spec.choices:
@@ -128,15 +133,13 @@ def settings_table(cls: type, run_time: Collection[str] = ()) -> str:
     values = defaults(cls)
     rows = [
         [
-            f"`{name}`", type_of(spec), spec.unit, shown(values[name]), allowed(spec),
+            f"`{name}`", type_of(spec), shown(values[name]), allowed(spec),
             "yes" if name in run_time else "", spec.doc,
         ]
         # What it shares with others comes last.
         for name, spec in sorted(specs(cls).items(), key=lambda s: s[0] not in cls.__annotations__)
     ]  # fmt: skip
-    return table(
-        ["Parameter", "Type", "Unit", "Default", "Allowed", "At run time", "Meaning"], rows
-    )
+    return table(["Parameter", "Type", "Default", "Allowed", "At run time", "Meaning"], rows)
 
 
 def scenario_table() -> str:
@@ -153,8 +156,8 @@ def scenario_table() -> str:
         if values[name] is None and name in of_rules:
             given = [shown(getattr(rules, name)) or "centre" for rules in PROFILES.values()]
             default = given[0] if len(set(given)) == 1 else " / ".join(given)
-        rows.append([f"`{name}`", type_of(spec), spec.unit, default, allowed(spec), spec.doc])
-    return table(["Field", "Type", "Unit", "Default", "Allowed", "Meaning"], rows)
+        rows.append([f"`{name}`", type_of(spec), default, allowed(spec), spec.doc])
+    return table(["Field", "Type", "Default", "Allowed", "Meaning"], rows)
 
 
 def faults_table() -> str:
@@ -167,10 +170,10 @@ def faults_table() -> str:
             rows.append(
                 [
                     name.replace("_", " ") if number == 0 else "", f"`{field}`", type_of(spec),
-                    spec.unit, shown(values[field]), allowed(spec), spec.doc,
+                    shown(values[field]), allowed(spec), spec.doc,
                 ]
             )  # fmt: skip
-    return table(["Fault", "Field", "Type", "Unit", "Default", "Allowed", "Meaning"], rows)
+    return table(["Fault", "Field", "Type", "Default", "Allowed", "Meaning"], rows)
 
 
 def planner_options_table() -> str:
@@ -181,11 +184,10 @@ def planner_options_table() -> str:
             continue
         values = defaults(options)
         for name, spec in specs(options).items():
-            limits = allowed(spec) or spec.allowed()
-            row = (f"`{name}`", spec.unit, shown(values[name]), limits, spec.doc)
+            row = (f"`{name}`", shown(values[name]), allowed(spec) or spec.allowed(), spec.doc)
             planners.setdefault(row, []).append(f"`{planner}`")
     rows = [[row[0], ", ".join(names), *row[1:]] for row, names in planners.items()]
-    return table(["Option", "Planners", "Unit", "Default", "Allowed", "Meaning"], rows)
+    return table(["Option", "Planners", "Default", "Allowed", "Meaning"], rows)
 
 
 def rules_table() -> str:
@@ -193,10 +195,10 @@ def rules_table() -> str:
     texts = []
     for name, group in GROUPS.items():
         rows = [
-            [f"`{field}`", type_of(spec), spec.unit, by_profile(field), spec.doc]
+            [f"`{field}`", type_of(spec), by_profile(field), spec.doc]
             for field, spec in specs(group).items()
         ]
-        head = ["Field", "Type", "Unit", "Default", "Meaning"]
+        head = ["Field", "Type", "Default", "Meaning"]
         texts.append(f"\n**{name}.** {group.__doc__}\n\n{table(head, rows)}")
     return "".join(texts) + "\n"
 
@@ -238,8 +240,7 @@ def cards_table() -> str:
 def metrics_table() -> str:
     """Return the table of the metrics of a report."""
     rows = [
-        [metric.label, f"`{metric.name}`", metric.unit, metric.meaning,
-         metric.source]
+        [metric.label, f"`{metric.name}`", metric.unit, metric.meaning, metric.source]
         for metric in METRICS
     ]  # fmt: skip
     return table(["Metric", "Column", "Unit", "Meaning", "Source"], rows)
@@ -249,10 +250,10 @@ def fields_table(cls: type) -> str:
     """Return the table of the fields of a file."""
     values = defaults(cls)
     rows = [
-        [f"`{name}`", type_of(spec), spec.unit, shown(values[name]), allowed(spec), spec.doc]
+        [f"`{name}`", type_of(spec), shown(values[name]), allowed(spec), spec.doc]
         for name, spec in specs(cls).items()
     ]
-    return table(["Field", "Type", "Unit", "Default", "Allowed", "Meaning"], rows)
+    return table(["Field", "Type", "Default", "Allowed", "Meaning"], rows)
 
 
 def measures_table() -> str:

@@ -43,8 +43,7 @@ class PlannerEntry:
     planner_seeds: int | None = field(
         "int",
         "Number of planner seeds, which missions use in turn; by default each mission has its own. "
-        "Missions with the same seed share decisions until their observations differ, which is "
-        "fast, but they count as one in the intervals.",
+        "Missions that share a seed are fast, but count as one in the intervals.",
         None, low=1, high=MAX_MISSIONS,
     )  # fmt: skip
     options: Mapping[str, Any] = dataclasses.field(default_factory=dict)
@@ -92,26 +91,25 @@ class CampaignSettings:
     name: str = field("str", "Title of the report.", "Campaign")
     seed: int = field("int", "Seed of the first mission.", 0, low=0, high=MAX_SEED)
     missions: int = field(
-        "int", "Missions of each planner in each scenario, with seeds that count up.", 1000,
+        "int", "Missions of each planner in each scenario.", 1000,
         low=1, high=MAX_MISSIONS,
     )  # fmt: skip
     chunk: int = field(
-        "int", "Missions to play and write together; a killed run loses only the chunks in "
-        "progress.", 500, low=1, high=MAX_MISSIONS,
+        "int", "Missions to play and write together.", 500, low=1, high=MAX_MISSIONS,
     )  # fmt: skip
     engine: str = field("str", "Local processes, or Ray.", "local", choices=("local", "ray"))
     workers: int = field(
         "int", "Number of local processes; 0 for one per core.", 0, low=0, high=4096
     )
     address: str = field(
-        "str", "Address of the Ray cluster, `host:port`; `auto` for that of this machine.", "auto"
+        "str", "Ray cluster, `host:port`; `auto` for that of this machine.", "auto"
     )
     horizon_s: float | None = field(
         "float", "Horizon of the restricted time to detection; by default the step limit.",
         None, above=0, unit="s",
     )  # fmt: skip
     pos_at_s: tuple[float, ...] | None = field(
-        "floats", "Times at which to state the POS; by default quarters of the step limit.", None,
+        "floats", "Times of the POS; by default quarters of the step limit.", None,
         above=0, unit="s",
     )  # fmt: skip
     confidence: float = field(

@@ -103,25 +103,23 @@ MEASURES = (
     Measure(
         "time_to_detection", "Restricted mean time to detection", "s",
         "Mean time until all are found, or the horizon if that comes first: the area under 1 - POS "
-        "up to the horizon (Royston and Parmar 2013). Student's t.",
+        "(Royston and Parmar 2013). Student's t.",
         lambda of, horizon_s, level: of_mean(restricted_s(of, horizon_s), level, of.clusters),
     ),
     Measure(
         "path_length", "Path length, all drones", "m",
-        "Sum of the distances between the centres of the cells that each drone flew through. "
-        "Student's t.",
+        "Sum of the distances between the centres of the cells flown through. Student's t.",
         lambda of, horizon_s, level: of_mean(of.path_length_m, level, of.clusters),
     ),
     Measure(
         "collisions", "Collisions", "",
-        "Mean number per mission of pairs of drones in the search that share a cell after a step. "
-        "Student's t.",
+        "Pairs of drones in the search that share a cell after a step, per mission. Student's t.",
         lambda of, horizon_s, level: of_mean(of.collisions, level, of.clusters),
     ),
     Measure(
         "drones_lost", "Drones lost", "",
-        "Mean number per mission of drones that have collided or left the grid when the search "
-        "ends without finding everyone. Student's t.",
+        "Drones that have collided or left the grid when a search ends without finding everyone, "
+        "per mission. Student's t.",
         lambda of, horizon_s, level: of_mean(of.drones_lost, level, of.clusters),
     ),
 )  # fmt: skip

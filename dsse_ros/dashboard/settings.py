@@ -24,19 +24,17 @@ class DashboardSettings:
 
     host: str = field(
         "str",
-        "Address to listen on; any other than the default one opens the page to the network.",
+        "Address to listen on; any other opens the page to the network.",
         "127.0.0.1",
     )
     port: int = field("int", "TCP port of the page; 0 for any free one.", 8080, low=0, high=65535)
     token_file: str = field(
         "str",
-        "File that only its owner can use. Its first line is the token that browsers must send, "
-        f"at least {MIN_TOKEN} characters; empty for a new token at each start, which is printed.",
+        "File that only its owner can use, with the token of browsers: at least "
+        f"{MIN_TOKEN} characters; empty for a new one at each start, which is printed.",
         "",
     )
-    allowed_hosts: tuple[str, ...] = field(
-        "names", "Further host names that browsers may use for the page.", ()
-    )
+    allowed_hosts: tuple[str, ...] = field("names", "Further host names of the page.", ())
     frame_rate: float = field("float", "Maximum rate of pictures.", 8.0, low=1, high=20, unit="Hz")
 
     def __post_init__(self) -> None:

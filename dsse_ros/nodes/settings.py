@@ -29,21 +29,21 @@ class SimSettings(ArrivalSettings):
 
     max_cells: int = field(
         "int",
-        "Maximum number of cells; a larger grid is refused before memory is allocated.",
+        "Maximum number of cells of a grid.",
         LARGEST_GRID_CELLS,
         low=1,
         high=10**8,
     )
     step_mode: str = field(
         "str",
-        "What starts a step: a command for every drone, time, or the service ~/step.",
+        "What starts a step: all commands, time, or the service ~/step.",
         "lockstep",
         choices=("lockstep", "realtime", "manual"),
     )
     step_rate: float = field(
         "float",
-        "Lockstep: at most this many steps per second of wall time, 0 for no limit. "
-        "Realtime: exactly this many, 0 for real_time_factor / step duration.",
+        "Steps per second of wall time. Lockstep: at most, 0 for no limit. Realtime: exactly, 0 "
+        "for real_time_factor / step duration.",
         0.0,
         low=0,
         high=1e6,
@@ -51,7 +51,7 @@ class SimSettings(ArrivalSettings):
     )
     command_timeout: float = field(
         "float",
-        "Lockstep: wall time to wait for commands before missing_action applies, 0 for no limit.",
+        "Lockstep: wall time to wait for commands, 0 for no limit.",
         0.0,
         low=0,
         high=1e6,
@@ -59,12 +59,12 @@ class SimSettings(ArrivalSettings):
     )
     missing_action: str = field(
         "str",
-        "What a drone without a command does once the step stops waiting.",
+        "What a drone without a command does.",
         "search",
         choices=MISSING_ACTIONS,
     )
     auto_reset: bool = field(
-        "bool", "Whether a new mission, with the next seed, starts when one is over.", False
+        "bool", "Whether the next mission, with the next seed, starts by itself.", False
     )
     exit_at_end: bool = field("bool", "Whether the node exits after the last mission.", False)
     real_time_factor: float = field(
@@ -75,60 +75,52 @@ class SimSettings(ArrivalSettings):
     )
     run_id: int = field(
         "int",
-        "Number of this run of the node in agents and in the reports, not 0; -1 draws one.",
+        "Number of this run of the node, not 0; -1 draws one.",
         -1,
         low=-1,
         high=MAX_ID,
     )
-    publish_clock: bool = field(
-        "bool", "Whether to publish mission time on /clock and use it for stamps.", True
-    )
+    publish_clock: bool = field("bool", "Whether to publish /clock and use it for stamps.", True)
     map_frame: str = field("str", "Frame of the map and of the poses.", "map")
-    frame_prefix: str = field(
-        "str", "Prefix of all frame names, including the map's, such as a/.", ""
-    )
+    frame_prefix: str = field("str", "Prefix of all frame names, such as a/.", "")
     grid_scaling: str = field(
         "str",
-        "How probabilities become 0..100 in probability_grid.",
+        "Scale of probability_grid.",
         "max",
         choices=("max", "linear", "log"),
     )
-    reveal_person: bool = field("bool", "Whether markers show where the persons really are.", False)
+    reveal_person: bool = field("bool", "Whether markers show the persons.", False)
     publish_belief: bool = field(
         "bool",
-        "Whether to publish belief and belief_grid: the persons' positions given all searches.",
+        "Whether to publish belief and belief_grid.",
         False,
     )
     compute_pos: str = field(
         "str",
-        "Whether to compute a belief, for the POS in diagnostics and record_file; "
+        "Whether to compute the POS; "
         f"auto: on grids of at most {LARGEST_AUTO_GRID} cells a side, or with publish_belief.",
         "auto",
         choices=("auto", "always", "never"),
     )
     wait_for_vehicles: bool = field(
         "bool",
-        "Whether a step waits until every vehicle is in its drone's cell and has searched it.",
+        "Whether a step waits for the vehicles to complete it.",
         False,
     )
     odom_rate: float = field(
         "float",
-        "Realtime: publishing rate of the interpolated odometry in wall time.",
+        "Realtime: rate of the interpolated odometry.",
         10.0,
         above=0,
         high=1000,
         unit="Hz",
     )
     record_file: str = field("str", "CSV file of the mission's steps; empty for none.", "")
-    snapshot_file: str = field(
-        "str", "File to save the state of the mission in; empty for none.", ""
-    )
+    snapshot_file: str = field("str", "File to save the mission in; empty for none.", "")
     snapshot_every: int = field(
         "int", "Steps between snapshots.", 100, low=1, high=10**9, unit="steps"
     )
-    resume: bool = field(
-        "bool", "Whether to start from snapshot_file; record_file continues at its step.", False
-    )
+    resume: bool = field("bool", "Whether to start from snapshot_file.", False)
 
     def __post_init__(self) -> None:
         check_all(self)
@@ -224,15 +216,15 @@ class PlannerSettings:
         choices=PLANNER_NAMES,
     )  # fmt: skip
     model: str = field(
-        "str", "ONNX file of the planner onnx; empty for the model of this package.", "",
+        "str", "ONNX file of the planner onnx; empty for that of this package.", "",
     )  # fmt: skip
     planner_options: tuple[str, ...] = field(
-        "names", "Options of the planner, each as name=value, such as heading=45 for sweep.", ()
+        "names", "Options of the planner, such as heading=45 for sweep.", ()
     )
     seed: int = field("int", "Seed of the planner's random draws.", 0, low=0, high=2**62)
     resend_period: float = field(
         "float",
-        "Wall time after which an unanswered command is resent.",
+        "Wall time before an unanswered command is resent.",
         0.5,
         above=0,
         high=1e6,
@@ -253,8 +245,7 @@ class ShowSettings:
 
     width: int = field(
         "int",
-        "Columns of the table; drones that do not fit are counted. 0 for those of the terminal, "
-        "100 without one.",
+        "Columns of the table; 0 for those of the terminal, 100 without one.",
         0,
         low=0,
         high=10_000,
@@ -274,11 +265,10 @@ class RecorderSettings:
     """
 
     bag: str = field(
-        "str", "MCAP file to write, which must not exist; by default mission_ with date and time "
-        "in the name, in the working directory.", "",
+        "str", "New MCAP file; by default named mission_ with date and time.", "",
     )  # fmt: skip
     exclude: tuple[str, ...] = field(
-        "names", "Patterns of topics that are left out, such as */odom.", ()
+        "names", "Patterns of topics to leave out, such as */odom.", ()
     )
 
     def __post_init__(self) -> None:
@@ -294,12 +284,11 @@ class ViewerSettings:
     """
 
     host: str = field(
-        "str", "Address to listen on; any other than the default one opens the topics to the "
-        "network.", "127.0.0.1",
+        "str", "Address to listen on; any other opens the topics to the network.", "127.0.0.1",
     )  # fmt: skip
-    port: int = field("int", "TCP port to listen on, 0 for any free one.", 8765, low=0, high=65535)
+    port: int = field("int", "TCP port, 0 for any free one.", 8765, low=0, high=65535)
     exclude: tuple[str, ...] = field(
-        "names", "Patterns of topics that are left out, such as */odom.", ()
+        "names", "Patterns of topics to leave out, such as */odom.", ()
     )
 
     def __post_init__(self) -> None:

@@ -219,58 +219,55 @@ class Metric:
 METRICS = (
     Metric(
         "pos", "Probability of success (POS)", "share",
-        "Probability that the searches of the mission find the person, as expected before their "
-        "outcomes are known: the sum of POC times POD over the searches, with the POC that remains "
-        "after the earlier ones; with several persons the expected share of finds.",
+        "Probability, before their outcomes are known, that the searches find the person: the sum "
+        "of POC times POD, with the POC that remains after earlier searches; with several persons "
+        "the expected share of finds.",
         "IAMSAR Manual, volume II, chapter 4; Koopman 1946; Stone 1975",
         lambda record, of: _last(of.pos),
     ),
     Metric(
         "poc_outside", "POC outside", "share",
-        "Incident: share of the particles that leave the grid before the time limit. POS never "
-        "counts it.",
+        "Incident: share of the particles that leave the grid before the time limit.",
         "",
         lambda record, of: _of_incident(record, lambda laid: 1.0 - laid.inside),
     ),
     Metric(
         "stranded", "Stranded", "share",
-        "Incident: share of the particles that lie ashore at the time limit. They stay where they "
-        "stranded; POS counts them only in cells that were searched.",
+        "Incident: share of the particles that lie ashore at the time limit.",
         "",
         lambda record, of: _of_incident(record, lambda laid: laid.stranded),
     ),
     Metric(
         "expected_time_at_least", "Expected time to detection, at least", "s",
-        "Mean time until searches like these detect a person, where a mission without a detection "
-        "counts with its time limit (a restricted mean): the sum of 1 - POS over the steps up to "
-        "the limit, times the duration of a step; with several persons for any one of them. An "
-        "early find by luck is not a better search. The searches planned after the first find, or "
-        "after the end of the record, are unknown, so the next step counts as certain to detect.",
+        "Mean time until searches like these detect any one person, or the time limit if they do "
+        "not (a restricted mean): the sum of 1 - POS over the steps up to the limit, times the "
+        "duration of a step. Searches after the first find, or the end of the record, are "
+        "unknown: here, the next step is certain to detect.",
         "Lanillos and others 2014; Royston and Parmar 2013",
         lambda record, of: _expected_time(record, of)[0],
     ),
     Metric(
         "expected_time_at_most", "Expected time to detection, at most", "s",
-        "The same, assuming no further searches from there to the time limit. If nobody was found, "
-        "both bounds equal the restricted mean.",
+        "The same without further searches. In a complete mission without a "
+        "find, both bounds are equal.",
         "Lanillos and others 2014; Royston and Parmar 2013",
         lambda record, of: _expected_time(record, of)[1],
     ),
     Metric(
         "time_to_detection", "Time to detection", "s",
-        "Mission time of the first find; none if nobody was found.",
+        "Mission time of the first find.",
         "Bourgault, Furukawa and Durrant-Whyte 2003",
         _first_detection,
     ),
     Metric(
         "share_found", "Persons found", "share",
-        "Share of all persons; unknown for a bag of a search for several persons.",
+        "Share of all persons; unknown for several persons in a bag.",
         "",
         _share_found,
     ),
     Metric(
         "coverage", "Area coverage", "share",
-        "Share of the cells of the search area that were searched at least once.",
+        "Share of the cells of the search area that were searched.",
         "Galceran and Carreras 2013",
         lambda record, of: float(of.cells_searched[-1]) / num_cells(record),
     ),
@@ -282,47 +279,46 @@ METRICS = (
     ),
     Metric(
         "repeated_coverage", "Repeated coverage", "share",
-        "Coverage task: visits of cells that were covered before or had no probability, divided by "
-        "the number of cells to cover.",
+        "Coverage task: visits of cells that were covered before or had no probability, per cell "
+        "to cover.",
         "the [rules](rules.md) of the search",
         lambda record, of: _last(record.repeated_coverage),
     ),
     Metric(
         "coverage_factor", "Coverage factor C", "",
-        "Search effort divided by search area, C = Z / A. Each search sweeps one cell, so C is the "
-        "mean number of searches per cell of the area.",
+        "Search effort divided by search area, C = Z / A: the mean number of searches per cell.",
         "IAMSAR Manual, volume II, chapter 4",
         lambda record, of: float(of.num_searches[-1]) / num_cells(record),
     ),
     Metric(
         "redundancy", "Redundancy", "share",
-        "Share of the searches in a cell that a drone had searched before. Such searches are not "
-        "wasted if persons move or detection is uncertain.",
+        "Share of the searches in cells searched before; not wasted if persons move or detection "
+        "is uncertain.",
         "Galceran and Carreras 2013 (overlap)",
         _redundancy,
     ),
     Metric(
         "searches", "Searches", "",
-        "Number of searches; a cell counts each time it is searched, also where nobody could be.",
+        "Number of searches; a cell counts each time.",
         "",
         lambda record, of: float(of.num_searches[-1]),
     ),
     Metric(
         "path_length", "Path length, all drones", "m",
-        "Sum of the distances between the centres of the cells that each drone flew through.",
+        "Sum of the distances between the centres of the cells flown through.",
         "Cabreira, Brisolara and Ferreira 2019",
         lambda record, of: float(of.path_length_m[-1]),
     ),
     Metric(
         "longest_path", "Path length, longest", "m",
-        "Path of the drone that flew farthest, which the endurance of a vehicle must allow.",
+        "Path of the drone that flew farthest.",
         "Cabreira, Brisolara and Ferreira 2019",
         lambda record, of: float(path_lengths(record)[-1].max()),
     ),
     Metric(
         "collisions", "Collisions", "",
-        "Pairs of drones in the search that share a cell after a step, summed over the steps. If "
-        "the rules have no collisions, shared cells count in the same way.",
+        "Pairs of drones in the search that share a cell after a step, summed over the steps, even "
+        "if the rules have no collisions.",
         "the rule *Collision* of the [rules](rules.md)",
         lambda record, of: float(of.num_collisions[-1]),
     ),

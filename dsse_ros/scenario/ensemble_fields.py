@@ -14,14 +14,14 @@ class EnsembleFields:
     """Number and spread of the particles of a person."""
 
     particles: int = field(
-        "int", "Ensembles: number of particles for the positions of persons.", 10_000,
+        "int", "Ensembles: number of particles.", 10_000,
         low=1, high=10**6,
     )  # fmt: skip
     ensemble_seed: int = field(
-        "int", "Ensembles: seed of the particles, and of the tracks that persons follow.", 0,
+        "int", "Ensembles: seed of the particles and of the persons' tracks.", 0,
         low=0, high=2**53,
     )  # fmt: skip
     diffusivity: float = field(
-        "float", "Ensembles: diffusivity of a person's random walk; its variance along an axis "
-        "grows by twice this per second.", 1.0, low=0, high=1e6, unit="m^2/s",
+        "float", "Ensembles: a person's variance along an axis grows by twice this per second.",
+        1.0, low=0, high=1e6, unit="m^2/s",
     )  # fmt: skip

@@ -33,8 +33,8 @@ class IncidentFields:
 
     incident: Incident | None = field(
         "incident",
-        "Object, sightings, wind and current; origin, grid, datum, drift and spread follow from "
-        "them. In a parameter, JSON.",
+        "Object, sightings, wind and current, which give origin, grid, datum, drift and spread. "
+        "In a parameter, JSON.",
         None,
     )
 

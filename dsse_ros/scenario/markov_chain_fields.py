@@ -19,10 +19,8 @@ class MarkovChainFields:
 
     transition_probabilities: TransitionProbabilities | None = field(
         "transitions",
-        "Probabilities of the steps of a markov_chain from each cell [row, col], row by row from "
-        "the north-west; a step that leaves the area stays. A .npy file (G, G, 9), a matrix (G G, "
-        "G G) in .npy or SciPy's .npz or, in Python, an array; empty for person_steps in each "
-        "cell.",
+        "Steps of a markov_chain from each cell: a .npy or .npz file or, in Python, an array; "
+        "empty for person_steps in each cell.",
         None,
     )
 

@@ -26,21 +26,19 @@ _STAR = (*STRAIGHT, *DIAGONAL, "search")
 class ActionRules:
     """Actions of the drones and effect of a search."""
 
-    actions: tuple[str, ...] = field(
-        "names", "Names of the actions; action number i is actions[i]."
-    )
+    actions: tuple[str, ...] = field("names", "Names of the actions, by number.")
     noop_actions: bool = field(
         "bool", "Whether an unknown action number does nothing instead of being refused.", False
     )
     leave_policy: str = field(
         "str",
-        "What a drone that would leave the grid does: stay in its cell and be terminated, stay and "
-        "continue, or fly on outside.",
+        "A drone that would leave the grid is terminated in its cell, stays there, or flies on "
+        "outside.",
         choices=("terminate", "stay", "fly_on"),
     )
     collisions: bool = field("bool", "Whether drones in the same cell after all moves collide.")
     one_find_per_search: bool = field(
-        "bool", "Whether a search looks only for the first person in the cell, not for all.", False
+        "bool", "Whether a search looks only for the first person in the cell.", False
     )
 
 
@@ -48,22 +46,22 @@ class ActionRules:
 class RewardRules:
     """Rewards of the drones."""
 
-    move: float = field("float", "Reward of any action that no other rule rewards.")
+    move: float = field("float", "Reward of any other action.")
     leave_grid: float = field("float", "Reward of a move that would leave the grid.")
     collision: float = field("float", "Reward of each drone that collides.", 0.0)
     search_min_probability: float = field(
         "float",
-        "Probability of a cell below which a search earns search_below.",
+        "Probability below which a search earns search_below.",
         0.01,
         low=0,
         high=1,
     )
     search_min_inclusive: bool = field(
-        "bool", "Whether a cell with exactly the minimum probability counts as above it.", True
+        "bool", "Whether exactly this probability counts as above.", True
     )
-    search_below: float = field("float", "Reward of searching a cell below the minimum.")
-    search_scale: float = field("float", "Reward of any other search: probability times this.")
-    find: float = field("float", "Reward of finding a person.")
+    search_below: float = field("float", "Reward of a search below search_min_probability.")
+    search_scale: float = field("float", "Reward of any other search, times the probability.")
+    find: float = field("float", "Reward of a find.")
     find_bonus: float = field("float", "Added to `find`, times (1 - t / L).")
     time_out: float = field("float", "Reward of an action after the time limit.")
     time_out_total: bool = field(
@@ -80,24 +78,22 @@ class CoverageRules:
 
     task: str = field(
         "str",
-        "What drones do: look for persons (find), or visit each cell with a probability once, on a "
-        "map that does not change (cover).",
+        "What drones do: find persons, or cover each cell with a probability once, on a fixed map.",
         "find",
         choices=("find", "cover"),
     )
     cover_min_probability: float = field(
-        "float", "Cells below this probability need not be covered.", 1e-10, above=0, high=1
+        "float", "Cells below this need not be covered.", 1e-10, above=0, high=1
     )
     cover: float = field("float", "Reward of covering a cell.", 0.0)
     cover_scale: float = field(
         "float",
-        "Added to `cover`, times the cell's probability, the number of cells to cover and "
-        "(1 - (t + 1) / L).",
+        "Added to `cover`, times the cell's probability, the cells to cover and (1 - (t + 1) / L).",
         0.0,
     )
     cover_all: float = field(
         "float",
-        "Reward of each drone once all cells are covered, times the number of cells per drone.",
+        "Reward of each drone once all cells are covered, times the cells per drone.",
         0.0,
     )
     cover_all_bonus: float = field("float", "Added to `cover_all`, times (1 - (t + 1) / L).", 0.0)
@@ -108,16 +104,16 @@ class TerminationRules:
     """When a search ends, and for whom."""
 
     time_out_grace: int = field(
-        "int", "A mission is out of time when t >= L plus this.", 0, low=-1, high=1000, unit="steps"
+        "int", "Time is out when t >= L plus this.", 0, low=-1, high=1000, unit="steps"
     )
     time_out_acts: bool = field("bool", "Whether drones still act after the time limit.", False)
     both_flags: bool = field(
-        "bool", "Whether a drone gets both flags when it is terminated or truncated.", False
+        "bool", "Whether a drone gets both terminated and truncated, not one.", False
     )
     ends_together: bool = field(
         "bool",
-        "Whether the first flag ends the search for all drones; a find then flags every drone "
-        "except those that move after it in the same step.",
+        "Whether the first flag ends the search for all; a find then flags every drone except "
+        "those that move after it in the same step.",
         False,
     )
 
@@ -128,23 +124,21 @@ class SeaRules:
 
     drift_remainder: str = field(
         "str",
-        "What happens to the remainder of a drift that moved the datum: kept, dropped, or reduced "
-        "by one cell.",
+        "Remainder of a drift that moved the datum: kept, dropped, or reduced by one cell.",
         "kept",
         choices=("kept", "dropped", "less_one"),
     )
     drift_axes_independent: bool = field(
         "bool",
-        "Whether, at the edge of the grid, the datum stops only along the axis that would "
-        "leave it, not along both.",
+        "Whether the datum stops at the edge of the grid along one axis, not both.",
     )
     drift_by_speed: bool = field(
-        "bool", "Whether the drift per step is v times norm(v) / drone_speed, not just v.", False
+        "bool", "Whether the drift per step is v * norm(v) / drone_speed, not v.", False
     )
     reset_sea_steps: int = field(
         "int", "Steps of the map and the persons during reset.", 0, low=0, high=1000, unit="steps"
     )
-    circle: bool = field("bool", "Whether only cells inside the growing circle are possible.")
+    circle: bool = field("bool", "Whether a growing circle limits the possible cells.")
     circle_on_previous_datum: bool = field(
         "bool", "Whether the circle is centred on the datum of the previous step.", False
     )
@@ -156,7 +150,7 @@ class PersonRules:
 
     person_motion: str = field(
         "str",
-        "What a person does: "
+        "A person "
         + "; ".join(f"{model.doc} ({name})" for name, model in TARGET_MODELS.items())
         + ".",
         "window",
@@ -164,29 +158,26 @@ class PersonRules:
     )
     person_steps: tuple[float, ...] = field(
         "floats",
-        "Probabilities of the steps of a random_walk, row by row from the north-west; those that "
-        "leave the area are shared out among the other moves. The same for a markov_chain without "
-        "transition_probabilities; there, a step that leaves the area stays.",
+        "Probabilities of the steps of a random_walk, or of a markov_chain without "
+        "transition_probabilities, row by row from the north-west.",
         (0.0, 0.1, 0.0, 0.1, 0.6, 0.1, 0.0, 0.1, 0.0),
         low=0,
         high=1,
     )
     person_first: bool = field("bool", "Whether persons move before the map.", False)
     person_walks_blind: bool = field(
-        "bool", "Whether a person in an all-zero window moves by (-1, -1) rather than stays.", False
+        "bool", "Whether a person in an all-zero window moves by (-1, -1), not stays.", False
     )
     person_scatter: int = field(
         "int",
-        "One person starts in the given cell, the others in different cells within this distance; "
-        "0: all start in the given cell.",
+        "One person starts in the given cell, the others in different cells, at most this many "
+        "cells away; 0: all in the same one.",
         0,
         low=0,
         high=2,
         unit="cells",
     )
-    found_persons_stay: bool = field(
-        "bool", "Whether a found person drifts on and can be found again.", False
-    )
+    found_persons_stay: bool = field("bool", "Whether a found person can be found again.", False)
 
 
 # A dataclass puts the fields of its last base first.

@@ -58,11 +58,11 @@ class Scenario(
 
     name: str = field("str", "Name of the place, for users.", "")
     origin_lat: float | None = field(
-        "float", "WGS84 latitude of the grid's south-west corner; by default -24.04.", None,
+        "float", "WGS84 latitude of the south-west corner; by default -24.04.", None,
         low=-90, high=90, unit="deg",
     )  # fmt: skip
     origin_lon: float | None = field(
-        "float", "WGS84 longitude of the grid's south-west corner; by default -46.17.", None,
+        "float", "WGS84 longitude of the south-west corner; by default -46.17.", None,
         low=-180, high=180, unit="deg",
     )  # fmt: skip
     origin_alt: float = field(
@@ -70,31 +70,30 @@ class Scenario(
     )
     area: Area | None = field(
         "area",
-        "Polygons to search: a GeoJSON file or, in YAML and Python, a list of [lat, lon]. A cell "
-        "belongs to a polygon if its centre is inside. Empty for the whole grid.",
+        "Polygons to search, by the centres of cells: a GeoJSON file or, in YAML and Python, a "
+        "list of [lat, lon]. Empty for the whole grid.",
         None,
     )
     land: bool = field(
         "bool",
-        "Whether to exclude cells on land, by the GSHHG shoreline; takes 6 s and 1.3 GB.",
+        "Whether to exclude cells on land (GSHHG shoreline, 6 s, 1.3 GB).",
         False,
     )
     probability_matrix: ProbabilityMatrix | None = field(
         "matrix",
         "Probability to cover, or the prior of a drifting_map: a .npy, CSV or GeoTIFF file or, in "
-        "Python, an array; for coverage, empty for the distribution of the persons after "
-        "pre_search_minutes.",
+        "Python, an array. Empty, for coverage: the map after pre_search_minutes.",
         None,
     )
     grid_size: int | None = field(
-        "int", "Cells along a side of the square grid.", None, low=1, high=10000, unit="cells"
+        "int", "Cells along a side.", None, low=1, high=10000, unit="cells"
     )
     zone_size: float | None = field(
-        "float", "Side of the zone to search, instead of grid_size; rounded up to whole cells.",
+        "float", "Side of the grid, instead of grid_size; rounded up to whole cells.",
         None, above=0, high=1e7, unit="m",
     )  # fmt: skip
     cell_size: float | None = field(
-        "float", "Side of a cell; by default the width that the camera sees.", None,
+        "float", "Side of a cell; by default the camera's footprint.", None,
         low=CELL_SIZE_M[0], high=CELL_SIZE_M[1], unit="m",
     )  # fmt: skip
     field_of_view: float = field(
@@ -102,15 +101,15 @@ class Scenario(
         above=0, high=175, unit="deg",
     )  # fmt: skip
     num_drones: int | None = field(
-        "int", "Number of drones; by default one per start cell, else 1.", None,
+        "int", "By default one per start cell, else 1.", None,
         low=1, high=10**8,
     )  # fmt: skip
     drones_positions: tuple[tuple[int, int], ...] | None = field(
         "cells", "Start cells (col, row); by default row by row from the north-west corner.", None
     )
     vector: tuple[float, float] | None = field(
-        "vector", "Drift of the datum, x to the east, y to the south; with drift_by_speed (v2) "
-        "times its norm / drone_speed.", None, low=-1e6, high=1e6, unit="cells per step",
+        "vector", "Drift of the datum, x to the east, y to the south; see drift_by_speed.",
+        None, low=-1e6, high=1e6, unit="cells per step",
     )  # fmt: skip
     current_speed: float | None = field(
         "float", "Speed of the current, instead of vector.", None, low=0, high=100, unit="m/s"
@@ -120,12 +119,10 @@ class Scenario(
         low=-360, high=360, unit="deg",
     )  # fmt: skip
     person_initial_position: tuple[int, int] | None = field(
-        "cell", "Last known cell (col, row) of the person.", None
+        "cell", "Last known cell (col, row).", None
     )
     person_amount: int = field("int", "Number of persons.", 1, low=1, high=10000)
-    sigma: float | None = field(
-        "float", "Spread of the probability along both axes.", None, low=1e-6, unit="cells"
-    )
+    sigma: float | None = field("float", "Spread of the probability.", None, low=1e-6, unit="cells")
     sigma_x: float | None = field(
         "float", "Spread along x, if different from sigma.", None, low=1e-6, unit="cells"
     )
@@ -136,18 +133,18 @@ class Scenario(
         "float", "Growth of the spread per step.", None, low=0, unit="cells"
     )
     probability_of_detection: float = field(
-        "float", "Sensors own_cell and flown_over: POD of a person in a searched cell.", 1.0,
+        "float", "Sensors own_cell and flown_over: POD.", 1.0,
         low=0, high=1,
     )  # fmt: skip
     person_pod_multipliers: tuple[float, ...] | None = field(
-        "floats", "Factor on the probability of detection, one per person; by default 1.", None,
+        "floats", "Factor on the POD, one per person; by default 1.", None,
         low=0,
     )  # fmt: skip
     pre_search_minutes: float = field(
         "float", "Time of drift before the drones arrive.", 0.0, low=0, high=1e6, unit="min"
     )
     timestep_limit: int | None = field(
-        "int", "Maximum number of steps of a search.", None, low=1, high=10**9, unit="steps"
+        "int", "Maximum number of steps.", None, low=1, high=10**9, unit="steps"
     )
 
     def __post_init__(self) -> None:

@@ -22,9 +22,7 @@ from dsse_ros.sensors.registry import SENSORS
 class SearcherFields:
     """Properties of the drones; a kind of drone may override them."""
 
-    altitude: float = field(
-        "float", "Height of the drones above the sea.", 120.0, low=1e-3, high=20000, unit="m"
-    )
+    altitude: float = field("float", "Height above the sea.", 120.0, low=1e-3, high=20000, unit="m")
     drone_speed: float = field(
         "float", "Airspeed of the drones.", 10.0, low=1e-3, high=1000, unit="m/s"
     )
@@ -32,7 +30,7 @@ class SearcherFields:
         "names", "Kind of each drone, or one for all drones.", (DEFAULT,)
     )
     sensor: str = field(
-        "str", "Sensor of drones whose kind does not define one.", "own_cell",
+        "str", "Sensor of drones whose kind has none.", "own_cell",
         choices=SENSORS.keys(),
     )  # fmt: skip
 

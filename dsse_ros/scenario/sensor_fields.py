@@ -16,11 +16,11 @@ class SensorFields:
     """What sensors other than `own_cell` depend on."""
 
     search_object: str = field(
-        "str", "Sensor sweep_width: object that the drones look for.", "person_in_water",
+        "str", "Sensor sweep_width: object of the search.", "person_in_water",
         choices=SEARCH_OBJECTS.keys(),
     )  # fmt: skip
     platform: str = field(
-        "str", "Sensor sweep_width: platform whose sweep widths apply.", "helicopter",
+        "str", "Sensor sweep_width: platform.", "helicopter",
         choices=PLATFORMS,
     )  # fmt: skip
     visibility: float = field(
@@ -35,13 +35,13 @@ class SensorFields:
         "str", "Sensor sweep_width: lateral range curve.", "inverse_cube", choices=LAWS.keys()
     )
     object_size: float = field(
-        "float", "Sensor camera: size of the visible part of the object.", 0.5,
+        "float", "Sensor camera: visible size of the object.", 0.5,
         low=1e-3, high=1000, unit="m",
     )  # fmt: skip
     image_width: int = field(
         "int", "Sensor camera: pixels across field_of_view.", 3840, low=1, high=10**6, unit="px"
     )
     dwell_time: float = field(
-        "float", "Sensor camera: time in view below which the POD is proportionally lower.", 0.0,
+        "float", "Sensor camera: less time in view lowers the POD proportionally.", 0.0,
         low=0, high=1e6, unit="s",
     )  # fmt: skip
