@@ -20,11 +20,10 @@ BEGIN, END = "<!-- promises: begin -->\n", "<!-- promises: end -->\n"
 
 def table(results: dict[str, Any]) -> str:
     """Return the results of `make soak` as a table in Markdown."""
-    lines = ["| Promise | What came out | When, at load |", "| --- | --- | --- |"]
+    lines = ["| Promise | Result |", "| --- | --- |"]
     for one in results.values():
         form = " (short form)" if one["quick"] else ""
-        when = f"{one['date'][:10]}, {one['load_before']:g}{form}"
-        lines.append(f"| {one['promise']} | {one['says']} | {when} |")
+        lines.append(f"| {one['promise']} | {one['says']}{form} |")
     return "\n".join(lines) + "\n"
 
 
