@@ -200,7 +200,7 @@ def test_what_is_no_regular_file_is_never_opened(tmp_path: Path, field: str, suf
 
 def test_a_matrix_of_another_size_or_task_is_refused() -> None:
     scenario = Scenario(probability_matrix=MATRIX, grid_size=5)
-    with pytest.raises(FieldError, match=r"must have 5 x 5 cells .* got an array of 4 x 4$"):
+    with pytest.raises(FieldError, match=r"must have 5 x 5 cells.* got an array of 4 x 4$"):
         scenario.resolve(RULES)
     for name in ("paper", "v1", "v2"):
         with pytest.raises(FieldError, match=rf"^probability_matrix must .* got rules {name}"):

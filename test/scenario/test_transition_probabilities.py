@@ -136,7 +136,7 @@ def test_what_is_no_chain_is_refused_in_one_line(given: Any, line: str) -> None:
 
 def test_a_chain_of_another_size_or_motion_is_refused() -> None:
     scenario = Scenario(transition_probabilities=INNER, grid_size=5)
-    with pytest.raises(FieldError, match=r"must have 5 x 5 cells .* got an array of 4 x 4$"):
+    with pytest.raises(FieldError, match=r"must have 5 x 5 cells.* got an array of 4 x 4$"):
         scenario.resolve(RULES)
     for motion in ("window", "random_walk", "constant_drift"):
         line = f"^transition_probabilities must .* markov_chain, got {motion}$"
