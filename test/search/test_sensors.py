@@ -18,6 +18,7 @@ from dsse_ros.conformance.registered import registered
 from dsse_ros.mission.mission import Mission
 from dsse_ros.mission.mission_log import MissionLog
 from dsse_ros.mission.step_reports import step_report_of
+from dsse_ros.planners.belief import BeliefPlanner, GreedyOnBelief
 from dsse_ros.planners.registry import PLANNER_NAMES, planner_for
 from dsse_ros.report.metrics import effort
 from dsse_ros.report.record import read_csv
@@ -26,7 +27,7 @@ from dsse_ros.scenario.frames import GridFrame
 from dsse_ros.scenario.scenario import scenario_and_rules
 from dsse_ros.search import HOLD, parallel_env, vector_env
 from dsse_ros.search.world import World
-from dsse_ros.search.world_beliefs import WorldBeliefs
+from dsse_ros.search.world_beliefs import DRIFT_SAMPLES, WorldBeliefs
 from dsse_ros.sensors.registry import SENSORS
 from dsse_ros.targets.registry import TARGET_MODELS
 from msg_adapters.stamps import header
@@ -90,11 +91,12 @@ def test_world_b_of_a_batch_is_the_single_environment(rules: str) -> None:
 def test_the_planner_knows_from_its_infos_what_the_simulation_knows() -> None:
     env = parallel_env(rules="v2", observe="belief", **FIELDS)
     observations, infos = env.reset(seed=3)
-    planner: Any = planner_for(env, "belief", seed=0, samples=256)
+    planner = BeliefPlanner(env, GreedyOnBelief, drift_samples=DRIFT_SAMPLES)
     steps = 0
     while env.agents and steps < 25:
         actions = planner(observations, infos)
         seen = next(iter(observations.values()))[1]
+        assert planner.belief is not None
         assert planner.belief.poc() == pytest.approx(seen, abs=1e-6)
         assert planner.belief.pos == pytest.approx(infos[env.agents[0]]["pos"], abs=1e-9)
         observations, _, _, _, infos = env.step(actions)
