@@ -19,7 +19,7 @@ from dsse_ros.belief.base import BeliefBase, ForecastBase
 from dsse_ros.belief.belief_kernels import MARGIN, NEGLIGIBLE
 from dsse_ros.belief.future_kernels import index
 from dsse_ros.belief.look_kernels import LooksDone
-from dsse_ros.belief.particle_kernels import Particles
+from dsse_ros.belief.particle_kernels import Links, Particles
 from dsse_ros.belief.protocol import Expected, Futures, LooksToCome, TargetChain
 from dsse_ros.scenario.actions import Cell
 from dsse_ros.scenario.probable_cells import most_probable
@@ -102,10 +102,13 @@ class EnsembleForecast(ForecastBase):
         return starts, members
 
     def particles(self) -> Particles:
-        """Return the particles by step of the sea, with scratch memory of their own."""
+        """Return the particles by step of the sea."""
+        return Particles(self.area, self.cells, self.weights)
+
+    def links(self) -> Links:
+        """Return scratch memory for the particles that looks see."""
         heads = np.zeros(self.scenario.grid_size**2 + 1, np.int32)
-        links = np.empty(len(self.weights), np.int32)
-        return Particles(self.area, self.cells, self.weights, heads, links)
+        return Links(heads, np.empty(len(self.weights), np.int32))
 
     def row(self, step: int) -> int:
         """Return the index of a step of the sea in the tracks."""
@@ -170,8 +173,8 @@ class EnsembleBelief(BeliefBase):
 
     def _updated(self, looks: LooksDone) -> float:
         pos: float = particle_kernels.learn(
-            self.forecast.constants, self._particles(), self.density, self._persons(), looks,
-            self.pos,
+            self.forecast.constants, self._particles(), self.forecast.links(), self.density,
+            self._persons(), looks, self.pos,
         )  # fmt: skip
         return pos
 

@@ -213,7 +213,8 @@ class EnsembleFollower:
     ) -> None:
         """See `Follower`."""
         scratch = _scratch(self, followed, 0)
-        self._follow(followed, self._tables(pods), beliefs, scratch, first, last)
+        links = self._forecast.links()
+        self._follow(followed, self._tables(pods), beliefs, scratch, links, first, last)
 
     def write(
         self, followed: Followed, beliefs: Beliefs, maps: NDArray[np.float32], first: int, last: int

@@ -36,41 +36,47 @@ from dsse_ros.targets.sea_map import is_inside, is_open
 class Particles(NamedTuple):
     """The particles of an ensemble by step of the sea, or at one: then there is no axis T.
 
-    A pass over the particles links those of the cells that the looks of a step see, so that a look
-    visits no others.
-
     Attributes:
         area: Of `sea_map.Sea`.
         cells: (T, M, 2) int16, (col, row); after the last step nothing moves.
         prior: (M,) float64, the weights of the ensemble, which sum to 1.
-        heads: (G G + 1,) int32 scratch, zeros in and out: the first particle of each cell plus one,
-            or -1.
-        links: (M,) int32 scratch: the next particle of the same cell plus one, or -1.
     """
 
     area: NDArray[np.bool_] | None
     cells: NDArray[np.int16]
     prior: NDArray[np.float64]
-    heads: NDArray[np.int32]
-    links: NDArray[np.int32]
 
     def at(self, row: int) -> Particles:
         """Return the particles at one step."""
         return self._replace(cells=self.cells[row])
 
 
+class Links(NamedTuple):
+    """Scratch memory for the particles of the cells that the looks of a step see.
+
+    A pass over the particles links them, so that a look visits no others.
+
+    Attributes:
+        heads: (G G + 1,) int32, zeros in and out: the first particle of each cell plus one, or -1.
+        after: (M,) int32: the next particle of the same cell plus one, or -1.
+    """
+
+    heads: NDArray[np.int32]
+    after: NDArray[np.int32]
+
+
 @inlined
 def particles_at(particles, step):
     """Return the particles at a step of the sea."""
     cells = particles.cells[min(step, len(particles.cells) - 1)]
-    return Particles(particles.area, cells, particles.prior, particles.heads, particles.links)
+    return Particles(particles.area, cells, particles.prior)
 
 
 @part
-def link(constants, particles, looks):
+def link(constants, particles, links, looks):
     """Link the particles of each cell that the looks see, in their order."""
     g, area, seen = constants.grid_size, particles.area, looks.seen
-    heads, links, cells = particles.heads, particles.links, particles.cells
+    heads, after, cells = links.heads, links.after, particles.cells
     for q in range(looks.number):
         if is_open(area, g, seen[q, 0], seen[q, 1]):
             heads[seen[q, 1] * g + seen[q, 0]] = -1
@@ -80,21 +86,21 @@ def link(constants, particles, looks):
         cell = row * g + col if is_inside(g, col, row) else g * g
         head = heads[cell]
         if head != 0:
-            links[k] = head
+            after[k] = head
             heads[cell] = k + 1
 
 
 @part
-def unlink(constants, particles, looks):
+def unlink(constants, particles, links, looks):
     """Set `heads` to zeros again."""
     g, seen = constants.grid_size, looks.seen
     for q in range(looks.number):
         if is_open(particles.area, g, seen[q, 0], seen[q, 1]):
-            particles.heads[seen[q, 1] * g + seen[q, 0]] = 0
+            links.heads[seen[q, 1] * g + seen[q, 0]] = 0
 
 
 @part
-def learn_look(constants, particles, weights, persons, looks, q):
+def learn_look(constants, particles, links, weights, persons, looks, q):
     """Update the weights with the outcome of look q.
 
     Call it for all looks of a step between `open_classes` and `close_weights`. A look off the grid
@@ -102,7 +108,8 @@ def learn_look(constants, particles, weights, persons, looks, q):
 
     Args:
         constants: As in `search_outcomes`.
-        particles: Now, linked.
+        particles: Now.
+        links: Of `link`.
         weights: (C, M) float64, in and out.
         persons: As in `search_outcomes`.
         looks: A `look_kernels.LooksDone`.
@@ -111,13 +118,13 @@ def learn_look(constants, particles, weights, persons, looks, q):
     x, y, pods = looks.seen[q, 0], looks.seen[q, 1], looks.pods[looks.rows[q]]
     if not is_open(particles.area, constants.grid_size, x, y):
         return
-    numbers, links = persons.numbers, particles.links
-    first = particles.heads[y * constants.grid_size + x]
+    numbers, after = persons.numbers, links.after
+    first = links.heads[y * constants.grid_size + x]
     for m in range(len(pods)):
         here, k = 0.0, first
         while k > 0:
             here += weights[m, k - 1]
-            k = links[k - 1]
+            k = after[k - 1]
         numbers[APART, m] = 0.0
         numbers[MIXED, m] = here / numbers[TOTAL, m] if numbers[TOTAL, m] > 0.0 else 0.0
     if not conclude(constants, pods, persons, q >= looks.failed):
@@ -129,7 +136,7 @@ def learn_look(constants, particles, weights, persons, looks, q):
         k = first
         while k > 0:
             weights[m, k - 1] *= numbers[LEFT_MIXED, m]
-            k = links[k - 1]
+            k = after[k - 1]
 
 
 @part
@@ -148,12 +155,13 @@ def close_weights(weights, persons, prior):
 
 
 @kernel
-def learn(constants, particles, weights, persons, looks, pos):
+def learn(constants, particles, links, weights, persons, looks, pos):
     """Update the weights with the looks of a step; return the new POS.
 
     Args:
         constants: (1,) of `constants.CONSTANTS`.
         particles: At the step.
+        links: Scratch.
         weights: (C, M) float64, in and out.
         persons: As in `search_outcomes`, in and out.
         looks: A `look_kernels.LooksDone`.
@@ -162,10 +170,10 @@ def learn(constants, particles, weights, persons, looks, pos):
     if looks.number == 0:
         return pos
     open_classes(persons)
-    link(constants[0], particles, looks)
+    link(constants[0], particles, links, looks)
     for q in range(looks.number):
-        learn_look(constants[0], particles, weights, persons, looks, q)
-    unlink(constants[0], particles, looks)
+        learn_look(constants[0], particles, links, weights, persons, looks, q)
+    unlink(constants[0], particles, links, looks)
     close_weights(weights, persons, particles.prior)
     return mean_found(persons)
 
@@ -212,7 +220,7 @@ class ParticleTables(NamedTuple):
 
 
 @kernel
-def follow_particles(followed, tables, beliefs, scratch, first, last):
+def follow_particles(followed, tables, beliefs, scratch, links, first, last):
     """Update the beliefs of the worlds first..last - 1 after a step.
 
     Args:
@@ -220,6 +228,7 @@ def follow_particles(followed, tables, beliefs, scratch, first, last):
         tables: Of the scenario.
         beliefs: A `follow_kernels.Beliefs`, in and out.
         scratch: A `follow_kernels.Scratch`.
+        links: Scratch.
         first: Number of the first world.
         last: Number of the last world, plus one.
     """
@@ -240,7 +249,7 @@ def follow_particles(followed, tables, beliefs, scratch, first, last):
         particles = particles_at(tables.particles, tables.first_step + t)
         failed, count = list_looks(followed, b, scratch.seen, scratch.rows)
         looks = LooksDone(scratch.seen, scratch.rows, tables.pods, failed, count)
-        beliefs.pos[b] = learn(constants, particles, weights, persons, looks, beliefs.pos[b])
+        beliefs.pos[b] = learn(constants, particles, links, weights, persons, looks, beliefs.pos[b])
 
 
 @kernel

@@ -76,9 +76,7 @@ class _Batch:
         self._going = np.ones(count, bool)
         self._step = 0
         self._names = [f"drone{n}" for n in range(world.num_drones)]
-        actions = world.rules.action_set.within(world.scenario.area_mask)
-        self._masks = np.array(actions.masks(world.grid_size))
-        self._fault_masks = np.empty((*world.drones.shape, self._masks.shape[2]), np.int8)
+        self._fault_masks: NDArray[np.int8] | None = None
         self._probability = np.empty((0, 0), np.float32)
 
     def look(self) -> None:
@@ -88,8 +86,7 @@ class _Batch:
         first = int(np.argmax(self._going))
         self._probability = world.map_of(first)
         if world.faults is not None:
-            self._fault_masks[:] = self._masks[world.drones["y"], world.drones["x"]]
-            world.faults.restrict(world, self._fault_masks)
+            self._fault_masks = world.action_masks()
 
     def observe(self, mission: int, last: Mapping[int, int]) -> Started:
         """Return what the live drones of a mission observe, after `look`.
@@ -101,8 +98,10 @@ class _Batch:
         world, drones = self.world, self.world.drones[mission]
         live = np.flatnonzero(~(drones["terminated"] | drones["truncated"])).tolist()
         cells = np.stack([drones["x"], drones["y"]], axis=1)
-        masks: Iterable[NDArray[np.int8]] = self._masks[cells[live, 1], cells[live, 0]]
-        if world.faults is not None:
+        if self._fault_masks is None or world.faults is None:
+            table = world.mask_table
+            masks: Iterable[NDArray[np.int8]] = [table[y][x] for x, y in cells[live].tolist()]
+        else:
             masks, cells = self._fault_masks[mission, live], world.faults.positions()[mission]
         seen = self._probability if world.coverage is None else world.map_of(mission)
         names = [self._names[n] for n in live]
@@ -142,12 +141,6 @@ class _Batch:
             results.lost[going] = world.terminated[going].sum(axis=1)
         results.lost[found] = 0
         self._going = going & ~done
-
-    def withdraw(self) -> None:
-        """Withdraw the last drone of each mission, see `SearchEnv.withdraw`."""
-        drones = self.world.drones
-        self.world.worlds["num_active"] -= drones["alive"][:, -1]
-        drones["alive"][:, -1] = False
 
 
 @dataclass
@@ -385,7 +378,7 @@ def _play(batch: _Batch, groups: Sequence[_Group], withdraw_at: int | None, thre
             groups = _each(pool, lambda group: group.decide(batch), groups)
             batch.step(_joint(batch, groups))
             if step == withdraw_at:
-                batch.withdraw()
+                world.withdraw(world.num_drones - 1)
             groups = [part for group in groups for part in group.split(world)]
             if not groups:
                 break

@@ -118,7 +118,7 @@ class SearchEnv(Rebound, AgentSpaces, ParallelEnv[str, AgentObservation, int]):
     def _bind(self) -> None:
         """Create the views on the world's arrays, and whatever must not be copied."""
         world = self.world
-        self._masks = self.rules.action_set.within(self.scenario.area_mask).masks(world.grid_size)
+        self._masks = world.mask_table
         self._actions = np.zeros((1, world.num_drones), np.int8)
         self._action_bytes = self._actions[0].data.cast("B")
         # Views on the world's arrays; x and y are the first fields of a drone's record.
@@ -222,11 +222,7 @@ class SearchEnv(Rebound, AgentSpaces, ParallelEnv[str, AgentObservation, int]):
             FieldError: If there is no such drone.
         """
         drone = Spec("int", "", low=0, high=len(self._alive) - 1).check("drone", drone)
-        if self._done[0] or not self._alive[drone]:
-            return False
-        self._alive[drone] = False
-        self._num_active[0] -= 1
-        return True
+        return bool(self.world.withdraw(drone)[0])
 
     def snapshot(self) -> Snapshot:
         """Return the whole state of the mission, random state included."""
@@ -281,10 +277,7 @@ class SearchEnv(Rebound, AgentSpaces, ParallelEnv[str, AgentObservation, int]):
 
     def action_masks(self) -> NDArray[np.int8]:
         """Return the action masks (N, A) of all drones."""
-        masks = np.array([self._masks[y][x] for x, y in self._xy.tolist()])
-        if self.world.faults is not None:
-            self.world.faults.restrict(self.world, masks[None])
-        return masks
+        return self.world.action_masks()[0]
 
     def state(self) -> NDArray[np.float32]:
         """Return the global state (4, G, G) float32, hidden parts included.

@@ -143,6 +143,8 @@ class World(Rebound):
         self.batch = kernels.Batch(self.constants, self.worlds, sea, crew, task)
         self._scratch = [self._make_scratch() for _ in range(self._threads)]
         self._kernels: list[Callable[..., None]] = []
+        # Made when needed: that of a large area takes a second.
+        self._mask_table: list[list[NDArray[np.int8]]] | None = None
         self._pool = ThreadPoolExecutor(self._threads - 1) if self._threads > 1 else None
         self._process = os.getpid()
 
@@ -359,6 +361,35 @@ class World(Rebound):
         maps = np.empty((1, self.grid_size, self.grid_size), np.float32)
         kernels.refresh_worlds(batch, self._make_scratch(), maps)
         return maps[0]
+
+    @property
+    def mask_table(self) -> list[list[NDArray[np.int8]]]:
+        """The action mask of a drone in each cell, see `ActionSet.masks`."""
+        if self._mask_table is None:
+            actions = self.rules.action_set.within(self.scenario.area_mask)
+            self._mask_table = actions.masks(self.grid_size)
+        return self._mask_table
+
+    def action_masks(self) -> NDArray[np.int8]:
+        """Return the action masks (B, N, A) of all drones."""
+        xy = zip(self.drones["x"].ravel().tolist(), self.drones["y"].ravel().tolist(), strict=True)
+        masks = np.array([self.mask_table[y][x] for x, y in xy])
+        masks = masks.reshape(*self.drones.shape, -1)
+        return masks if self.faults is None else self.faults.restrict(self, masks)
+
+    def withdraw(self, drone: int) -> NDArray[np.bool_]:
+        """Take a drone out of the missions that go on, see `SearchEnv.withdraw`.
+
+        Args:
+            drone: Its number.
+
+        Returns:
+            (B,), whether it was still in the search.
+        """
+        taken: NDArray[np.bool_] = self.drones["alive"][:, drone] & ~self.worlds["done"]
+        self.drones["alive"][taken, drone] = False
+        self.worlds["num_active"] -= taken
+        return taken
 
     def snapshot(self) -> Snapshot:
         """Return the complete state, including the random state."""

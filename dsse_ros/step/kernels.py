@@ -186,7 +186,9 @@ def task_of(task, b):
 
 @inlined
 def write_observed(constants, world, sea, scratch, stream, out, coverage, ensemble):
-    """Write the observed map of a world, or its probability left to cover."""
+    """Write the observed map of a world, or its probability left to cover; (0, 0) for neither."""
+    if len(out) == 0:
+        return
     if ensemble is not None:
         write_present(world, ensemble, out)
     elif coverage is None:
@@ -216,10 +218,9 @@ def step_worlds(batch, scratch, actions, maps, first, last):
             start_world(constants, world, sea, crew, task, scratch)
         else:
             step_world(constants, world, sea, crew, task, scratch, actions[b], task.coverage)
-        if maps.shape[1] > 0:
-            write_observed(
-                constants, world, sea, scratch, stream, maps[b], task.coverage, task.ensemble
-            )
+        write_observed(
+            constants, world, sea, scratch, stream, maps[b], task.coverage, task.ensemble
+        )
 
 
 @kernel
@@ -231,10 +232,9 @@ def reset_worlds(batch, scratch, maps, which):
             world, sea = batch.worlds[b], sea_of(batch.sea, b)
             crew, task = crew_of(batch.crew, b), task_of(batch.task, b)
             start_world(constants, world, sea, crew, task, scratch)
-            if maps.shape[1] > 0:
-                write_observed(
-                    constants, world, sea, scratch, stream, maps[b], task.coverage, task.ensemble
-                )
+            write_observed(
+                constants, world, sea, scratch, stream, maps[b], task.coverage, task.ensemble
+            )
 
 
 @kernel
@@ -244,12 +244,11 @@ def refresh_worlds(batch, scratch, maps):
     stream = is_streamed(maps)
     for b in range(len(batch.sea.gauss)):
         disperse(constants, worlds[b], sea_of(batch.sea, b))
-    if maps.shape[1] > 0:
-        for b in range(len(worlds)):
-            sea, task = sea_of(batch.sea, b), task_of(batch.task, b)
-            write_observed(
-                constants, worlds[b], sea, scratch, stream, maps[b], task.coverage, task.ensemble
-            )
+    for b in range(len(worlds)):
+        sea, task = sea_of(batch.sea, b), task_of(batch.task, b)
+        write_observed(
+            constants, worlds[b], sea, scratch, stream, maps[b], task.coverage, task.ensemble
+        )
 
 
 @kernel
