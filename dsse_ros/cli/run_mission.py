@@ -12,16 +12,14 @@ import argparse
 import collections
 import contextlib
 import html
-import json
 import os
 import re
-import signal
 import socket
 import subprocess
 import sys
 import time
 import webbrowser
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -34,6 +32,7 @@ from std_msgs.msg import Float64MultiArray
 from tqdm import tqdm
 
 from dsse_ros.cli.command_line import DEFAULT_SCENARIO, Parser, make_folder, search_of
+from dsse_ros.cli.node_process import MissionFailed, check_running, compiling, process, ros_for
 from dsse_ros.dashboard.settings import DashboardSettings
 from dsse_ros.nodes.settings import (
     PROFILE,
@@ -48,7 +47,7 @@ from dsse_ros.private_files import open_private
 from dsse_ros.report.record import RecordedMission, read_csv
 from dsse_ros.report.replay import mission_views
 from dsse_ros.report.texts import summary
-from dsse_ros.runtime.exit_codes import BAD_INPUT, fail
+from dsse_ros.runtime.exit_codes import fail
 from dsse_ros.runtime.interrupts import Stop, on_signals
 from dsse_ros.runtime.qos import requested
 from dsse_ros.runtime.ros_arguments import OF_EVERY_NODE, pairs
@@ -56,7 +55,6 @@ from dsse_ros.runtime.run_node import init_ros, leave_ros, spinning
 from dsse_ros.scenario.fields import specs
 from dsse_ros.scenario.scenario import ResolvedScenario
 from dsse_ros.search import FieldError, Rules
-from dsse_ros.search.compiler import progress
 from dsse_ros.view.movie import check_movie, save_movie
 from dsse_ros.view.rendering import MissionView, save_picture
 from msg_adapters.images import image_to_probability
@@ -71,13 +69,6 @@ _PLANNER_NAMES = (*specs(PlannerSettings), *OF_EVERY_NODE)
 _DASHBOARD_NAMES = (*specs(DashboardSettings), *OF_EVERY_NODE)
 RATE, VIEW_RATE = 20.0, 3.0
 """Maximum steps per second, without and with the page: people follow three."""
-_TAIL_BYTES = 4096
-STOP_S = 10.0
-"""Wall time a process has to end after it was interrupted."""
-
-
-class MissionFailed(Exception):
-    """The mission did not reach its end."""
 
 
 class Watcher(Node):
@@ -155,70 +146,6 @@ class Watcher(Node):
 
 
 @contextlib.contextmanager
-def process(
-    module: str, parameters: dict[str, Any], log: Path, ros: Sequence[str] = ()
-) -> Iterator[subprocess.Popen[bytes]]:
-    """Run a node with these parameters as a process during the block.
-
-    Further ROS arguments come before the parameters.
-    """
-    # With -m, a source tree in the working directory would come before the installation.
-    program = f"import sys; del sys.path[0]; from dsse_ros.cli.start import {module}; "
-    command = [sys.executable, "-c", program + f"sys.exit({module}())", "--ros-args", *ros]
-    for name, value in parameters.items():
-        # ROS parses the value as YAML, so texts need quotes.
-        text = json.dumps(value, ensure_ascii=False) if isinstance(value, str) else value
-        command += ["-p", f"{name}:={text}"]
-    # The log of the page has its token.
-    with open_private(log) as output:
-        child = subprocess.Popen(
-            command, stdin=subprocess.DEVNULL, stdout=output, stderr=subprocess.STDOUT
-        )
-        try:
-            yield child
-        finally:
-            if child.poll() is None:
-                child.send_signal(signal.SIGINT)
-            try:
-                child.wait(STOP_S)
-            except subprocess.TimeoutExpired:
-                child.kill()
-                child.wait()
-
-
-def check_running(child: subprocess.Popen[bytes], name: str, log: Path) -> None:
-    """Raise if a process has ended, with the reason that it printed.
-
-    Raises:
-        MissionFailed: If it has ended.
-    """
-    code = child.poll()
-    if code is None:
-        return
-    lines = log.read_text(errors="replace").strip().splitlines()
-    if lines and (code == BAD_INPUT or lines[-1].startswith(f"{name}: ")):
-        raise MissionFailed(lines[-1])
-    raise MissionFailed(f"{name} ended with code {code}; see {log}")
-
-
-def ros_for(parameters: Collection[str], ros: Sequence[str]) -> list[str]:
-    """Return ROS arguments without parameters for other nodes."""
-    kept: list[str] = []
-    for flag, value in pairs(ros):
-        name = value.partition(":=")[0]
-        if flag != "--param" or ":" in name or name in parameters:
-            kept += [flag, value] if value else [flag]
-    return kept
-
-
-def compiling(log: Path) -> str:
-    """Return what a node compiles, from the end of its log; empty for nothing."""
-    with log.open("rb") as file:
-        file.seek(max(0, log.stat().st_size - _TAIL_BYTES))
-        return progress(file.read().decode(errors="replace"))
-
-
-@contextlib.contextmanager
 def live_page(
     arguments: argparse.Namespace, stop: Stop
 ) -> Iterator[subprocess.Popen[bytes] | None]:
@@ -284,6 +211,81 @@ def shows_belief(arguments: argparse.Namespace, scenario: ResolvedScenario, rule
     return not rules.covers and settings.has_belief(scenario.grid_size)
 
 
+class _Progress:
+    """The progress line of a mission, and the reasons to end it.
+
+    Args:
+        watcher: Receives the mission's messages.
+        steps: Steps of the mission at most.
+        stop: Whether a signal has come.
+        sim_log: Log of `sim_node`.
+    """
+
+    def __init__(self, watcher: Watcher, steps: int, stop: Stop, sim_log: Path) -> None:
+        self._watcher = watcher
+        self._stop = stop
+        self._sim_log = sim_log
+        self.bar = tqdm(
+            total=steps, unit="step", file=sys.stdout, dynamic_ncols=True,
+            mininterval=0.1 if sys.stdout.isatty() else 2.0, desc="starting sim_node",
+            bar_format="step {n_fmt}/{total_fmt} |{bar:20}| {elapsed} {desc}",
+        )  # fmt: skip
+        self._last_step_s = time.monotonic()
+
+    def check(self, name: str, child: subprocess.Popen[bytes], log: Path) -> None:
+        """Show what a process has done.
+
+        Raises:
+            MissionFailed: If the process has ended, nothing happens, or another mission runs.
+            KeyboardInterrupt: If a signal has come.
+        """
+        watcher, bar = self._watcher, self.bar
+        if self._stop.wanted:
+            raise KeyboardInterrupt
+        check_running(child, name, log)
+        if watcher.step > bar.n:
+            self._last_step_s = time.monotonic()
+            bar.set_description_str(watcher.line(), refresh=False)
+            # The step that detects the timeout is one more than the limit.
+            bar.update(min(watcher.step, bar.total) - bar.n)
+        if work := compiling(log):
+            self._last_step_s = time.monotonic()
+            bar.set_description_str(work, refresh=False)
+            # Its timer moves too.
+            bar.update(0)
+        if time.monotonic() - self._last_step_s > SILENCE_S:
+            raise MissionFailed(f"no step within {SILENCE_S:g} s; see {self._sim_log}")
+        if watcher.foreign or watcher.count_publishers("step_report") > 1:
+            raise MissionFailed("another mission uses this ROS_DOMAIN_ID; choose a different one")
+
+    def finish(self) -> None:
+        """Show the end of the mission; closing the bar shows it."""
+        self.bar.set_description_str(self._watcher.line(), refresh=False)
+        self.bar.close()
+
+
+def _sim_parameters(
+    arguments: argparse.Namespace, path: Path, rules: Rules, run_id: int, belief: bool
+) -> dict[str, object]:
+    """Return the parameters of `sim_node`."""
+    sim = {
+        SCENARIO_FILE: str(path), PROFILE: rules.profile, "seed": arguments.seed, "run_id": run_id,
+        "step_rate": float(arguments.rate), "record_file": str(arguments.out / "mission.csv"),
+        "publish_belief": belief,
+    }  # fmt: skip
+    if arguments.num_drones is not None:
+        sim["scenario.num_drones"] = arguments.num_drones
+    return sim
+
+
+def _planner_parameters(arguments: argparse.Namespace) -> dict[str, object]:
+    """Return the parameters of `planner_node`."""
+    planner = {"planner": arguments.planner, "seed": arguments.seed, "model": arguments.model or ""}
+    if arguments.planner_options:
+        planner["planner_options"] = list(arguments.planner_options)
+    return planner
+
+
 def fly(
     arguments: argparse.Namespace,
     path: Path,
@@ -306,67 +308,31 @@ def fly(
         MissionFailed: If a process ends early or nothing happens for `SILENCE_S`.
         KeyboardInterrupt: If a signal has come.
     """
-    out: Path = arguments.out
     belief = shows_belief(arguments, scenario, rules)
     # Without it, the latched report of another mission would pass for one of this mission.
     run_id = draw_run_id(SimSettings(run_id=arguments.run_id))
-    sim = {
-        SCENARIO_FILE: str(path), PROFILE: rules.profile, "seed": arguments.seed, "run_id": run_id,
-        "step_rate": float(arguments.rate), "record_file": str(out / "mission.csv"),
-        "publish_belief": belief,
-    }  # fmt: skip
-    if arguments.num_drones is not None:
-        sim["scenario.num_drones"] = arguments.num_drones
-    planner = {"planner": arguments.planner, "seed": arguments.seed, "model": arguments.model or ""}
-    if arguments.planner_options:
-        planner["planner_options"] = list(arguments.planner_options)
+    sim = _sim_parameters(arguments, path, rules, run_id, belief)
+    planner = _planner_parameters(arguments)
     sim_ros = ros_for(_SIM_NAMES, arguments.ros)
     planner_ros = ros_for(_PLANNER_NAMES, arguments.ros)
-    sim_log, planner_log = out / "sim_node.log", out / "planner_node.log"
+    sim_log, planner_log = arguments.out / "sim_node.log", arguments.out / "planner_node.log"
     watcher = Watcher(run_id, belief=belief, pos=belief or rules.covers)
-    bar = tqdm(
-        total=scenario.timestep_limit, unit="step", file=sys.stdout, dynamic_ncols=True,
-        mininterval=0.1 if sys.stdout.isatty() else 2.0,
-        bar_format="step {n_fmt}/{total_fmt} |{bar:20}| {elapsed} {desc}", desc="starting sim_node",
-    )  # fmt: skip
-    last_step_s = time.monotonic()
-
-    def watch(name: str, child: subprocess.Popen[bytes], log: Path) -> None:
-        nonlocal last_step_s
-        executor.spin_once(timeout_sec=0.1)
-        if stop.wanted:
-            raise KeyboardInterrupt
-        check_running(child, name, log)
-        if watcher.step > bar.n:
-            last_step_s = time.monotonic()
-            bar.set_description_str(watcher.line(), refresh=False)
-            # The step that detects the timeout is one more than the limit.
-            bar.update(min(watcher.step, bar.total) - bar.n)
-        if work := compiling(log):
-            last_step_s = time.monotonic()
-            bar.set_description_str(work, refresh=False)
-            # Its timer moves too.
-            bar.update(0)
-        if time.monotonic() - last_step_s > SILENCE_S:
-            raise MissionFailed(f"no step within {SILENCE_S:g} s; see {sim_log}")
-        if watcher.foreign or watcher.count_publishers("step_report") > 1:
-            raise MissionFailed("another mission uses this ROS_DOMAIN_ID; choose a different one")
-
+    progress = _Progress(watcher, scenario.timestep_limit, stop, sim_log)
     with (
         spinning(watcher) as executor,
-        bar,
+        progress.bar,
         process("sim_node", sim, sim_log, sim_ros) as sim_process,
     ):
         # Start the planner once the watcher receives messages, so that it misses no step.
         while watcher.step < 0:
-            watch("sim_node", sim_process, sim_log)
+            executor.spin_once(timeout_sec=0.1)
+            progress.check("sim_node", sim_process, sim_log)
         with process("planner_node", planner, planner_log, planner_ros) as planner_process:
             while not watcher.done:
-                watch("planner_node", planner_process, planner_log)
+                executor.spin_once(timeout_sec=0.1)
+                progress.check("planner_node", planner_process, planner_log)
                 check_running(sim_process, "sim_node", sim_log)
-            # Closing the bar shows it.
-            bar.set_description_str(watcher.line(), refresh=False)
-            bar.close()
+            progress.finish()
             at_end()
 
 

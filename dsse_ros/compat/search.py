@@ -16,8 +16,9 @@ from dsse_ros.compat.published import Cell, DroneData, Infos, no_rewards
 from dsse_ros.compat.swarm import SwarmEnv
 from dsse_ros.scenario.cell_checks import check_cell
 from dsse_ros.scenario.fields import FieldError, Spec, shown
+from dsse_ros.scenario.limits import MAX_PRE_SEARCH_STEPS
 from dsse_ros.scenario.rules import Rules, profile
-from dsse_ros.scenario.scenario import MAX_PRE_SEARCH_STEPS, SPECS, Scenario
+from dsse_ros.scenario.scenario import SPECS, Scenario
 
 Observations = dict[str, tuple[Cell, NDArray[np.float32]]]
 

@@ -16,6 +16,8 @@ LARGEST_GRID_CELLS = 4_000_000
 """Cells of the largest grid allocated without an explicit request for a larger one."""
 DEFAULT_ORIGIN_DEG = (-24.04, -46.17)
 """Latitude and longitude of a grid for which none are given, off Santos (DSSE 1.1.9)."""
+MAX_PRE_SEARCH_STEPS = 1_000_000
+"""Steps of drift before the drones arrive."""
 MAX_ID = 2**32 - 1
 """Largest run_id and mission: uint32 in the reports."""
 
@@ -30,4 +32,17 @@ def check_cells(grid_size: int, max_cells: int) -> None:
         raise FieldError(
             f"grid_size must be at most {math.isqrt(max_cells)} with max_cells {max_cells}, "
             f"got {grid_size}"
+        )
+
+
+def check_pre_search(minutes: float, steps: int, step_s: float) -> None:
+    """Raise for a drift before the search with too many steps to compute.
+
+    Raises:
+        FieldError: If there are more than `MAX_PRE_SEARCH_STEPS`.
+    """
+    if steps > MAX_PRE_SEARCH_STEPS:
+        raise FieldError(
+            f"pre_search_minutes must be at most {MAX_PRE_SEARCH_STEPS} steps of {step_s:g} s, "
+            f"got {minutes:g}"
         )

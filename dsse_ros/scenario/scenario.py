@@ -27,7 +27,7 @@ from dsse_ros.scenario.fault_fields import FaultFields, hold_up
 from dsse_ros.scenario.fields import FieldError, Spec, check_all, check_known, field, specs
 from dsse_ros.scenario.incident import Incident
 from dsse_ros.scenario.incident_fields import IncidentFields, on_incident_grid
-from dsse_ros.scenario.limits import CELL_SIZE_M, DEFAULT_ORIGIN_DEG
+from dsse_ros.scenario.limits import CELL_SIZE_M, DEFAULT_ORIGIN_DEG, check_pre_search
 from dsse_ros.scenario.markov_chain_fields import MarkovChainFields
 from dsse_ros.scenario.probability_matrix import ProbabilityMatrix
 from dsse_ros.scenario.rules import Rules, profile
@@ -37,8 +37,6 @@ from dsse_ros.scenario.transition_probabilities import TransitionProbabilities
 from dsse_ros.scenario.yaml_file import read_yaml
 from dsse_ros.sensors.camera import PAPER_FIELD_OF_VIEW_DEG, footprint_m
 from dsse_ros.targets.registry import MOTIONS
-
-MAX_PRE_SEARCH_STEPS = 1_000_000
 
 SYNONYMS = {"dispersion_start": "sigma"}
 """Other names of fields, from DSSE 1.1.9."""
@@ -241,18 +239,16 @@ class Scenario(
         self.check_transitions(rules, grid)
         mask = area_mask(self.area, self.land, grid, cell, origin)
         positions = self._resolve_positions(grid, mask, rules.collisions)
-        searchers = self.resolved_searchers(
-            len(positions), rules, has_battery=self.battery_move > 0
-        )
+        count, has_battery = len(positions), self.battery_move > 0
+        searchers = self.resolved_searchers(count, rules, has_battery=has_battery)
         fastest, slowest = max(self.speeds), min(self.speeds)
         sigma = self.sigma if self.sigma is not None else rules.sigma
         growth = rules.dispersion_inc if self.dispersion_inc is None else self.dispersion_inc
         person = self.person_initial_position or rules.person_initial_position
         person = person or (grid // 2, grid // 2)
         check_cell("person_initial_position", person, grid, mask)
-        vector = resolve_vector(
-            rules, self.vector, self.current_speed, self.current_toward, fastest
-        )
+        speed, toward = self.current_speed, self.current_toward
+        vector = resolve_vector(rules, self.vector, speed, toward, fastest)
         multipliers = self.person_pod_multipliers
         check_multipliers(multipliers, self.person_amount)
         if rules.person_scatter and rules.person_motion in MOTIONS:
@@ -263,7 +259,7 @@ class Scenario(
             "grid_size": grid,
             "zone_size": None,
             "cell_size": cell,
-            "num_drones": len(positions),
+            "num_drones": count,
             "drones_positions": positions,
             "searchers": searchers,
             "vector": vector,
@@ -277,15 +273,13 @@ class Scenario(
             "sigma_y": self.sigma_y or sigma,
             "dispersion_inc": growth,
             "timestep_limit": self.timestep_limit or rules.timestep_limit,
-            **self.resolved_faults(len(positions), slowest),
+            **self.resolved_faults(count, slowest),
         }
         given = {name: getattr(self, name) for name in SPECS}
         resolved = ResolvedScenario(**{**given, **derived, "stated": self})
-        if resolved.pre_search_steps > MAX_PRE_SEARCH_STEPS:
-            raise FieldError(
-                f"pre_search_minutes must be at most {MAX_PRE_SEARCH_STEPS} steps of "
-                f"{resolved.step_duration_s:g} s, got {self.pre_search_minutes:g}"
-            )
+        check_pre_search(
+            self.pre_search_minutes, resolved.pre_search_steps, resolved.step_duration_s
+        )
         return resolved
 
     @property

@@ -39,7 +39,7 @@ from rclpy.signals import SignalHandlerOptions  # noqa: E402
 from sensor_msgs.msg import PointCloud2  # noqa: E402
 
 from dsse_ros.cli.command_line import Parser, make_folder, search_of  # noqa: E402
-from dsse_ros.cli.run_mission import MissionFailed, check_running, process  # noqa: E402
+from dsse_ros.cli.node_process import MissionFailed, check_running, process  # noqa: E402
 from dsse_ros.mission.vehicle_missions import FlightSettings  # noqa: E402
 from dsse_ros.nodes.settings import SimSettings  # noqa: E402
 from dsse_ros.report.record import read_csv  # noqa: E402

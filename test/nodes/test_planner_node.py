@@ -19,7 +19,7 @@ from rig import LATCHED, Inbox, Process, Rig
 from sensor_msgs.msg import Image, PointCloud2
 from std_msgs.msg import Int32MultiArray, String
 
-from dsse_ros.cli.run_mission import compiling
+from dsse_ros.cli.node_process import compiling
 from dsse_ros.mission.mission import Mission
 from dsse_ros.mission.step_reports import step_report_of
 from dsse_ros.planners import make_planner
