@@ -25,7 +25,7 @@ from dsse_ros.scenario.actions import Cell
 from dsse_ros.scenario.probable_cells import most_probable
 from dsse_ros.scenario.rules import Rules
 from dsse_ros.scenario.scenario import Scenario
-from dsse_ros.step.sea_tracks import particle_positions, tracks_of
+from dsse_ros.step.cell_tracks import particle_positions, tracks_of
 
 
 class EnsembleForecast(ForecastBase):
@@ -68,7 +68,7 @@ class EnsembleForecast(ForecastBase):
 
     @property
     def maps(self) -> NDArray[np.float32]:
-        """(T, G, G) float32, see `SeaTracks`."""
+        """(T, G, G) float32, see `CellTracks`."""
         return self.tracks.maps
 
     @cached_property

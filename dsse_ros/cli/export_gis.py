@@ -18,8 +18,8 @@ from dsse_ros.report.geotiff import write_geotiff
 from dsse_ros.report.gis import GisMission, gis_mission
 from dsse_ros.report.gpx import gpx_text
 from dsse_ros.report.kml import kml_text
+from dsse_ros.report.recomputed import forecast_for
 from dsse_ros.report.record import chosen_steps
-from dsse_ros.report.replay import forecast_for
 from dsse_ros.runtime.exit_codes import fail
 from dsse_ros.scenario.frames import scenario_frame
 from dsse_ros.search import HOLD, FieldError, SearchEnv

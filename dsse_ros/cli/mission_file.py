@@ -11,8 +11,8 @@ from typing import Any
 
 from dsse_ros.belief.protocol import TargetForecast
 from dsse_ros.cli.command_line import Parser, search_of
+from dsse_ros.report.recomputed import follow_belief, views
 from dsse_ros.report.record import RecordedMission, is_bag, read_csv
-from dsse_ros.report.replay import follow_belief, views
 from dsse_ros.scenario.definition import SearchDefinition
 from dsse_ros.scenario.limits import LARGEST_GRID_CELLS
 from dsse_ros.search import FieldError

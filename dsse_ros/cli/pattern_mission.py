@@ -19,7 +19,7 @@ from dsse_ros.scenario.fields import FieldError, specs
 from dsse_ros.scenario.frames import scenario_frame
 from dsse_ros.scenario.geodesy import cell_to_geodetic
 from dsse_ros.scenario.scenario import ResolvedScenario
-from dsse_ros.sensors.coverage import (
+from dsse_ros.sensors.search_theory import (
     coverage,
     inverse_cube_pod,
     random_search_pod,

@@ -17,14 +17,14 @@ from dsse_ros.cli.command_line import Parser, make_folder
 from dsse_ros.cli.mission_file import FILE_HELP, add_mission_file, choose, pictures, read
 from dsse_ros.cli.start import not_found
 from dsse_ros.progress import progress
-from dsse_ros.report.record import RecordedMission, chosen_steps
-from dsse_ros.report.replay import (
+from dsse_ros.report.recomputed import (
     LARGEST_BELIEF_GRID,
     follow_belief,
     forecast_for,
     with_coverage,
     with_waits,
 )
+from dsse_ros.report.record import RecordedMission, chosen_steps
 from dsse_ros.report.report import Report
 from dsse_ros.runtime.exit_codes import fail
 from dsse_ros.scenario.rules import AUTO

@@ -44,8 +44,8 @@ from dsse_ros.nodes.settings import (
 )
 from dsse_ros.nodes.sim_parameters import draw_run_id
 from dsse_ros.private_files import open_private
+from dsse_ros.report.recomputed import mission_views
 from dsse_ros.report.record import RecordedMission, read_csv
-from dsse_ros.report.replay import mission_views
 from dsse_ros.report.texts import summary
 from dsse_ros.runtime.exit_codes import fail
 from dsse_ros.runtime.interrupts import Stop, on_signals

@@ -17,7 +17,7 @@ from dsse_ros.conformance.registered import registered
 from dsse_ros.scenario.rules import Rules, profile
 from dsse_ros.scenario.scenario import Scenario
 from dsse_ros.search.world import HOLD, World
-from dsse_ros.step.sea_tracks import last_step_of, tracks_of
+from dsse_ros.step.cell_tracks import last_step_of, tracks_of
 from dsse_ros.targets.ensemble import Ensemble, check_tracks
 from dsse_ros.targets.motion import PersonMotion
 from dsse_ros.targets.registry import MOTIONS, TARGET_MODELS, TargetModel

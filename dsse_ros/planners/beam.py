@@ -34,7 +34,7 @@ class Tree(NamedTuple):
     parents: NDArray[np.int64]
 
 
-class Level(NamedTuple):
+class BeamLevel(NamedTuple):
     """What the paths to the nodes of a step have found.
 
     Attributes:
@@ -150,7 +150,7 @@ def gain_of_move(problem, alive, h, a, cell, gain, discount):
 
     Args:
         problem: The problem.
-        alive: (M / 64,) of the node, as in `Level`.
+        alive: (M / 64,) of the node, as in `BeamLevel`.
         h: Step of the move.
         a: Number of the move.
         cell: The cell after it.
@@ -223,7 +223,7 @@ def take(problem, tried, k, level, h, after, kept):
         k: Number of the move.
         level: Of the step before.
         h: Step of the move.
-        after: `Level` out.
+        after: `BeamLevel` out.
         kept: Number of the new node.
     """
     moves, scenarios, node, a = problem.moves, problem.scenarios, tried.parents[k], tried.moves[k]
@@ -256,7 +256,7 @@ def keep_best(problem, tree, level, h, tried, order, after, in_cell):
         h: The step.
         tried: Of `expand`.
         order: (F,) int64, its moves in order of their ranks.
-        after: `Level` out.
+        after: `BeamLevel` out.
         in_cell: (S S,) int64 scratch, zeros in and out.
     """
     kept, width = 0, tree.cells.shape[1]
@@ -312,7 +312,9 @@ def write_values(problem, tree, level, depth, values):
 @compiled()
 def new_level(width, words, horizon):
     """Return a level of W nodes."""
-    return Level(np.empty((width, words), np.uint64), np.zeros(width), np.zeros((width, horizon)))
+    return BeamLevel(
+        np.empty((width, words), np.uint64), np.zeros(width), np.zeros((width, horizon))
+    )
 
 
 @compiled()

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, ClassVar
 
 from dsse_ros.belief.protocol import TargetBelief, TargetForecast
 from dsse_ros.planners.planner import Cell, DecisionPoint
-from dsse_ros.planners.routes import RouteFollower
+from dsse_ros.planners.route_follower import RouteFollower
 from dsse_ros.scenario.actions import ActionSet
 from dsse_ros.scenario.swarm import Swarm
 

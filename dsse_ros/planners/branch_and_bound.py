@@ -68,7 +68,7 @@ class Paths(NamedTuple):
     moves: NDArray[np.int64]
 
 
-class Level(NamedTuple):
+class PathLevel(NamedTuple):
     """The kept paths to one step.
 
     Attributes:
@@ -293,7 +293,7 @@ def new_paths(steps, width):
 @compiled()
 def new_level(width, most):
     """Return memory for W paths to a step."""
-    return Level(np.zeros((width, most)), np.zeros(width))
+    return PathLevel(np.zeros((width, most)), np.zeros(width))
 
 
 @compiled()

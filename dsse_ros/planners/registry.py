@@ -34,7 +34,7 @@ from dsse_ros.planners.options import (
 from dsse_ros.planners.pattern_routes import PatternRoutes
 from dsse_ros.planners.planner import Planner, PlannerFactory, Search
 from dsse_ros.planners.random_moves import RandomMoves
-from dsse_ros.planners.routes import RouteLayout, RoutePlanner
+from dsse_ros.planners.route_follower import RouteLayout, RoutePlanner
 from dsse_ros.planners.sector import sector_routes
 from dsse_ros.planners.spiral import spiral_routes
 from dsse_ros.planners.sweep import sweep_routes
@@ -103,7 +103,7 @@ LOADED_PLANNERS: Mapping[str, LoadedPlanner] = MappingProxyType(
             "dsse_ros.planners.onnx:make_onnx", OnnxOptions, "", ("onnxruntime",)
         ),
         "route": LoadedPlanner(
-            "dsse_ros.planners.route:make_route", BeliefOptions, "persons", ("ortools",)
+            "dsse_ros.planners.solved_routes:make_route", BeliefOptions, "persons", ("ortools",)
         ),
     }
 )

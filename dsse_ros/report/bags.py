@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dsse_ros.recording.bag import Recorded, read_bag
+from dsse_ros.report.recomputed import Maps
 from dsse_ros.report.record import RecordedMission, Search, check_limit
-from dsse_ros.report.replay import Maps
 from dsse_ros.scenario.agents import AgentsInfo, agents_from_json
 from dsse_ros.scenario.limits import LARGEST_GRID_CELLS, check_cells
 from dsse_ros.search import FieldError

@@ -67,7 +67,7 @@ class RecordedMission:
             None if not recorded, or for another task.
         repeated_coverage: (K,) float64 visits of other cells, over the number of cells to cover.
         waited: (K, N) bool, whether the drone searched where nobody could be, by the map that it
-            observed; None if not computed, see `replay.with_waits`.
+            observed; None if not computed, see `recomputed.with_waits`.
         persons: (K, P, 2) int64; None if not recorded.
         person_found: (K, P) bool; None if not recorded.
         seed: Seed of the mission; None if not known.

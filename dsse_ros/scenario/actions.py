@@ -10,7 +10,7 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from dsse_ros.scenario.paths import Paths
+from dsse_ros.scenario.shortest_paths import ShortestPaths
 from dsse_ros.searchers.searcher import Searcher
 
 T = TypeVar("T")
@@ -81,7 +81,7 @@ class ActionSet:
             ACTION_VECTORS[name]: self.names.index(name) for name in (*usable, "search")
         }
         self.steps = tuple(ACTION_VECTORS[name] for name in usable)
-        self._paths = None if area is None else Paths(area, self.steps)
+        self._paths = None if area is None else ShortestPaths(area, self.steps)
 
     def __len__(self) -> int:
         return len(self.names)

@@ -74,7 +74,7 @@ def lay_grid(
     count = math.ceil(lasts_s / TIME_STEP_S)
     for approach in range(APPROACHES):
         times = begins_s + lasts_s / count * np.arange(count + 1, dtype=np.float64)
-        # The first two children of the seed belong to truth and belief, see `sea_tracks`.
+        # The first two children of the seed belong to truth and belief, see `cell_tracks`.
         rng = np.random.default_rng(np.random.SeedSequence(seed).spawn(3)[2])
         tracks = incident.tracks(times, PARTICLES, rng)
         centre = float(tracks.lats_deg[0].mean()), mean_lon(tracks.lons_deg[0]), alt_m

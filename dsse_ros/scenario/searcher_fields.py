@@ -9,7 +9,7 @@ import math
 from collections.abc import Collection
 from dataclasses import dataclass
 
-from dsse_ros.compiled.routes import ROUNDING
+from dsse_ros.compiled.breadth_first import ROUNDING
 from dsse_ros.scenario.actions import STRAIGHT
 from dsse_ros.scenario.fields import FieldError, field, shown
 from dsse_ros.scenario.rules import Rules

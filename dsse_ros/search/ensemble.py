@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from dsse_ros.scenario.rules import Rules
 from dsse_ros.scenario.scenario import ResolvedScenario
+from dsse_ros.step.cell_tracks import CellTracks, tracks_of
 from dsse_ros.step.ensemble_kernels import SeaEnsemble
-from dsse_ros.step.sea_tracks import SeaTracks, tracks_of
 
 DECIDES_TRACKS = ("vector", "person_initial_position")
 """Fields of the scenario that a reset may replace and that change the tracks."""
@@ -33,7 +33,7 @@ class WorldEnsemble:
     """
 
     def __init__(
-        self, scenario: ResolvedScenario, rules: Rules, tracks: SeaTracks, shape: tuple[int, ...]
+        self, scenario: ResolvedScenario, rules: Rules, tracks: CellTracks, shape: tuple[int, ...]
     ) -> None:
         self._scenario = self._placed = scenario
         self._rules = rules
@@ -53,7 +53,7 @@ class WorldEnsemble:
             return None
         return cls(scenario, rules, tracks, (num_worlds, scenario.person_amount))
 
-    def _tracks(self) -> SeaTracks:
+    def _tracks(self) -> CellTracks:
         tracks = tracks_of(self._placed, self._rules)
         assert tracks is not None
         return tracks

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from dsse_ros.compiled.routes import find_routes
+from dsse_ros.compiled.breadth_first import find_routes
 from dsse_ros.scenario.actions import DIAGONAL, ActionSet, Cell
 from dsse_ros.scenario.fields import FieldError
 

@@ -9,10 +9,10 @@ from typing import Any
 
 import numpy as np
 
-from dsse_ros.targets.ensemble import Ensemble, Tracks
+from dsse_ros.targets.ensemble import Ensemble, WeightedTracks
 
 
-def tracks(scenario: Any, steps: int, rng: np.random.Generator, count: int) -> Tracks:
+def tracks(scenario: Any, steps: int, rng: np.random.Generator, count: int) -> WeightedTracks:
     """Return tracks of equal weight; see `targets.ensemble.TracksOf`.
 
     A particle starts at a normally distributed position around the centre of the last known cell
@@ -31,7 +31,7 @@ def tracks(scenario: Any, steps: int, rng: np.random.Generator, count: int) -> T
     for step in range(steps):
         positions[step + 1] = positions[step] + per_step
         positions[step + 1] += walk * rng.standard_normal((count, 2))
-    return Tracks(positions, np.full(count, 1.0 / count))
+    return WeightedTracks(positions, np.full(count, 1.0 / count))
 
 
 CONSTANT_DRIFT = Ensemble(

@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from dsse_ros.targets.ensemble import Ensemble, Tracks
+from dsse_ros.targets.ensemble import Ensemble, WeightedTracks
 
 
-def tracks(scenario: Any, steps: int, rng: np.random.Generator, count: int) -> Tracks:
+def tracks(scenario: Any, steps: int, rng: np.random.Generator, count: int) -> WeightedTracks:
     """Return one track for each cell of `probability_matrix`; see `targets.ensemble.TracksOf`.
 
     The track's weight is the probability of the cell. All tracks move together, from centre to
@@ -29,7 +29,7 @@ def tracks(scenario: Any, steps: int, rng: np.random.Generator, count: int) -> T
     # Positions on the edges of cells would not survive the conversion to metres and back.
     moved = np.floor(np.arange(steps + 1)[:, None] * np.array(scenario.drift) + 0.5)
     cells = np.stack([cols, rows], axis=1) + moved[:, None]
-    return Tracks((cells + 0.5) * scenario.cell_size, weights)
+    return WeightedTracks((cells + 0.5) * scenario.cell_size, weights)
 
 
 def count(scenario: Any) -> int:

@@ -18,7 +18,7 @@ SUM_TOLERANCE = 1e-9
 """Tolerance for the sum of the weights, which is 1."""
 
 
-class Tracks(NamedTuple):
+class WeightedTracks(NamedTuple):
     """The tracks of M particles.
 
     Attributes:
@@ -35,7 +35,9 @@ class Tracks(NamedTuple):
 class TracksOf(Protocol):
     """Draws the tracks of particles."""
 
-    def __call__(self, scenario: Any, steps: int, rng: np.random.Generator, count: int) -> Tracks:
+    def __call__(
+        self, scenario: Any, steps: int, rng: np.random.Generator, count: int
+    ) -> WeightedTracks:
         """Return tracks of at least one particle; the same generator gives the same tracks.
 
         Args:
@@ -68,7 +70,7 @@ class Ensemble(NamedTuple):
     count: Callable[[Any], int] = requested
 
 
-def check_tracks(tracks: Tracks, steps: int) -> None:
+def check_tracks(tracks: WeightedTracks, steps: int) -> None:
     """Raise unless these tracks have this many steps, and weights that are probabilities.
 
     Raises:

@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 
 from dsse_ros.targets import constant_drift
-from dsse_ros.targets.ensemble import Ensemble, Tracks, requested
+from dsse_ros.targets.ensemble import Ensemble, WeightedTracks, requested
 
 
-def tracks(scenario: Any, steps: int, rng: np.random.Generator, count: int) -> Tracks:
+def tracks(scenario: Any, steps: int, rng: np.random.Generator, count: int) -> WeightedTracks:
     """Return tracks of equal weight; see `targets.ensemble.TracksOf`.
 
     They are those of the scenario's incident. Without one there is only the drift of the datum, and
@@ -22,7 +22,7 @@ def tracks(scenario: Any, steps: int, rng: np.random.Generator, count: int) -> T
         return constant_drift.tracks(scenario, steps, rng, count)
     positions = scenario.incident_positions(steps, rng, count)
     number = positions.shape[1]
-    return Tracks(positions, np.full(number, 1.0 / number))
+    return WeightedTracks(positions, np.full(number, 1.0 / number))
 
 
 def count(scenario: Any) -> int:

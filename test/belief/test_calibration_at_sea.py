@@ -16,8 +16,8 @@ from dsse_ros.planners.belief import GreedyOnBelief
 from dsse_ros.planners.planner import DecisionPoint
 from dsse_ros.scenario.scenario import Scenario
 from dsse_ros.search import World, profile
+from dsse_ros.step.cell_tracks import tracks_of
 from dsse_ros.step.looks import searches_of
-from dsse_ros.step.sea_tracks import tracks_of
 
 LAND = {
     "type": "Polygon",

@@ -42,8 +42,8 @@ from dsse_ros.cli.command_line import Parser, make_folder, search_of  # noqa: E4
 from dsse_ros.cli.node_process import MissionFailed, check_running, process  # noqa: E402
 from dsse_ros.mission.vehicle_missions import FlightSettings  # noqa: E402
 from dsse_ros.nodes.settings import SimSettings  # noqa: E402
+from dsse_ros.report.recomputed import mission_views  # noqa: E402
 from dsse_ros.report.record import read_csv  # noqa: E402
-from dsse_ros.report.replay import mission_views  # noqa: E402
 from dsse_ros.runtime.exit_codes import fail  # noqa: E402
 from dsse_ros.runtime.qos import COMPLETE  # noqa: E402
 from dsse_ros.runtime.run_node import new_executor  # noqa: E402

@@ -17,8 +17,8 @@ from dsse_ros.mission.awaited_vehicles import AwaitedVehicles
 from dsse_ros.mission.mission import Mission
 from dsse_ros.mission.mission_log import MissionLog, columns_of
 from dsse_ros.mission.step_reports import step_report_of
+from dsse_ros.report.recomputed import mission_views
 from dsse_ros.report.record import read_csv
-from dsse_ros.report.replay import mission_views
 from dsse_ros.scenario.frames import scenario_frame
 from dsse_ros.search import HOLD, Snapshot, parallel_env
 from dsse_ros.search.world_beliefs import DRIFT_SAMPLES

@@ -14,8 +14,8 @@ import pytest
 from dsse_ros.mission.mission import Mission
 from dsse_ros.mission.mission_log import MissionLog
 from dsse_ros.mission.step_reports import mission_report_of, step_report_of
+from dsse_ros.report.recomputed import mission_views
 from dsse_ros.report.record import read_csv
-from dsse_ros.report.replay import mission_views
 from dsse_ros.scenario.agents import AgentsInfo, agents_from_json, agents_json
 from dsse_ros.scenario.definition import SearchDefinition
 from dsse_ros.scenario.frames import map_positions, scenario_frame

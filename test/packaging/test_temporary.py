@@ -21,7 +21,7 @@ READ_ONLY = "mount --bind {0} {0} && mount -o remount,bind,ro {0} && exec"
 PROGRAM = """
 import os
 from dsse_ros.cli.start import start
-from dsse_ros.compiled.routes import find_routes
+from dsse_ros.compiled.breadth_first import find_routes
 print(os.environ["NUMBA_CACHE_DIR"])
 """
 

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from dsse_ros.planners.patterns import SearchPattern
 from dsse_ros.search import FieldError
-from dsse_ros.sensors.coverage import coverage
+from dsse_ros.sensors.search_theory import coverage
 
 Points = NDArray[np.float64]
 

@@ -23,7 +23,7 @@ from dsse_ros.cli.report import main
 from dsse_ros.recording.bag import BagWriter, read_bag
 from dsse_ros.report.bags import MissionBag
 from dsse_ros.report.metrics import metrics
-from dsse_ros.report.replay import follow_belief, forecast_for, views
+from dsse_ros.report.recomputed import follow_belief, forecast_for, views
 from dsse_ros.search import FieldError
 
 # ROS 2's own imports, on the first message that is converted.

@@ -13,8 +13,8 @@ from flights import Log, environment, fly
 
 from dsse_ros.report.bags import MissionBag
 from dsse_ros.report.metrics import metrics
+from dsse_ros.report.recomputed import forecast_for, views, with_coverage
 from dsse_ros.report.record import RecordedMission, read_csv
-from dsse_ros.report.replay import forecast_for, views, with_coverage
 from dsse_ros.report.texts import outcome
 
 # ROS 2's own imports, on the first message that is converted.

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from flights import Log, environment, fly
 
+from dsse_ros.report.recomputed import follow_belief, forecast_for, views
 from dsse_ros.report.record import read_csv
-from dsse_ros.report.replay import follow_belief, forecast_for, views
 from dsse_ros.search import SearchEnv
 
 

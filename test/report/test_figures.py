@@ -11,8 +11,8 @@ from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
 
 from dsse_ros.report import figures
+from dsse_ros.report.recomputed import views
 from dsse_ros.report.record import RecordedMission, read_csv
-from dsse_ros.report.replay import views
 from dsse_ros.scenario.scenario import scenario_and_rules
 from dsse_ros.scenario.sea_state import sea_state
 from dsse_ros.search import SearchEnv
@@ -67,7 +67,7 @@ def check_sea(name: str, figure: Figure, labels: list[str]) -> None:
 
 def test_a_drone_that_waits_is_shown_as_waiting(record: RecordedMission) -> None:
     from dsse_ros.report.metrics import effort, work
-    from dsse_ros.report.replay import with_waits
+    from dsse_ros.report.recomputed import with_waits
 
     known = with_waits(record)
     assert known.waited is not None and known.waited.any()

@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 
 from dsse_ros.mission.mission import Mission
 from dsse_ros.report.gis import GisMission, gis_mission
+from dsse_ros.report.recomputed import follow_belief, forecast_for, views
 from dsse_ros.report.record import read_csv
-from dsse_ros.report.replay import follow_belief, forecast_for, views
 from dsse_ros.scenario.geodesy import cell_to_geodetic
 
 pytest.importorskip("gpxpy")

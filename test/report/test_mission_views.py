@@ -12,8 +12,8 @@ import pytest
 
 from dsse_ros.mission.mission import Mission
 from dsse_ros.mission.mission_log import MissionLog
+from dsse_ros.report.recomputed import mission_views
 from dsse_ros.report.record import RecordedMission, read_csv
-from dsse_ros.report.replay import mission_views
 from dsse_ros.scenario.frames import scenario_frame
 from dsse_ros.search import SearchEnv, parallel_env
 

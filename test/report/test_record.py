@@ -14,8 +14,8 @@ from flights import Flown, Log, environment, fly
 
 from dsse_ros.mission.mission import Mission
 from dsse_ros.mission.mission_log import MissionLog
+from dsse_ros.report.recomputed import follow_belief, forecast_for, views
 from dsse_ros.report.record import RecordedMission, Search, check_limit, is_bag, read_csv
-from dsse_ros.report.replay import follow_belief, forecast_for, views
 from dsse_ros.scenario.frames import scenario_frame
 from dsse_ros.search import FieldError, SearchDefinition, SearchEnv
 

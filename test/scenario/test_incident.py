@@ -26,7 +26,7 @@ from dsse_ros.search import (
     parallel_env,
     profile,
 )
-from dsse_ros.step.sea_tracks import tracks_of
+from dsse_ros.step.cell_tracks import tracks_of
 
 KAYAK = Path(__file__).resolve().parents[2] / "config" / "kayak.yaml"
 SEA = profile("sea")

@@ -25,10 +25,10 @@ from dsse_ros.scenario.rules import profile
 from dsse_ros.scenario.scenario import Scenario
 from dsse_ros.search import Snapshot, SnapshotError, parallel_env, vector_env
 from dsse_ros.search.world import World
-from dsse_ros.step import sea_tracks
+from dsse_ros.step import cell_tracks
+from dsse_ros.step.cell_tracks import LARGEST_BYTES, tracks_of
 from dsse_ros.step.looks import Looked
-from dsse_ros.step.sea_tracks import LARGEST_BYTES, tracks_of
-from dsse_ros.targets.ensemble import Ensemble, Tracks
+from dsse_ros.targets.ensemble import Ensemble, WeightedTracks
 from dsse_ros.targets.registry import TARGET_MODELS
 
 PLACE: dict[str, Any] = {
@@ -265,7 +265,7 @@ def test_what_would_take_too_much_memory_is_refused() -> None:
 
 
 def test_the_memory_limit_counts_the_tracks_that_there_are(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(sea_tracks, "LARGEST_BYTES", 1 << 20)
+    monkeypatch.setattr(cell_tracks, "LARGEST_BYTES", 1 << 20)
     fields = {"timestep_limit": 30, "particles": 10, "rules": "v2"}
     parallel_env(**fields, person_motion="drifting_map", probability_matrix=np.eye(40))
     with pytest.raises(FieldError, match="^tracks and maps of .* 1 MiB, got 4900 particles, 32 st"):
@@ -278,7 +278,7 @@ def test_tracks_are_shared_while_something_uses_them_and_then_forgotten(
     env = parallel_env(rules="v2", **PLACE)
     assert env.world.ensemble is not None
     size = env.world.ensemble.tracks.nbytes
-    monkeypatch.setattr(sea_tracks, "KEPT_BYTES", size * 5 // 2)
+    monkeypatch.setattr(cell_tracks, "KEPT_BYTES", size * 5 // 2)
 
     def tracks_for(seed: int) -> Any:
         env = parallel_env(rules="v2", ensemble_seed=seed, **PLACE)
@@ -297,10 +297,10 @@ def test_tracks_are_shared_while_something_uses_them_and_then_forgotten(
 def test_an_ensemble_of_its_own_number_of_tracks_is_followed(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    def lost_or_still(scenario: Any, steps: int, rng: Any, count: int) -> Tracks:
+    def lost_or_still(scenario: Any, steps: int, rng: Any, count: int) -> WeightedTracks:
         positions = np.full((steps + 1, 2, 2), 3.5 * scenario.cell_size)
         positions[5:, 1] = np.nan
-        return Tracks(positions, np.array([0.25, 0.75]))
+        return WeightedTracks(positions, np.array([0.25, 0.75]))
 
     monkeypatch.setitem(TARGET_MODELS, "constant_drift", Ensemble("is lost", lost_or_still))
     env = vector_env(1000, rules="v2", **PLACE)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from dsse_ros.scenario.fields import FieldError
 from dsse_ros.scenario.scenario import Scenario
 from dsse_ros.search import World, parallel_env, profile
-from dsse_ros.sensors.coverage import inverse_cube_pod, random_search_pod
+from dsse_ros.sensors.search_theory import inverse_cube_pod, random_search_pod
 from dsse_ros.sensors.sweep_width import KNOT_MPS
 
 V2 = profile("v2")

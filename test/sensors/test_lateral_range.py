@@ -11,8 +11,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dsse_ros.sensors.coverage import inverse_cube_pod, random_search_pod
 from dsse_ros.sensors.lateral_range import LAWS, MIN_POD, in_place, inverse_cube
+from dsse_ros.sensors.search_theory import inverse_cube_pod, random_search_pod
 from dsse_ros.sensors.sensor import MAX_LOOKS
 from dsse_ros.sensors.swept_strip import MAX_WIDTH
 

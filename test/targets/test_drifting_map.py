@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from dsse_ros.scenario.rules import profile
 from dsse_ros.scenario.scenario import Scenario
-from dsse_ros.step.sea_tracks import tracks_of
+from dsse_ros.step.cell_tracks import tracks_of
 
 RULES = profile("paper", person_motion="drifting_map")
 SIDE, STEPS = 9, 6

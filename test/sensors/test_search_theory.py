@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import pytest
 
-from dsse_ros.sensors.coverage import (
+from dsse_ros.sensors.search_theory import (
     coverage,
     inverse_cube_pod,
     random_search_pod,

@@ -10,12 +10,12 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from dsse_ros.compiled.routes import find_routes
+from dsse_ros.compiled.breadth_first import find_routes
 
 Cell = tuple[int, int]
 
 
-class Paths:
+class ShortestPaths:
     """Shortest paths within an area.
 
     Args:

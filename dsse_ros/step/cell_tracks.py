@@ -15,7 +15,7 @@ from dsse_ros.scenario.fields import FieldError
 from dsse_ros.scenario.rules import Rules
 from dsse_ros.scenario.scenario import ResolvedScenario
 from dsse_ros.step.ensemble_kernels import FAR
-from dsse_ros.targets.ensemble import Ensemble, Tracks, check_tracks
+from dsse_ros.targets.ensemble import Ensemble, WeightedTracks, check_tracks
 from dsse_ros.targets.registry import TARGET_MODELS
 
 LARGEST_BYTES = 1 << 30
@@ -25,7 +25,7 @@ KEPT_BYTES = 1 << 28
 
 
 @dataclass(frozen=True, eq=False)
-class SeaTracks:
+class CellTracks:
     """The tracks of a scenario in cells, by step of the sea from the start of its drift.
 
     After the last step nothing moves.
@@ -46,7 +46,7 @@ class SeaTracks:
     weights: NDArray[np.float64]
     maps: NDArray[np.float32]
 
-    def __deepcopy__(self, memo: object) -> SeaTracks:
+    def __deepcopy__(self, memo: object) -> CellTracks:
         """Return the tracks themselves: nothing changes them."""
         return self
 
@@ -60,16 +60,16 @@ _TRUTH, _BELIEF, _PLANNING = 0, 1, 3
 """Children of `np.random.SeedSequence(ensemble_seed)`; `incident_grid` has number 2."""
 
 _Key = tuple[Ensemble, ResolvedScenario, Rules, bool]
-_alive: list[tuple[_Key, weakref.ref[SeaTracks]]] = []
+_alive: list[tuple[_Key, weakref.ref[CellTracks]]] = []
 """The ensembles in use or kept."""
-_kept: list[SeaTracks] = []
+_kept: list[CellTracks] = []
 """The most recent ones, the last one last."""
 _lock = threading.Lock()
 
 
 def tracks_of(
     scenario: ResolvedScenario, rules: Rules, *, planning: bool = False
-) -> SeaTracks | None:
+) -> CellTracks | None:
     """Return the tracks of a scenario, or None if its persons do not follow an ensemble.
 
     Truth and particles are drawn from the same model, with seeds that `ensemble_seed` spawns; an
@@ -93,7 +93,9 @@ def tracks_of(
         return _cached(model, scenario, rules, planning)
 
 
-def _cached(model: Ensemble, scenario: ResolvedScenario, rules: Rules, planning: bool) -> SeaTracks:
+def _cached(
+    model: Ensemble, scenario: ResolvedScenario, rules: Rules, planning: bool
+) -> CellTracks:
     key = (model, scenario, rules, planning)
     _alive[:] = [(of, kept) for of, kept in _alive if kept() is not None]
     found = next((kept() for of, kept in _alive if of[0] is model and of[1:] == key[1:]), None)
@@ -111,7 +113,7 @@ def _cached(model: Ensemble, scenario: ResolvedScenario, rules: Rules, planning:
     return made
 
 
-def _keep(tracks: SeaTracks) -> None:
+def _keep(tracks: CellTracks) -> None:
     """Note that an ensemble is the most recent one; forget those that are too many."""
     _kept[:] = [*(one for one in _kept if one is not tracks), tracks]
     while sum(one.nbytes for one in _kept) > KEPT_BYTES:
@@ -124,7 +126,7 @@ def last_step_of(scenario: ResolvedScenario, rules: Rules) -> int:
     return scenario.pre_search_steps + rules.reset_sea_steps + mission
 
 
-def _made(model: Ensemble, scenario: ResolvedScenario, rules: Rules) -> SeaTracks:
+def _made(model: Ensemble, scenario: ResolvedScenario, rules: Rules) -> CellTracks:
     steps, g = last_step_of(scenario, rules), scenario.grid_size
     counts = model.count(scenario.truth), model.count(scenario)
     if (steps + 1) * (4 * sum(counts) + 4 * g * g) > LARGEST_BYTES:
@@ -139,7 +141,7 @@ def _made(model: Ensemble, scenario: ResolvedScenario, rules: Rules) -> SeaTrack
     for step in range(steps + 1):
         maps[step] = poc_of_cells(particles[step], weights, g, scenario.area_mask)
     truth = np.ascontiguousarray(truth.transpose(1, 0, 2)).transpose(1, 0, 2)
-    return SeaTracks(truth, np.cumsum(truth_weights), particles, weights, maps)
+    return CellTracks(truth, np.cumsum(truth_weights), particles, weights, maps)
 
 
 def _generator(scenario: ResolvedScenario, child: int) -> np.random.Generator:
@@ -165,7 +167,7 @@ def particle_positions(
     assert isinstance(model, Ensemble)
     rng = _generator(scenario, _PLANNING if planning else _BELIEF)
     steps = last_step_of(scenario, rules)
-    drawn = Tracks(*model.tracks(scenario, steps, rng, scenario.particles)).positions
+    drawn = WeightedTracks(*model.tracks(scenario, steps, rng, scenario.particles)).positions
     made = drawn.astype(np.float32)
     made[..., 1] = scenario.grid_size * scenario.cell_size - drawn[..., 1]
     return made
@@ -180,7 +182,7 @@ def _drawn(
         ValueError: If the ensemble breaks its contract.
     """
     rng = _generator(scenario, child)
-    tracks = Tracks(*model.tracks(scenario, steps, rng, scenario.particles))
+    tracks = WeightedTracks(*model.tracks(scenario, steps, rng, scenario.particles))
     check_tracks(tracks, steps)
     cells = np.empty(tracks.positions.shape, np.int16)
     # Step by step, because a copy of all positions would take four times as much memory.

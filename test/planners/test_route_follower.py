@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from dsse_ros.planners import make_planner
 from dsse_ros.planners.planner import Cell
-from dsse_ros.planners.routes import MAX_WAIT, RoutePlanner
+from dsse_ros.planners.route_follower import MAX_WAIT, RoutePlanner
 from dsse_ros.scenario.swarm import Swarm
 
 action_names = st.sampled_from([STRAIGHT, DIAGONAL])

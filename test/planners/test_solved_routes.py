@@ -40,7 +40,7 @@ def test_without_the_extra_one_line_says_what_to_install() -> None:
 
 
 def test_the_routes_keep_to_the_time_and_have_each_node_once() -> None:
-    solve = pytest.importorskip("dsse_ros.planners.route", exc_type=ImportError).solve
+    solve = pytest.importorskip("dsse_ros.planners.solved_routes", exc_type=ImportError).solve
     cells = [(0, 0), (7, 7), (1, 0), (2, 0), (7, 6), (7, 5), (0, 7)]
     ways = [[abs(a - c) + abs(b - d) for c, d in cells] for a, b in cells]
     routes = solve([ways] * 2, [0.2, 0.2, 0.2, 0.2, 0.1], 4)
@@ -53,7 +53,7 @@ def test_the_routes_keep_to_the_time_and_have_each_node_once() -> None:
 
 
 def test_a_busy_machine_gets_the_routes_of_an_idle_one(monkeypatch: pytest.MonkeyPatch) -> None:
-    route = pytest.importorskip("dsse_ros.planners.route", exc_type=ImportError)
+    route = pytest.importorskip("dsse_ros.planners.solved_routes", exc_type=ImportError)
     rng = np.random.default_rng(0)
     cells = rng.integers(0, 40, (52, 2))
     ways = np.abs(cells[:, None] - cells[None]).max(axis=-1).tolist()
