@@ -58,9 +58,9 @@ def job(campaign: Campaign, chunk: Chunk) -> Job:
     )  # fmt: skip
 
 
-def play(of: Job) -> Columns:
+def play(played_job: Job) -> Columns:
     """Play the missions of a chunk; the result is the same each time, on any machine."""
-    chunk, entry, case, seed = of
+    chunk, entry, case, seed = played_job
     dealt = None
     if (seeds := entry.planner_seeds) is not None:
         dealt = [n % seeds for n in range(chunk.first, chunk.first + min(chunk.count, seeds))]

@@ -93,7 +93,7 @@ def write(campaign: Campaign, table: pa.Table, folder: Path) -> Path:
     compared = list(pairs(campaign, missions))
     for name, head, lines in (
         ("summary", ("scenario", "planner", "measure", "time_s", "unit", "value", "low", "high"),
-         [_summary_line(row) for of in rows for row in of]),
+         [_summary_line(row) for of_planner in rows for row in of_planner]),
         ("pairs", ("scenario", "first", "second", "only_first", "only_second", "found_difference",
                    "found_low", "found_high", "mcnemar_p", "time_difference_s", "time_low_s",
                    "time_high_s", "wilcoxon_p"),
@@ -110,7 +110,7 @@ def write(campaign: Campaign, table: pa.Table, folder: Path) -> Path:
             for suffix, content in (("png", one.png), ("svg", one.svg)):
                 write_whole(pictures / f"{one.name}.{suffix}", content)
         of_pairs = [pair for pair in compared if pair.case is case]
-        tables = [_estimates(case, [of for of in rows if of[0].played.case is case])]
+        tables = [_estimates(case, [group for group in rows if group[0].played.case is case])]
         tables += [_comparison(campaign, case, of_pairs)] if of_pairs else []
         shares = {one.planner: float(one.found.mean()) for one in of_case}
         best = verdict(of_pairs, shares, 1.0 - campaign.settings.confidence)
@@ -122,8 +122,9 @@ def write(campaign: Campaign, table: pa.Table, folder: Path) -> Path:
 
 
 def _summary_line(row: Row) -> tuple[Any, ...]:
-    of = row.played
-    return (of.case.name, of.planner, row.measure, row.time_s, row.unit, *astuple(row.estimate))
+    played = row.played
+    named = played.case.name, played.planner, row.measure
+    return (*named, row.time_s, row.unit, *astuple(row.estimate))
 
 
 def _pair_line(pair: Pair) -> tuple[Any, ...]:
@@ -186,12 +187,13 @@ def verdict(compared: Sequence[Pair], shares: Mapping[str, float], alpha: float)
 
 
 def _about(case: Case) -> str:
-    of = case.scenario
-    people = f"{of.person_amount} person{'s' if of.person_amount > 1 else ''}"
+    scenario = case.scenario
+    size, drones = scenario.grid_size, scenario.num_drones
+    people = f"{scenario.person_amount} person{'s' if scenario.person_amount > 1 else ''}"
     return (
-        f"Profile {case.rules.profile}, {of.grid_size} x {of.grid_size} cells of {of.cell_size:g} "
-        f"m, {of.num_drones} drone{'s' if of.num_drones > 1 else ''}, {people}, limit of "
-        f"{of.timestep_limit} steps ({duration(case.limit_s)})."
+        f"Profile {case.rules.profile}, {size} x {size} cells of {scenario.cell_size:g} m, "
+        f"{drones} drone{'s' if drones > 1 else ''}, {people}, limit of "
+        f"{scenario.timestep_limit} steps ({duration(case.limit_s)})."
     )
 
 
@@ -205,14 +207,15 @@ def _shown(value: float, unit: str) -> str:
     return distance(value) if unit == "m" else f"{value:.2f}"
 
 
-def _interval(of: Estimate, unit: str) -> str:
-    return f"{_shown(of.value, unit)} [{_shown(of.low, unit)}, {_shown(of.high, unit)}]"
+def _interval(estimate: Estimate, unit: str) -> str:
+    low, high = _shown(estimate.low, unit), _shown(estimate.high, unit)
+    return f"{_shown(estimate.value, unit)} [{low}, {high}]"
 
 
 def _estimates(case: Case, rows: Sequence[Sequence[Row]]) -> Table:
     return Table(
         f"{case.name}: estimates with confidence intervals; summary.csv has all digits",
-        ("Measure", *(of[0].played.planner for of in rows)),
+        ("Measure", *(of_planner[0].played.planner for of_planner in rows)),
         [
             (same[0].label, *(_interval(row.estimate, row.unit) for row in same))
             for same in zip(*rows, strict=True)

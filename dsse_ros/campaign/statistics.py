@@ -89,38 +89,40 @@ def restricted_s(played: Played, horizon_s: float) -> Floats:
 MEASURES = (
     Measure(
         "found", "Found", "share", "Missions in which every person was found. Wilson interval.",
-        lambda of, horizon_s, level: of_share(of.found, level, of.clusters),
+        lambda played, horizon_s, level: of_share(played.found, level, played.clusters),
     ),
     Measure(
         "steps_mean", "Steps, mean", "",
         "Steps until the end; a mission without a find counts with the step limit. Student's t.",
-        lambda of, horizon_s, level: of_mean(of.steps, level, of.clusters),
+        lambda played, horizon_s, level: of_mean(played.steps, level, played.clusters),
     ),
     Measure(
         "steps_median", "Steps, median", "", "Median of the same. Order statistics.",
-        lambda of, horizon_s, level: of_median(of.steps, level, of.clusters),
+        lambda played, horizon_s, level: of_median(played.steps, level, played.clusters),
     ),
     Measure(
         "time_to_detection", "Restricted mean time to detection", "s",
         "Mean time until all are found, or the horizon if that comes first: the area under 1 - POS "
         "(Royston and Parmar 2013). Student's t.",
-        lambda of, horizon_s, level: of_mean(restricted_s(of, horizon_s), level, of.clusters),
+        lambda played, horizon_s, level: of_mean(
+            restricted_s(played, horizon_s), level, played.clusters
+        ),
     ),
     Measure(
         "path_length", "Path length, all drones", "m",
         "Sum of the distances between the centres of the cells flown through. Student's t.",
-        lambda of, horizon_s, level: of_mean(of.path_length_m, level, of.clusters),
+        lambda played, horizon_s, level: of_mean(played.path_length_m, level, played.clusters),
     ),
     Measure(
         "collisions", "Collisions", "",
         "Pairs of drones in the search that share a cell after a step, per mission. Student's t.",
-        lambda of, horizon_s, level: of_mean(of.collisions, level, of.clusters),
+        lambda played, horizon_s, level: of_mean(played.collisions, level, played.clusters),
     ),
     Measure(
         "drones_lost", "Drones lost", "",
         "Drones that have collided or left the grid when a search ends without finding everyone, "
         "per mission. Student's t.",
-        lambda of, horizon_s, level: of_mean(of.drones_lost, level, of.clusters),
+        lambda played, horizon_s, level: of_mean(played.drones_lost, level, played.clusters),
     ),
 )  # fmt: skip
 
@@ -180,8 +182,8 @@ def pairs(campaign: Campaign, missions: Sequence[Played]) -> Iterator[Pair]:
         times = [restricted_s(a, horizon_s) - restricted_s(b, horizon_s) for a, b in both]
         founds = [a.found.astype(float) - b.found.astype(float) for a, b in both]
         by = [(a.clusters, b.clusters) for a, b in both]
-        found_p = holm([_mcnemar(*of) for of in zip(founds, by, strict=True)])
-        time_p = holm([_wilcoxon(*of) for of in zip(times, by, strict=True)])
+        found_p = holm([_mcnemar(*pair) for pair in zip(founds, by, strict=True)])
+        time_p = holm([_wilcoxon(*pair) for pair in zip(times, by, strict=True)])
         for k, (a, b) in enumerate(both):
             yield Pair(
                 case, a.planner, b.planner,

@@ -251,10 +251,10 @@ def _each(
     """Return what every group makes; each thread handles its groups one after the other."""
 
     def do_those_of(thread: int) -> list[_Group]:
-        return [made for group in groups if group.thread == thread for made in do(group)]
+        return [part for group in groups if group.thread == thread for part in do(group)]
 
     threads = sorted({group.thread for group in groups})
-    return [made for of_thread in pool.map(do_those_of, threads) for made in of_thread]
+    return [part for of_thread in pool.map(do_those_of, threads) for part in of_thread]
 
 
 def _groups(

@@ -122,7 +122,7 @@ class Forecasts:
         for forecast in self._kept:
             if forecast.scenario == scenario:
                 return forecast
-        made = forecast_for(
+        forecast = forecast_for(
             scenario,
             self._rules,
             horizon=self._horizon,
@@ -130,11 +130,11 @@ class Forecasts:
             planning=True,
         )
         before = self._kept[-1] if self._kept else None
-        if isinstance(made, Forecast) and isinstance(before, Forecast):
+        if isinstance(forecast, Forecast) and isinstance(before, Forecast):
             # A forecast with a learned drift predicts the maps observed so far.
-            made.take_over(before)
-        self._kept = [*self._kept[:1], made]
-        return made
+            forecast.take_over(before)
+        self._kept = [*self._kept[:1], forecast]
+        return forecast
 
 
 class BeliefPlanner:

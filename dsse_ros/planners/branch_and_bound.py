@@ -24,13 +24,13 @@ class PathOptions(NamedTuple):
         width: Paths kept at each step.
         threshold: Only paths that add more than this count.
         revisits: Whether a path may be in a cell twice, including its start.
-        given: Its first moves, int64, at most H.
+        first_moves: Its first moves, int64, at most H.
     """
 
     width: int
     threshold: float
     revisits: bool
-    given: NDArray[np.int64]
+    first_moves: NDArray[np.int64]
 
 
 class Bounds(NamedTuple):
@@ -308,12 +308,12 @@ def new_tried(task, width):
 @part
 def extend(task, options, paths, level, bounds, tried, h, nodes):
     """Write the moves from the paths to step h to `tried`, and return their number."""
-    low, given, found = task.chain.starts[h, 0], len(options.given), 0
+    low, fixed, found = task.chain.starts[h, 0], len(options.first_moves), 0
     size = task.chain.starts[h, -1] - low
     for node in range(nodes):
         for s in range(size):
             bounds.reach[low + s] = level.reach[node, s]
-        if h >= given:
+        if h >= fixed:
             bound_rest(task, bounds, h, paths.cells[h, node])
         for a in range(len(task.graph.ahead)):
             cell = cell_after(task, options, paths, h, node, a)
@@ -324,9 +324,9 @@ def extend(task, options, paths, level, bounds, tried, h, nodes):
             rest = 0.0
             if h == len(task.gains) - 1:
                 total += task.ends[cell]
-            elif h >= given:
+            elif h >= fixed:
                 rest = bounds.best[h + 1, task.graph.alike[a], cell]
-            if h >= given and total + rest <= options.threshold:
+            if h >= fixed and total + rest <= options.threshold:
                 continue
             weighted = gain * (task.weights[h, cell] - 1.0) if len(task.weights) else 0.0
             tried.paths[found], tried.moves[found] = node, a
@@ -338,7 +338,7 @@ def extend(task, options, paths, level, bounds, tried, h, nodes):
 @inlined
 def cell_after(task, options, paths, h, node, a):
     """Return the column after move a from a path, -1 if the path must not make it."""
-    if h < len(options.given) and a != options.given[h]:
+    if h < len(options.first_moves) and a != options.first_moves[h]:
         return -1
     cell = task.graph.ahead[a, paths.cells[h, node]]
     if cell < 0 or task.blocked[h, cell]:

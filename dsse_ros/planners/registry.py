@@ -195,8 +195,8 @@ def _loaded(name: str) -> Callable[..., Planner]:
         raise FieldError(f"planner: {name!r} cannot be loaded: {reason}") from error
     if not callable(factory):
         raise FieldError(f"planner: {name!r} cannot be loaded: {entries[0].value} is not a factory")
-    made: Callable[..., Planner] = factory
-    return made
+    loaded: Callable[..., Planner] = factory
+    return loaded
 
 
 def _with_options(

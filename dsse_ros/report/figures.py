@@ -145,36 +145,38 @@ def add_legend(axes: Axes, theme: Theme, columns: int) -> None:
     )  # fmt: skip
 
 
-def progress_figure(of: Curves, cells: int, theme: Theme) -> Figure:
+def progress_figure(progress: Curves, cells: int, theme: Theme) -> Figure:
     """Return POS and area coverage over time, finds marked.
 
     Args:
-        of: The curves of the mission.
+        progress: The curves of the mission.
         cells: Cells of the search area.
         theme: Colours.
     """
     figure, axes = chart(theme, 5.4, 3.0)
-    minutes = of.times_s / 60.0
+    minutes = progress.times_s / 60.0
     marker = "o" if len(minutes) < 2 else ""
-    coverage = of.cells_searched / cells
+    coverage = progress.cells_searched / cells
     axes.step(
         minutes, coverage, where="post", color=ORANGE, linestyle="--", marker=marker,
         label="area coverage",
     )  # fmt: skip
     main, name = coverage, "area coverage"
-    if of.pos is not None:
-        main, name = of.pos, "POS"
+    if progress.pos is not None:
+        main, name = progress.pos, "POS"
         axes.step(
-            minutes, of.pos, where="post", color=theme.accent, linewidth=2.2, marker=marker,
+            minutes, progress.pos, where="post", color=theme.accent, linewidth=2.2, marker=marker,
             label="POS",
         )  # fmt: skip
-    finds = np.flatnonzero(np.diff(of.num_detections, prepend=0))
+    finds = np.flatnonzero(np.diff(progress.num_detections, prepend=0))
     if len(finds):
         axes.plot(
             minutes[finds], main[finds], linestyle="none", marker="*", markersize=15,
             color=GREEN, markeredgecolor=theme.ink, label="person found", zorder=5, clip_on=False,
         )  # fmt: skip
-    axes.set(xlabel="mission time (min)", ylabel=name if of.pos is None else "share", ylim=(0, 1))
+    axes.set(
+        xlabel="mission time (min)", ylabel=name if progress.pos is None else "share", ylim=(0, 1)
+    )
     axes.set_xlim(0, max(float(minutes[-1]), 1e-3) * 1.01)
     axes.yaxis.set_major_formatter(PercentFormatter(1.0))
     axes.grid(color=theme.faint, linewidth=0.6)
@@ -272,7 +274,7 @@ def _part(record: RecordedMission) -> tuple[int, int, int]:
     return west, south, side
 
 
-def work_figure(record: RecordedMission, of: Work, theme: Theme) -> Figure:
+def work_figure(record: RecordedMission, done: Work, theme: Theme) -> Figure:
     """Return in how many steps each drone searched, flew on, waited and held."""
     count = len(record.agents)
     shown = min(count, MAX_BARS)
@@ -280,10 +282,10 @@ def work_figure(record: RecordedMission, of: Work, theme: Theme) -> Figure:
     figure, axes = chart(theme, 5.4, 1.3 + 0.24 * shown)
     left = np.zeros(shown)
     for name, steps, colour, hatch in (
-        ("searching", of.searching, theme.accent, ""),
-        ("moving", of.moving, ORANGE, "//"),
-        ("waiting", of.waiting, "#999999", ".."),
-        ("holding", of.holding, "#CC79A7", "xx"),
+        ("searching", done.searching, theme.accent, ""),
+        ("moving", done.moving, ORANGE, "//"),
+        ("waiting", done.waiting, "#999999", ".."),
+        ("holding", done.holding, "#CC79A7", "xx"),
     ):
         if not steps.any():
             continue

@@ -135,7 +135,7 @@ def _horizon(record: RecordedMission) -> int:
     return record.rules.last_acting_step(record.scenario.timestep_limit)
 
 
-def _expected_time(record: RecordedMission, of: Curves) -> tuple[float | None, float | None]:
+def _expected_time(record: RecordedMission, progress: Curves) -> tuple[float | None, float | None]:
     """Return the lower and upper bounds of E[min(T, H)], in seconds; None without a POS.
 
     T is the time until the searches detect, H the horizon. The expectation is the sum of
@@ -144,12 +144,12 @@ def _expected_time(record: RecordedMission, of: Curves) -> tuple[float | None, f
     assumes that the next step would have detected for certain, the upper bound that no later step
     would have.
     """
-    if of.pos is None or record.covers:
+    if progress.pos is None or record.covers:
         return None, None
     finds = np.flatnonzero(record.found.any(axis=1))
     acted = record.acted.any(axis=1)
     end = int(finds[0]) if len(finds) else int(np.flatnonzero(acted).max(initial=0))
-    missed, steps = 1.0 - of.pos[: end + 1], record.steps[: end + 1]
+    missed, steps = 1.0 - progress.pos[: end + 1], record.steps[: end + 1]
     # Between recorded steps, and before the first one, the POS has grown at unknown steps.
     gaps = np.diff(steps, prepend=0)
     earlier = np.concatenate([[1.0], missed[:-1]])
@@ -162,9 +162,9 @@ def _expected_time(record: RecordedMission, of: Curves) -> tuple[float | None, f
     return low * step_s, high * step_s
 
 
-def _first_detection(record: RecordedMission, of: Curves) -> float | None:
-    finds = np.flatnonzero(of.num_detections)
-    return float(of.times_s[finds[0]]) if len(finds) else None
+def _first_detection(record: RecordedMission, progress: Curves) -> float | None:
+    finds = np.flatnonzero(progress.num_detections)
+    return float(progress.times_s[finds[0]]) if len(finds) else None
 
 
 def _last(values: Floats | None) -> float | None:
@@ -176,22 +176,22 @@ def _of_incident(record: RecordedMission, value: Callable[[Laid], float]) -> flo
     return None if incident is None or incident.laid is None else value(incident.laid)
 
 
-def _share_found(record: RecordedMission, of: Curves) -> float | None:
+def _share_found(record: RecordedMission, progress: Curves) -> float | None:
     if record.covers:
         return None
     if record.person_found is not None and record.person_found.shape[1]:
         return float(record.person_found.any(axis=0).mean())
     # One person is found, or not.
-    return float(of.num_detections[-1] > 0) if record.scenario.person_amount == 1 else None
+    return float(progress.num_detections[-1] > 0) if record.scenario.person_amount == 1 else None
 
 
-def _redundancy(record: RecordedMission, of: Curves) -> float | None:
-    searches = int(of.num_searches[-1])
-    return 1.0 - float(of.cells_searched[-1]) / searches if searches else None
+def _redundancy(record: RecordedMission, progress: Curves) -> float | None:
+    searches = int(progress.num_searches[-1])
+    return 1.0 - float(progress.cells_searched[-1]) / searches if searches else None
 
 
-def _separation(record: RecordedMission, of: Curves) -> float | None:
-    known = of.separation_m[~np.isnan(of.separation_m)]
+def _separation(record: RecordedMission, progress: Curves) -> float | None:
+    known = progress.separation_m[~np.isnan(progress.separation_m)]
     return float(known.min()) if len(known) else None
 
 
@@ -223,19 +223,19 @@ METRICS = (
         "of POC times POD, with the POC that remains after earlier searches; with several persons "
         "the expected share of finds.",
         "IAMSAR Manual, volume II, chapter 4; Koopman 1946; Stone 1975",
-        lambda record, of: _last(of.pos),
+        lambda record, progress: _last(progress.pos),
     ),
     Metric(
         "poc_outside", "POC outside", "share",
         "Incident: share of the particles that leave the grid before the time limit.",
         "",
-        lambda record, of: _of_incident(record, lambda laid: 1.0 - laid.inside),
+        lambda record, progress: _of_incident(record, lambda laid: 1.0 - laid.inside),
     ),
     Metric(
         "stranded", "Stranded", "share",
         "Incident: share of the particles that lie ashore at the time limit.",
         "",
-        lambda record, of: _of_incident(record, lambda laid: laid.stranded),
+        lambda record, progress: _of_incident(record, lambda laid: laid.stranded),
     ),
     Metric(
         "expected_time_at_least", "Expected time to detection, at least", "s",
@@ -244,14 +244,14 @@ METRICS = (
         "duration of a step. Searches after the first find, or the end of the record, are "
         "unknown: here, the next step is certain to detect.",
         "Lanillos and others 2014; Royston and Parmar 2013",
-        lambda record, of: _expected_time(record, of)[0],
+        lambda record, progress: _expected_time(record, progress)[0],
     ),
     Metric(
         "expected_time_at_most", "Expected time to detection, at most", "s",
         "The same without further searches. In a complete mission without a "
         "find, both bounds are equal.",
         "Lanillos and others 2014; Royston and Parmar 2013",
-        lambda record, of: _expected_time(record, of)[1],
+        lambda record, progress: _expected_time(record, progress)[1],
     ),
     Metric(
         "time_to_detection", "Time to detection", "s",
@@ -269,26 +269,26 @@ METRICS = (
         "coverage", "Area coverage", "share",
         "Share of the cells of the search area that were searched.",
         "Galceran and Carreras 2013",
-        lambda record, of: float(of.cells_searched[-1]) / num_cells(record),
+        lambda record, progress: float(progress.cells_searched[-1]) / num_cells(record),
     ),
     Metric(
         "coverage_rate", "Coverage rate", "share",
         "Coverage task: share of the cells to cover that were covered.",
         "the [rules](rules.md) of the search",
-        lambda record, of: _last(record.coverage_rate),
+        lambda record, progress: _last(record.coverage_rate),
     ),
     Metric(
         "repeated_coverage", "Repeated coverage", "share",
         "Coverage task: visits of cells that were covered before or had no probability, per cell "
         "to cover.",
         "the [rules](rules.md) of the search",
-        lambda record, of: _last(record.repeated_coverage),
+        lambda record, progress: _last(record.repeated_coverage),
     ),
     Metric(
         "coverage_factor", "Coverage factor C", "",
         "Search effort divided by search area, C = Z / A: the mean number of searches per cell.",
         "IAMSAR Manual, volume II, chapter 4",
-        lambda record, of: float(of.num_searches[-1]) / num_cells(record),
+        lambda record, progress: float(progress.num_searches[-1]) / num_cells(record),
     ),
     Metric(
         "redundancy", "Redundancy", "share",
@@ -301,26 +301,26 @@ METRICS = (
         "searches", "Searches", "",
         "Number of searches; a cell counts each time.",
         "",
-        lambda record, of: float(of.num_searches[-1]),
+        lambda record, progress: float(progress.num_searches[-1]),
     ),
     Metric(
         "path_length", "Path length, all drones", "m",
         "Sum of the distances between the centres of the cells flown through.",
         "Cabreira, Brisolara and Ferreira 2019",
-        lambda record, of: float(of.path_length_m[-1]),
+        lambda record, progress: float(progress.path_length_m[-1]),
     ),
     Metric(
         "longest_path", "Path length, longest", "m",
         "Path of the drone that flew farthest.",
         "Cabreira, Brisolara and Ferreira 2019",
-        lambda record, of: float(path_lengths(record)[-1].max()),
+        lambda record, progress: float(path_lengths(record)[-1].max()),
     ),
     Metric(
         "collisions", "Collisions", "",
         "Pairs of drones in the search that share a cell after a step, summed over the steps, even "
         "if the rules have no collisions.",
         "the rule *Collision* of the [rules](rules.md)",
-        lambda record, of: float(of.num_collisions[-1]),
+        lambda record, progress: float(progress.num_collisions[-1]),
     ),
     Metric(
         "separation", "Least separation", "m",
@@ -333,27 +333,27 @@ METRICS = (
         "drones_lost", "Drones lost", "",
         "Drones out of the search before it ended: collided, off the grid, or with a lost vehicle.",
         "",
-        lambda record, of: float(record.lost[-1].sum()),
+        lambda record, progress: float(record.lost[-1].sum()),
     ),
     Metric(
         "duration", "Duration", "s",
         "Mission time of the last step in which a drone acted.",
         "",
-        lambda record, of: float(of.times_s[record.acted.any(axis=1)].max(initial=0.0)),
+        lambda record, progress: float(progress.times_s[record.acted.any(axis=1)].max(initial=0.0)),
     ),
     Metric(
         "episode_return", "Return", "",
         "Sum of the rewards of all drones.",
         "the [rules](rules.md) of the search",
-        lambda record, of: float(record.rewards.sum()),
+        lambda record, progress: float(record.rewards.sum()),
     ),
 )  # fmt: skip
 
 
 def metrics(record: RecordedMission) -> dict[str, float | None]:
     """Return every metric of a mission by its name."""
-    of = curves(record)
-    return {metric.name: metric.value(record, of) for metric in METRICS}
+    progress = curves(record)
+    return {metric.name: metric.value(record, progress) for metric in METRICS}
 
 
 @dataclass(frozen=True)

@@ -68,16 +68,16 @@ class Report:
         Raises:
             OSError: If a file cannot be written.
         """
-        of, done = curves(self.record), work(self.record)
+        progress, done = curves(self.record), work(self.record)
         pictures = folder / "figures"
         pictures.mkdir(exist_ok=True)
         drawings: dict[bool, list[Illustration]] = {True: [], False: []}
-        for is_map, illustration in self._illustrations(of, done):
+        for is_map, illustration in self._illustrations(progress, done):
             (pictures / f"{illustration.name}.png").write_bytes(illustration.png)
             (pictures / f"{illustration.name}.svg").write_bytes(illustration.svg)
             drawings[is_map].append(illustration)
             drawn()
-        for name, head, rows in self._tables(of, done):
+        for name, head, rows in self._tables(progress, done):
             (folder / f"{name}.csv").write_text(texts.csv_text(head, rows), encoding="utf-8")
         path = folder / "report.html"
         html = self._page(
@@ -86,7 +86,7 @@ class Report:
         path.write_text(html, encoding="utf-8")
         return path
 
-    def _illustrations(self, of: Curves, done: Work) -> Iterable[tuple[bool, Illustration]]:
+    def _illustrations(self, progress: Curves, done: Work) -> Iterable[tuple[bool, Illustration]]:
         """Yield each figure, and whether it is a map."""
         record = self.record
         for k, view in self.views.items():
@@ -104,8 +104,8 @@ class Report:
                 ),
             )
         area, count = num_cells(record), effort(record)
-        share = of.cells_searched[-1] / area
-        known = "" if of.pos is None else f"POS rises to {of.pos[-1]:.1%}, "
+        share = progress.cells_searched[-1] / area
+        known = "" if progress.pos is None else f"POS rises to {progress.pos[-1]:.1%}, "
         most = int(count.max())
         total = len(record.agents)
         charts: tuple[tuple[str, str, str, Callable[[Theme], Any]], ...] = (
@@ -113,8 +113,8 @@ class Report:
                 "progress",
                 "Probability of success (POS) and area coverage over time.",
                 f"Curves over the mission time: {known}area coverage rises to {share:.1%}; "
-                f"{int(of.num_detections[-1])} finds.",
-                lambda theme: figures.progress_figure(of, area, theme),
+                f"{int(progress.num_detections[-1])} finds.",
+                lambda theme: figures.progress_figure(progress, area, theme),
             ),
             (
                 "work",
@@ -135,8 +135,8 @@ class Report:
                 "tracks",
                 "Tracks, drawn beside each other: o is the start, the triangle the end, an X where "
                 "a drone was lost.",
-                f"Map of the tracks of {total} drones, {texts.distance(of.path_length_m[-1])} in "
-                "all.",
+                f"Map of the tracks of {total} drones, "
+                f"{texts.distance(progress.path_length_m[-1])} in all.",
                 lambda theme: figures.tracks_figure(record, theme),
             ),
         )
@@ -223,7 +223,7 @@ class Report:
         return Table("All missions of the file; missions.csv has every metric", head, rows)
 
     def _tables(
-        self, of: Curves, done: Work
+        self, progress: Curves, done: Work
     ) -> Iterable[tuple[str, Sequence[str], Iterable[Sequence[Any]]]]:
         """Yield the name, the columns and the rows of each CSV."""
         record, numbers = self.record, metrics(self.record)
@@ -245,7 +245,7 @@ class Report:
             "times_s", "pos", "num_searches", "cells_searched", "path_length_m", "num_in_flight",
             "num_detections", "num_collisions", "separation_m",
         )  # fmt: skip
-        columns = [getattr(of, name) for name in names]
+        columns = [getattr(progress, name) for name in names]
         yield (
             "steps", ("step", "time_s", *names[1:]),
             [

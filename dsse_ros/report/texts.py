@@ -85,10 +85,10 @@ def verdict(record: RecordedMission, pos: float | None) -> str:
         record: The mission.
         pos: Its cumulative probability of success; None if unknown.
     """
-    of, several = outcome(record), record.scenario.person_amount > 1
+    result, several = outcome(record), record.scenario.person_amount > 1
     if record.covers:
-        return f"{of[0].upper()}{of[1:]}."
-    text = f"{'Persons' if several else 'Person'} {of}."
+        return f"{result[0].upper()}{result[1:]}."
+    text = f"{'Persons' if several else 'Person'} {result}."
     if pos is None:
         return text
     if several:
@@ -133,8 +133,8 @@ def summary(record: RecordedMission) -> str:
     return "\n".join([title, *(f"  {name:<20} {value}" for name, value in rows.items())])
 
 
-def ended(record: RecordedMission, of: Work, drone: int) -> str:
+def ended(record: RecordedMission, done: Work, drone: int) -> str:
     """Return how a mission has ended for a drone."""
-    if of.lost_at[drone] >= 0:
-        return f"lost in step {of.lost_at[drone]}"
+    if done.lost_at[drone] >= 0:
+        return f"lost in step {done.lost_at[drone]}"
     return "at the end of the mission" if record.complete else "in flight"
