@@ -22,7 +22,7 @@ from dsse_ros.search.world import World
 from dsse_ros.search.world_beliefs import DRIFT_SAMPLES, WorldBeliefs
 
 RULES = ("paper", "v2")
-WAYS = ("one_core", "two_cores", "numpy")
+WAYS = ("two_cores", "numpy")
 GRID_SIZE, NUM_DRONES, BATCH, LIMIT = 40, 5, 1024, 100
 WALKS = 64
 POD = 0.8
@@ -41,7 +41,7 @@ def measure(
 ) -> dict[str, dict[str, list[float]]]:
     """Return beliefs per second by rules, of a step with its failed searches, round by round.
 
-    A round is a mission, of which some steps are measured: by one thread, by two and by NumPy, all
+    A round is a mission, of which some steps are measured: by two threads and by NumPy, both
     from the same beliefs.
 
     Args:
@@ -58,15 +58,12 @@ def measure(
         rates: dict[str, list[float]] = {name: [] for name in WAYS}
         # The first round compiles and computes what all rounds share.
         for turn in range(rounds + 1):
-            seconds = search.mission(reverse=turn % 2 == 1)
+            seconds = search.mission()
             for name, taken in seconds.items():
                 if turn:
                     rates[name].append(batch * len(MEASURED) / taken)
         best = {name: max(measured) for name, measured in rates.items()}
-        log(
-            f"{rules:8}{best['one_core']:12.0f} one core{best['two_cores']:12.0f} two cores"
-            f"{best['numpy']:10.0f} NumPy   beliefs/s"
-        )
+        log(f"{rules:8}{best['two_cores']:12.0f} two cores{best['numpy']:10.0f} NumPy   beliefs/s")
         found[rules] = rates
     return found
 
@@ -133,23 +130,19 @@ class _Search:
         self.forecast = Forecast(scenario, self.rules, drift_samples=DRIFT_SAMPLES)
         self.table = cache(self._table)
 
-    def mission(self, *, reverse: bool) -> dict[str, float]:
+    def mission(self) -> dict[str, float]:
         """Return the seconds that each implementation took for the measured steps of a mission."""
         taken = dict.fromkeys(WAYS, 0.0)
         self.beliefs.reset()
         with ThreadPoolExecutor(2) as pool:
-            ways = {"one_core": self.beliefs.after_step, "two_cores": partial(self._shared, pool)}
             for step in range(LIMIT):
                 self._place(step)
                 if step not in MEASURED:
                     self._shared(pool)
                     continue
-                before = self.beliefs.density.copy()
-                for name in list(ways)[:: -1 if reverse else 1]:
-                    self.beliefs.density[:] = before
-                    taken[name] += _seconds(ways[name])
                 side = self.forecast.side
-                mine = before.reshape(self.batch, -1, side, side)
+                mine = self.beliefs.density.copy().reshape(self.batch, -1, side, side)
+                taken["two_cores"] += _seconds(partial(self._shared, pool))
                 searched, tables = self._searched(step), self._tables(step)
                 taken["numpy"] += _seconds(partial(numpy_step, mine, searched, POD, tables))
                 self._compare(mine)

@@ -8,7 +8,6 @@ import time
 from collections.abc import Callable
 from functools import partial
 from statistics import median
-from typing import Any
 
 import numpy as np
 from builtin_interfaces.msg import Time
@@ -20,17 +19,13 @@ from msg_adapters.occupancy import occupancy_grid
 GRID_SIZE = 1000
 STEPS = 50
 # Every cell has a probability, or only those in the circle around the datum.
-WORLDS: dict[str, dict[str, Any]] = {
-    "dense": {"rules": "v2", "sigma": 200.0},
-    "circle": {"rules": "paper"},
-}
 
 
 def measure(rounds: int) -> dict[str, dict[str, float]]:
-    """Return the seconds of each conversion, for a map without zeros and for one with a circle.
+    """Return the seconds of each conversion, for a map without zeros.
 
     Gives the minimum and, with the prefix `median_`, the median. `copy_s` copies the float32
-    map into allocated memory, `new_copy_s` into new memory, as a message needs it.
+    map into allocated memory.
     """
     frame = GridFrame(
         grid_size=GRID_SIZE,
@@ -40,24 +35,20 @@ def measure(rounds: int) -> dict[str, dict[str, float]]:
         origin_alt_m=0.0,
         alt_m=120.0,
     )
-    found = {}
-    for name, fields in WORLDS.items():
-        env = parallel_env(grid_size=GRID_SIZE, **fields)
-        env.reset(seed=1)
-        for _ in range(STEPS):
-            env.step(dict.fromkeys(env.agents, 1))
-        target = np.empty_like(env.probability)
-        ways: dict[str, Callable[[], object]] = {
-            "copy_s": partial(np.copyto, target, env.probability),
-            "new_copy_s": env.probability.copy,
-            "message_s": partial(occupancy_grid, frame, env.probability, Time()),
-        }
-        taken: dict[str, list[float]] = {way: [] for way in ways}
-        for _ in range(rounds):
-            for way, do in ways.items():
-                start = time.perf_counter()
-                do()
-                taken[way].append(time.perf_counter() - start)
-        found[name] = {way: min(times) for way, times in taken.items()}
-        found[name] |= {f"median_{way}": median(times) for way, times in taken.items()}
-    return found
+    env = parallel_env(grid_size=GRID_SIZE, rules="v2", sigma=200.0)
+    env.reset(seed=1)
+    for _ in range(STEPS):
+        env.step(dict.fromkeys(env.agents, 1))
+    target = np.empty_like(env.probability)
+    ways: dict[str, Callable[[], object]] = {
+        "copy_s": partial(np.copyto, target, env.probability),
+        "message_s": partial(occupancy_grid, frame, env.probability, Time()),
+    }
+    taken: dict[str, list[float]] = {way: [] for way in ways}
+    for _ in range(rounds):
+        for way, do in ways.items():
+            start = time.perf_counter()
+            do()
+            taken[way].append(time.perf_counter() - start)
+    found = {way: min(times) for way, times in taken.items()}
+    return {"dense": found | {f"median_{way}": median(times) for way, times in taken.items()}}

@@ -71,7 +71,6 @@ def _conversion(figures: Figures) -> tuple[float, float] | None:
     found = figures.get("conversion")
     if not found:
         return None
-    # The slower map and the faster copy.
     dense = found["dense"]
     return (
         dense["message_s"] / dense["copy_s"],
@@ -80,11 +79,7 @@ def _conversion(figures: Figures) -> tuple[float, float] | None:
 
 
 def _growth(figures: Figures) -> tuple[float, float] | None:
-    grown = [
-        run["growth_bytes_per_step"]
-        for run in figures.get("memory", {}).values()
-        if "growth_bytes_per_step" in run
-    ]
+    grown = [run["growth_bytes_per_step"] for run in figures.get("memory", {}).values()]
     return (max(grown), max(grown)) if grown else None
 
 

@@ -22,13 +22,12 @@ from benchmarks.processes import BenchmarkError, Process, last_line
 from benchmarks.workload import random_walks
 from dsse_ros.scenario.rules import profile
 
-DRONES = (1, 20, 100)
+DRONES = 20
 GRID_SIZE = 40
 LIMIT = 100
 STEPS = LIMIT + 1
 CAPTURE_TIMEOUT_S = 120
 
-BELIEF_DRONES = 20
 # Nobody is found, but beliefs learn from each search.
 UNLIKELY = {"scenario.probability_of_detection": 1e-12}
 BELIEFS: dict[str, dict[str, Any]] = {
@@ -42,7 +41,7 @@ def measure(
     rounds: int,
     seconds: float,
     log: Callable[[str], None],
-    drones: Sequence[int] = DRONES,
+    drones: Sequence[int] = (DRONES,),
 ) -> dict[str, dict[str, Any]]:
     """Return steps per second by number of drones; both run in turn."""
     found = {}
@@ -100,7 +99,7 @@ def measure_belief(
 ) -> dict[str, dict[str, list[float]]]:
     """Return steps per second by rules, of missions without a belief and of one that goes out.
 
-    Both run in turn, with `BELIEF_DRONES` drones.
+    Both run in turn, with `DRONES` drones.
     """
     found = {}
     for rules in ("paper", "v2"):
@@ -108,7 +107,7 @@ def measure_belief(
         try:
             with ExitStack() as stack:
                 workload = Path(stack.enter_context(tempfile.TemporaryDirectory())) / "walk.npz"
-                starts = _write_walk(workload, rules, BELIEF_DRONES)
+                starts = _write_walk(workload, rules, DRONES)
                 peers = {}
                 for offset, (name, parameters) in enumerate(BELIEFS.items()):
                     domain = _environment(offset)

@@ -11,10 +11,9 @@ from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
-from benchmarks.lockstep import _environment, _node, _parameters, _take_turns, _write_walk
+from benchmarks.lockstep import DRONES, _environment, _node, _parameters, _take_turns, _write_walk
 from benchmarks.processes import BenchmarkError, Process
 
-DRONES = 20
 KINDS = {
     "plain": "alone",
     "recorded": "recorded",

@@ -1,6 +1,6 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""A search at sea: its particles, the decisions of `belief`, and the step of many worlds."""
+"""A search at sea: the decisions of `belief`, and the step of many worlds."""
 
 from __future__ import annotations
 
@@ -11,9 +11,6 @@ from typing import Any
 import numpy as np
 
 from benchmarks import ROOT
-from dsse_ros.drift.flow import constant_flow
-from dsse_ros.drift.leeway import leeway_class
-from dsse_ros.drift.tracks import Drift, Sighting, drift_tracks
 from dsse_ros.planners import planner_for
 from dsse_ros.scenario.scenario import Scenario, scenario_and_rules
 from dsse_ros.search import World, parallel_env, profile
@@ -21,25 +18,17 @@ from dsse_ros.search import World, parallel_env, profile
 KAYAK = ROOT / "config" / "kayak.yaml"
 BATCH, STEPS = 1024, 50
 PARTICLES, DECISIONS = 20_000, 40
-DRIFTING = (1_000, 100_000)
-STEP_S, HOURS = 600.0, 6
 
 
 def measure(*, rounds: int, log: Callable[[str], None], batch: int = BATCH) -> dict[str, Any]:
-    """Return batch steps and particle steps per second, and seconds of a decision, by round."""
+    """Return batch steps per second and seconds of a decision, by round."""
     found: dict[str, Any] = {
         "batch": _batches(rounds, batch),
         "decision_s": [_decision(seed) for seed in range(rounds + 1)][1:],
-        "particles": {
-            str(count): [_drift(count, seed) for seed in range(rounds + 1)][1:]
-            for count in DRIFTING
-        },
     }
     rates = {name: max(values) for name, values in found["batch"].items()}
     log(f"batch {batch}: sea {rates['sea']:.0f}, paper {rates['paper']:.0f} steps/s")
     log(f"belief, {PARTICLES} particles: {1e3 * min(found['decision_s']):.1f} ms")
-    for count, values in found["particles"].items():
-        log(f"drift, {count} particles: {max(values):.3g} particle steps/s")
     return found
 
 
@@ -83,14 +72,3 @@ def _decision(seed: int) -> float:
         seconds.append(time.perf_counter() - start)
         observations, _, _, _, infos = env.step(actions)
     return float(np.median(seconds))
-
-
-def _drift(count: int, seed: int) -> float:
-    """Return particle steps per second in a constant wind and current, on one core."""
-    wind, current = constant_flow("wind", 10.0, 270.0), constant_flow("current", 0.5, 0.0)
-    drift = Drift(leeway_class("PIW-1"), wind, current)
-    times = np.array([0.0, HOURS * 3600.0])
-    rng, seen = np.random.default_rng(seed), [Sighting(0.0, -30.0, 0.0)]
-    start = time.perf_counter()
-    drift_tracks(drift, seen, times, count, rng, step_s=STEP_S)
-    return count * HOURS * 3600.0 / STEP_S / (time.perf_counter() - start)

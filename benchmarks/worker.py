@@ -10,8 +10,6 @@ from __future__ import annotations
 
 import json
 import os
-import re
-import resource
 import sys
 import time
 from collections.abc import Callable, Iterator
@@ -25,17 +23,6 @@ environment steps."""
 LOOK_S = 0.002
 """Time between looks at the clock."""
 WARM_UP_S = 0.1
-
-
-def peak_bytes() -> int:
-    """Return the peak memory of this process."""
-    try:
-        # Not ru_maxrss: in a child it starts at the value of the parent.
-        with open("/proc/self/status") as status:
-            return 1024 * int(re.findall(r"VmHWM:\s+(\d+) kB", status.read())[0])
-    except (OSError, IndexError):
-        unit = 1 if sys.platform == "darwin" else 1024
-        return unit * resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
 
 
 def present_bytes() -> int:
@@ -78,11 +65,11 @@ class _Runner:
         return {"steps": steps, "seconds": elapsed}
 
     def memory(self, steps: int) -> dict[str, Any]:
-        """Do this many steps."""
+        """Do this many steps; return the memory of the process afterwards."""
         done = 0
         while done < steps:
             done += sum(islice(self._work, self._between_looks))
-        return {"steps": done, "peak": peak_bytes(), "present": present_bytes()}
+        return {"steps": done, "present": present_bytes()}
 
 
 def serve(make: MakeWork) -> None:

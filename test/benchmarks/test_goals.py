@@ -43,14 +43,12 @@ def figures() -> dict[str, Any]:
         "seeding": {"seconds": [0.1, 0.3, 0.4]},
         "start_up": {"cold_s": [16.0, 15.5], "warm_s": [1.5, 2.5]},
         "memory": {
-            "dsse_1_1_9": {"peak_mib": 100.0},
-            "single": {"peak_mib": 100.0, "growth_bytes_per_step": 0.0},
-            "batch": {"peak_mib": 100.0, "growth_bytes_per_step": 16.0},
+            "single": {"growth_bytes_per_step": 0.0},
+            "batch": {"growth_bytes_per_step": 16.0},
         },
         "conversion": {
             "dense": {
                 "copy_s": 1.0,
-                "new_copy_s": 2.0,
                 "message_s": 6.0,
                 "median_copy_s": 2.0,
                 "median_message_s": 8.0,
