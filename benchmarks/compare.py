@@ -32,7 +32,7 @@ from benchmarks.planner_tables import BASELINE
 from benchmarks.reference_values import GREEDY, PPO, REINFORCE, SWEEP, Source
 from dsse_ros.campaign.estimates import clusters, of_mean, of_share
 from dsse_ros.planners import load_planner
-from dsse_ros.planners.batch import Missions, play_missions
+from dsse_ros.planners.batch import PlayedMissions, play_missions
 from dsse_ros.progress import progress, say
 from dsse_ros.scenario.scenario import scenario_and_rules
 from dsse_ros.search import FieldError, Rules, Scenario
@@ -183,7 +183,7 @@ FAULT_MISSIONS = 400
 """Maximum: missions with faults differ from each other, so each has its own planner."""
 
 
-def fly_with_fault(planner: str, fault: str, count: int) -> Missions:
+def fly_with_fault(planner: str, fault: str, count: int) -> PlayedMissions:
     """Play missions of `FAULT_CASE` with a fault."""
     case = CASES[FAULT_CASE]
     scenario = case.scenario.override(**FAULTS[fault][1])
@@ -191,11 +191,11 @@ def fly_with_fault(planner: str, fault: str, count: int) -> Missions:
     return play_missions(len(numbers), planner, scenario, rules=case.rules, seed=numbers.tolist())
 
 
-def fly(planner: str, key: str, count: int, disturbance: str) -> Missions:
+def fly(planner: str, key: str, count: int, disturbance: str) -> PlayedMissions:
     """Play the missions of a case."""
     case, disturbed = CASES[key], DISTURBANCES[disturbance]
     kinds = (np.bool_, np.int64, np.int64, np.float64, np.int64, np.int64)
-    whole = Missions(*(np.zeros(count, kind) for kind in kinds))
+    whole = PlayedMissions(*(np.zeros(count, kind) for kind in kinds))
     parts = list(case.parts(count))
     shared = PLANNER_SEEDS.get(planner)
     for part_number, (scenario, numbers) in enumerate(parts):
@@ -208,12 +208,12 @@ def fly(planner: str, key: str, count: int, disturbance: str) -> Missions:
             len(numbers), planner, world, rules=case.rules, seed=(SEED + numbers).tolist(),
             planner_seeds=seeds, assumed=assumed, withdraw_at=disturbed.withdraw_at,
         )  # fmt: skip
-        for field in dataclasses.fields(Missions):
+        for field in dataclasses.fields(PlayedMissions):
             getattr(whole, field.name)[numbers] = getattr(part, field.name)
     return whole
 
 
-def figures(missions: Missions, beside: Missions) -> dict[str, Any]:
+def figures(missions: PlayedMissions, beside: PlayedMissions) -> dict[str, Any]:
     """Return the results of missions with 99 % intervals, and the paired difference to others."""
     by, of_pairs = clusters(missions.planner_seeds), clusters(beside.planner_seeds)
     found, steps = of_share(missions.found, LEVEL, by), of_mean(missions.steps, LEVEL, by)
@@ -259,7 +259,7 @@ def save_plot(curves: dict[str, dict[str, NDArray[np.float64]]], path: Path) -> 
     )
 
 
-def curve(missions: Missions, limit: int) -> NDArray[np.float64]:
+def curve(missions: PlayedMissions, limit: int) -> NDArray[np.float64]:
     """Return the share of the missions that have found by each step, (L + 1,).
 
     Finds after the limit, which the rules of `v1` allow, count at the limit.
@@ -284,7 +284,7 @@ def installed(names: Sequence[str]) -> list[str]:
 def run_faults(count: int, workers: int) -> dict[str, Any]:
     """Play `FAULT_CASE` with each fault; returns the figures."""
     names = installed(FAULT_PLANNERS)
-    done: dict[tuple[str, str], Missions] = {}
+    done: dict[tuple[str, str], PlayedMissions] = {}
     with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
         jobs = {
             pool.submit(fly_with_fault, name, fault, count): (fault, name)
@@ -315,8 +315,8 @@ def run(
     kinds = {(key, case.disturbance) for key, case in CASES.items() if "cases" in parts}
     if "disturbed" in parts:
         kinds |= {(key, disturbance) for key in DISTURBED_CASES for disturbance in DISTURBANCES}
-    jobs: dict[Future[Missions], tuple[str, str, str]] = {}
-    done: dict[tuple[str, str, str], Missions] = {}
+    jobs: dict[Future[PlayedMissions], tuple[str, str, str]] = {}
+    done: dict[tuple[str, str, str], PlayedMissions] = {}
     with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
         # The slowest ones come first.
         for name in reversed(names):

@@ -47,7 +47,7 @@ from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.logger import configure
 from tqdm import tqdm
 
-from dsse_ros.planners.batch import Missions, play_missions
+from dsse_ros.planners.batch import PlayedMissions, play_missions
 from dsse_ros.search import vector_env
 from dsse_ros.search.drone_slots import DroneSlots, Transition, searched_probability
 from dsse_ros.training.export import export
@@ -130,7 +130,7 @@ def make_model(env: DroneVecEnv) -> MaskablePPO:
     )
 
 
-def check(model: Path) -> Missions:
+def check(model: Path) -> PlayedMissions:
     """Return the results of an exported policy on missions that it was not trained on."""
     return play_missions(2000, "onnx", seed=CHECK_SEED, options={"model": str(model)}, **SEARCH)
 

@@ -33,7 +33,7 @@ from dsse_ros.search.world import HOLD, World
 
 
 @dataclass(frozen=True)
-class Missions:
+class PlayedMissions:
     """Results of M missions.
 
     Attributes:
@@ -68,7 +68,7 @@ class _Batch:
 
     def __init__(self, world: World) -> None:
         self.world, count = world, world.num_worlds
-        self.results = Missions(
+        self.results = PlayedMissions(
             np.zeros(count, bool), np.full(count, world.scenario.timestep_limit),
             np.zeros(count, np.int64), np.zeros(count), np.zeros(count, np.int64),
             np.full(count, -1),
@@ -320,7 +320,7 @@ def play_missions(
     withdraw_at: int | None = None,
     threads: int = 1,
     **fields: object,
-) -> Missions:
+) -> PlayedMissions:
     """Play missions to their ends, each as `play.play` plays it in an environment.
 
     Args:

@@ -115,8 +115,8 @@ class Policy:
         self._cells.update(present)
         names = list(self._cells)
         numbers = [names.index(name) for name in present]
-        given = encode(list(self._cells.values()), numbers, probability, masks)
-        scores = np.asarray(self._session.run(None, {k: given[k] for k in self._inputs})[0])
+        inputs = encode(list(self._cells.values()), numbers, probability, masks)
+        scores = np.asarray(self._session.run(None, {k: inputs[k] for k in self._inputs})[0])
         if scores.shape != masks.shape:
             raise ValueError(
                 f"model must give scores {masks.shape}, one per drone and action, got "

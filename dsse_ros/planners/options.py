@@ -36,22 +36,22 @@ class Options:
         return specs(cls)
 
     @classmethod
-    def of(cls, planner: str, given: Mapping[str, Any]) -> Self:
+    def of(cls, planner: str, values: Mapping[str, Any]) -> Self:
         """Return the options of a planner.
 
         Args:
             planner: Its name.
-            given: Values by name; the others have their defaults.
+            values: Values by name; the others have their defaults.
 
         Raises:
             FieldError: If a name is unknown or a value is not allowed.
         """
-        check_known(f"planner {planner}", given, cls.specs(), noun="an option")
-        return cls._made(planner, given)
+        check_known(f"planner {planner}", values, cls.specs(), noun="an option")
+        return cls._made(planner, values)
 
     @classmethod
-    def _made(cls, planner: str, given: Mapping[str, Any]) -> Self:
-        return cls(**given)
+    def _made(cls, planner: str, values: Mapping[str, Any]) -> Self:
+        return cls(**values)
 
 
 PATTERNS: Mapping[str, str] = MappingProxyType(
@@ -82,12 +82,12 @@ class PatternOptions(Options):
         return fields
 
     @classmethod
-    def _made(cls, planner: str, given: Mapping[str, Any]) -> Self:
-        if not given:
+    def _made(cls, planner: str, values: Mapping[str, Any]) -> Self:
+        if not values:
             return cls()
-        values = {"length": None, **given, "pattern": PATTERNS[planner]}
-        datum = values.pop("datum", None)
-        return cls(datum=datum, pattern=SearchPattern(**values))
+        fields = {"length": None, **values, "pattern": PATTERNS[planner]}
+        datum = fields.pop("datum", None)
+        return cls(datum=datum, pattern=SearchPattern(**fields))
 
 
 @dataclass(frozen=True, kw_only=True)

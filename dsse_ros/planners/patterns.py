@@ -122,13 +122,13 @@ class SearchPattern:
 
     def __post_init__(self) -> None:
         check_all(self)
-        of = f"with pattern {self.pattern}"
+        case = f"with pattern {self.pattern}"
         needed = {"track_spacing": self.pattern != "VS", "width": self.pattern in ("PS", "CS")}
         for name, is_needed in needed.items():
             value = getattr(self, name)
             if (value is not None) != is_needed:
                 allowed = "a finite number > 0 m" if is_needed else "None"
-                raise FieldError(f"{name} must be {allowed} {of}, got {value}")
+                raise FieldError(f"{name} must be {allowed} {case}, got {value}")
         if self.width is not None and self.width > self.length:
             raise FieldError(f"width must be <= length, {self.length:g} m, got {self.width:g}")
         if self.track_spacing is not None:

@@ -200,28 +200,28 @@ def _loaded(name: str) -> Callable[..., Planner]:
 
 
 def _with_options(
-    name: str, factory: Callable[..., Planner], search: Search, *, seed: int = 0, **given: Any
+    name: str, factory: Callable[..., Planner], search: Search, *, seed: int = 0, **options: Any
 ) -> Planner:
     """Return a planner of this package."""
-    return factory(search, OPTIONS[name].of(name, given), seed=check_seed(seed))
+    return factory(search, OPTIONS[name].of(name, options), seed=check_seed(seed))
 
 
 def _of_package(
-    name: str, factory: Callable[..., Planner], search: Search, *, seed: int = 0, **given: Any
+    name: str, factory: Callable[..., Planner], search: Search, *, seed: int = 0, **options: Any
 ) -> Planner:
     """Return a planner of another package, which checks the values of its options itself."""
-    _check_names(name, factory, given)
-    return factory(search, seed=check_seed(seed), **given)
+    _check_names(name, factory, options)
+    return factory(search, seed=check_seed(seed), **options)
 
 
-def _check_names(name: str, factory: Callable[..., Planner], given: Mapping[str, Any]) -> None:
+def _check_names(name: str, factory: Callable[..., Planner], options: Mapping[str, Any]) -> None:
     """Check that the factory of another package has arguments of these names.
 
     Raises:
         FieldError: If it has not.
     """
     try:
-        inspect.signature(factory).bind(None, seed=0, **given)
+        inspect.signature(factory).bind(None, seed=0, **options)
     except TypeError as error:
         raise FieldError(f"planner_options: {name}: {error}") from None
     except ValueError:
@@ -229,7 +229,7 @@ def _check_names(name: str, factory: Callable[..., Planner], given: Mapping[str,
         return
 
 
-def check_options(name: str, given: Mapping[str, Any]) -> None:
+def check_options(name: str, options: Mapping[str, Any]) -> None:
     """Check the options of a planner as far as possible without a search.
 
     Raises:
@@ -237,9 +237,9 @@ def check_options(name: str, given: Mapping[str, Any]) -> None:
     """
     factory = _loaded(name)
     if name in OPTIONS:
-        OPTIONS[name].of(name, given)
+        OPTIONS[name].of(name, options)
     else:
-        _check_names(name, factory, given)
+        _check_names(name, factory, options)
 
 
 def planner_for(search: Search, name: str, *, seed: int = 0, **options: Any) -> Planner:
@@ -298,11 +298,11 @@ def planner_with(
     Raises:
         ValueError: See `planner_for` and `read_options`.
     """
-    given = read_options(options)
+    named = read_options(options)
     for other in others:
-        if other in given:
+        if other in named:
             raise FieldError(f"planner_options must not have {other}, which is given already")
-    return planner_for(search, name, seed=seed, **given, **others)
+    return planner_for(search, name, seed=seed, **named, **others)
 
 
 def check_task(name: str, rules: Rules) -> None:

@@ -220,9 +220,9 @@ class ActionSet:
         def mask(west: bool, east: bool, north: bool, south: bool) -> NDArray[np.int8]:
             blocked = {(-1, 0): west, (1, 0): east, (0, -1): north, (0, 1): south}
             free = [not (blocked.get((dx, 0)) or blocked.get((0, dy))) for dx, dy in self.moves]
-            made = np.array(free, np.int8) * np.array(self._able, np.int8)
-            made.flags.writeable = False
-            return made
+            able = np.array(free, np.int8) * np.array(self._able, np.int8)
+            able.flags.writeable = False
+            return able
 
         def along(make: Callable[[bool, bool], T]) -> list[T]:
             edges = [(i == 0, i == grid_size - 1) for i in range(grid_size)] + [(False, False)]

@@ -230,8 +230,8 @@ class Faults:
 
     def positions(self) -> NDArray[np.int64]:
         """Return the observed positions of the drones, (B, N, 2) as (x, y), a view."""
-        whole: NDArray[np.int64] = self.conditions.view(np.int64)
-        return whole.reshape(*self.conditions.shape, -1)[..., :2]
+        numbers: NDArray[np.int64] = self.conditions.view(np.int64)
+        return numbers.reshape(*self.conditions.shape, -1)[..., :2]
 
     def batch_infos(self, which: Any = slice(None)) -> dict[str, NDArray[Any]]:
         """Return the infos that faults, or limits of a drone's kind, add, by default (B, N) each.
@@ -245,9 +245,9 @@ class Faults:
         names = {"status": "status", "action": "applied"}
         if self.has_battery:
             names["battery"] = "battery"
-        return {name: self.conditions[of][which].copy() for name, of in names.items()}
+        return {name: self.conditions[field][which].copy() for name, field in names.items()}
 
     def infos(self, world: int, drones: Sequence[int]) -> dict[str, list[Any]]:
         """Return the same for some drones of a world, with the name of `status`."""
-        infos = {name: of.tolist() for name, of in self.batch_infos((world, drones)).items()}
+        infos = {key: values.tolist() for key, values in self.batch_infos((world, drones)).items()}
         return {**infos, "status": [STATUSES[number] for number in infos["status"]]}

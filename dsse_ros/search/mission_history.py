@@ -93,7 +93,7 @@ def view_of(
         past: Its past.
         pos: Cumulative probability of success, None if the probability is not a belief.
     """
-    covered = {name: float(of[0]) for name, of in world.coverage_metrics().items()}
+    covered = {key: float(values[0]) for key, values in world.coverage_metrics().items()}
     s, now, persons = world.scenario, world.worlds[0], world.persons[0]
     circle = None
     if world.rules.circle and not covered and world.ensemble is None:

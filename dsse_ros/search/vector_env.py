@@ -167,8 +167,8 @@ class VectorEnv:
         self._known_actions = bytes([*range(len(rules.actions)), HOLD & 0xFF])
         self._shape = shape = (self.num_envs, self.world.num_drones)
         self._maps, *self._report = (
-            Recycler(made, dtype, overwrite=not copy)
-            for made, dtype in (
+            Recycler(size, dtype, overwrite=not copy)
+            for size, dtype in (
                 ((self.num_envs, g, g) if of_belief else self.world.maps.shape, np.float32),
                 ((*shape, 2), np.int64),
                 (shape, np.float64),

@@ -183,8 +183,8 @@ class World(Rebound):
         person = person_initial_position or s.person_initial_position
         self.worlds["start_x"], self.worlds["start_y"] = person
         if self.coverage is None:
-            given = person_pod_multipliers
-            self.persons["pod_multiplier"] = s.person_pod_multipliers if given is None else given
+            pods = person_pod_multipliers
+            self.persons["pod_multiplier"] = s.person_pod_multipliers if pods is None else pods
             self._look_for_persons()
         self._follow_placed()
 
@@ -290,11 +290,11 @@ class World(Rebound):
         """Return one kernel per thread, each with its own scratch memory."""
         others = (np.empty(self.drones.shape, _ACTION), self.maps, 0, self.num_worlds)
         step = overload_of(kernels.step_worlds, self.batch, self._scratch[0], *others)
-        made: list[Callable[..., None]] = [
+        steps: list[Callable[..., None]] = [
             partial(step, self.batch, scratch) for scratch in self._scratch
         ]
         faults = self.faults
-        return made if faults is None else [faults.around(self, step) for step in made]
+        return steps if faults is None else [faults.around(self, step) for step in steps]
 
     def _do(
         self,

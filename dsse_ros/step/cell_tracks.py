@@ -97,20 +97,20 @@ def _cached(
     model: Ensemble, scenario: ResolvedScenario, rules: Rules, planning: bool
 ) -> CellTracks:
     key = (model, scenario, rules, planning)
-    _alive[:] = [(of, kept) for of, kept in _alive if kept() is not None]
-    found = next((kept() for of, kept in _alive if of[0] is model and of[1:] == key[1:]), None)
+    _alive[:] = [(known, tracks) for known, tracks in _alive if tracks() is not None]
+    found = next((t() for known, t in _alive if known[0] is model and known[1:] == key[1:]), None)
     if found is not None:
         _keep(found)
         return found
     if planning:
         particles, weights = _drawn(model, scenario, last_step_of(scenario, rules), _PLANNING)
         searched = _cached(model, scenario, rules, planning=False)
-        made = replace(searched, particles=particles, weights=weights)
+        new = replace(searched, particles=particles, weights=weights)
     else:
-        made = _made(model, scenario, rules)
-    _alive.append((key, weakref.ref(made)))
-    _keep(made)
-    return made
+        new = _made(model, scenario, rules)
+    _alive.append((key, weakref.ref(new)))
+    _keep(new)
+    return new
 
 
 def _keep(tracks: CellTracks) -> None:
@@ -168,9 +168,9 @@ def particle_positions(
     rng = _generator(scenario, _PLANNING if planning else _BELIEF)
     steps = last_step_of(scenario, rules)
     drawn = WeightedTracks(*model.tracks(scenario, steps, rng, scenario.particles)).positions
-    made = drawn.astype(np.float32)
-    made[..., 1] = scenario.grid_size * scenario.cell_size - drawn[..., 1]
-    return made
+    flipped = drawn.astype(np.float32)
+    flipped[..., 1] = scenario.grid_size * scenario.cell_size - drawn[..., 1]
+    return flipped
 
 
 def _drawn(

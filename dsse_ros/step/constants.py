@@ -67,7 +67,7 @@ _SPECS = {**specs(Rules), **SPECS}
 CONSTANTS = np.dtype(
     [
         *((name, _TYPES[_SPECS[name].kind]) for name in (*_OF_SCENARIO, *_OF_RULES)),
-        *((name, of) for name, (of, _) in _DERIVED.items()),
+        *((name, kind) for name, (kind, _) in _DERIVED.items()),
         ("moves_look", "?"),
         ("auto_reset", "?"),
     ],

@@ -27,14 +27,14 @@ from benchmarks.planner_tables import (
     share,
     with_tables,
 )
-from dsse_ros.planners.batch import Missions
+from dsse_ros.planners.batch import PlayedMissions
 
 
 def test_the_difference_is_one_of_pairs() -> None:
     steps = np.array([10, 20, 60, 40] * 50)
     none = np.zeros(200, np.int64)
-    ours = Missions(steps < 60, steps - 3, none, none * 1.0, none, none - 1)
-    beside = Missions(steps < 60, steps, none, none * 1.0, none, none - 1)
+    ours = PlayedMissions(steps < 60, steps - 3, none, none * 1.0, none, none - 1)
+    beside = PlayedMissions(steps < 60, steps, none, none * 1.0, none, none - 1)
     row = figures(ours, beside)
     assert row["difference"] == -3
     assert row["difference_interval"] == (-3, -3)

@@ -39,7 +39,7 @@ def alone(env: SearchEnv, planner: Planner, seed: int, lost: int | None) -> tupl
 
 
 def measured(env: SearchEnv, planner: Planner, seed: int) -> tuple[bool, int, int, float, int]:
-    """Play one mission; returns what `Missions` has of it, by its definitions."""
+    """Play one mission; returns what `PlayedMissions` has of it, by its definitions."""
     limit, out, path, meetings = env.scenario.timestep_limit, set[str](), 0.0, 0
     last = env.rules.last_step(limit)
     before = np.array(env.scenario.drones_positions)
