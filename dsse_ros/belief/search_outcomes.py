@@ -168,18 +168,20 @@ def update_missing(one_find, persons, found, total):
             in_question += 1
         else:
             count -= missing[p]
-    few_missing, weights = 2.0 * count <= in_question, 0.0
+    few_missing, total_weight = 2.0 * count <= in_question, 0.0
     for turn in range(2):
         for p in range(len(missing)):
             if SURE < missing[p] < 1.0 - SURE:
                 left = 1.0 if found else max(1.0 - hazard[p], SURE)
                 weight = missing[p] * left if few_missing else (1.0 - missing[p]) / left
                 if turn == 0:
-                    weights += weight
+                    total_weight += weight
                 elif few_missing:
-                    missing[p] = min(weight * max(count, 0.0) / weights, 1.0)
+                    missing[p] = min(weight * max(count, 0.0) / total_weight, 1.0)
                 else:
-                    missing[p] = 1.0 - min(weight * max(in_question - count, 0.0) / weights, 1.0)
+                    missing[p] = 1.0 - min(
+                        weight * max(in_question - count, 0.0) / total_weight, 1.0
+                    )
 
 
 @kernel
