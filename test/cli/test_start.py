@@ -18,7 +18,7 @@ import pytest
 from rig import ENVIRONMENT, TIMEOUT_S, free_domain
 
 from dsse_ros.bridge.settings import BridgeSettings
-from dsse_ros.cli import node_help, node_process, start
+from dsse_ros.cli import node_help, run_mission, start
 from dsse_ros.dashboard.settings import DashboardSettings
 from dsse_ros.extras import pip_install
 from dsse_ros.nodes.settings import (
@@ -120,9 +120,9 @@ def test_a_node_says_that_it_compiles_where_it_does_and_nowhere_else(tmp_path: P
                 while "mission 1" not in log.read_text():
                     assert child.poll() is None, log.read_text()
                     if cold and compiling(child.pid, tmp_path):
-                        seen = seen or bool(node_process.compiling(log))
+                        seen = seen or bool(run_mission.compiling(log))
                     time.sleep(0.005)
-                assert not node_process.compiling(log)
+                assert not run_mission.compiling(log)
             finally:
                 child.kill()
                 child.wait()
