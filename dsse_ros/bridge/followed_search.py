@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from dsse_ros.mission_items.track_missions import Leg
 from dsse_ros.scenario.agents import AgentsInfo
 from dsse_ros.scenario.agents_inbox import Latest
+from dsse_ros.sensors.sensor import SEARCH
 
 MISSION_REPORT_S = 5.0
 """Time within which the report of a finished mission should come."""
@@ -227,7 +228,7 @@ def _keep(reports: _Reports, stamp_ns: int, report: NDArray[Any]) -> bool:
 
 
 def _search_action(info: AgentsInfo) -> int:
-    return info.actions.index("search") if "search" in info.actions else -1
+    return info.actions.index(SEARCH) if SEARCH in info.actions else -1
 
 
 def _legs(stamp_ns: int, report: NDArray[Any], search: int) -> list[Leg]:

@@ -26,6 +26,7 @@ from dsse_ros.search.parallel_env import SearchEnv, parallel_env
 from dsse_ros.search.snapshot import Snapshot
 from dsse_ros.searchers.registry import DEFAULT, SEARCHERS
 from dsse_ros.searchers.searcher import Searcher
+from dsse_ros.sensors.sensor import SEARCH
 
 GRID = 9
 STEPS = 80
@@ -152,7 +153,7 @@ def _check_mask(env: SearchEnv, agent: str, mask: NDArray[np.int8], flight: _Fli
             f"{', '.join(names)}"
         )
     if flight.kind.moves is not None:
-        others = [name for name in names if name not in (*flight.kind.moves, "search")]
+        others = [name for name in names if name not in (*flight.kind.moves, SEARCH)]
         assert not others, f"{agent}: the action mask allows {', '.join(others)}, no moves of its"
 
 

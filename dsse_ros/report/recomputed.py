@@ -14,10 +14,11 @@ from dsse_ros.belief.beliefs import forecast_for as new_forecast
 from dsse_ros.belief.protocol import TargetForecast
 from dsse_ros.mission.mission import Mission
 from dsse_ros.report.metrics import effort
-from dsse_ros.report.record import SEARCH, RecordedMission
+from dsse_ros.report.record import RecordedMission
 from dsse_ros.search import HOLD, FieldError, SearchEnv
 from dsse_ros.search.coverage import poc_of
 from dsse_ros.search.world_beliefs import DRIFT_SAMPLES
+from dsse_ros.sensors.sensor import SEARCH
 from dsse_ros.step.looks import likely_cells, looks_of, waits
 from dsse_ros.view.mission_view import MissionView, ending
 

@@ -24,12 +24,11 @@ from dsse_ros.scenario.json_keys import Keys
 from dsse_ros.scenario.limits import LARGEST_GRID_CELLS, check_cells
 from dsse_ros.scenario.scenario import ResolvedScenario
 from dsse_ros.search import FieldError, Rules
+from dsse_ros.sensors.sensor import SEARCH
 from dsse_ros.step.looks import looks_of
 
 Search = Callable[[int], SearchDefinition]
 """Returns what so many drones have searched."""
-SEARCH = "search"
-"""Name of the action that searches."""
 DEFAULT_MAPS = 6
 _MCAP = b"\x89MCAP0\r\n"
 """How MCAP files begin."""

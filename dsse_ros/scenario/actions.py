@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from dsse_ros.scenario.shortest_paths import ShortestPaths
 from dsse_ros.searchers.searcher import Searcher
+from dsse_ros.sensors.sensor import SEARCH
 
 T = TypeVar("T")
 
@@ -27,7 +28,7 @@ ACTION_VECTORS: dict[str, tuple[int, int]] = {
     "up_right": (1, -1),
     "down_left": (-1, 1),
     "down_right": (1, 1),
-    "search": (0, 0),
+    SEARCH: (0, 0),
 }
 """Move of each action in cells (dx to the east, dy to the south)."""
 
@@ -67,19 +68,17 @@ class ActionSet:
     ) -> None:
         self.names = tuple(names)
         self.area = area
-        self._check("search")
+        self._check(SEARCH)
         self.moves = tuple(ACTION_VECTORS.get(name, (0, 0)) for name in self.names)
-        self.search = self.names.index("search")
-        self._able = tuple(able is None or name in (*able, "search") for name in self.names)
+        self.search = self.names.index(SEARCH)
+        self._able = tuple(able is None or name in (*able, SEARCH) for name in self.names)
         known = {name for name, can in zip(self.names, self._able, strict=True) if can}
         straight = [name for name in STRAIGHT if name in known]
         diagonal = [name for name in DIAGONAL if name in known]
         crosses = able is None or len(straight) == len(STRAIGHT)
         self.diagonal = crosses and len(diagonal) == len(DIAGONAL)
         usable = straight if crosses and not self.diagonal else [*straight, *diagonal]
-        self._number = {
-            ACTION_VECTORS[name]: self.names.index(name) for name in (*usable, "search")
-        }
+        self._number = {ACTION_VECTORS[name]: self.names.index(name) for name in (*usable, SEARCH)}
         self.steps = tuple(ACTION_VECTORS[name] for name in usable)
         self._paths = None if area is None else ShortestPaths(area, self.steps)
 

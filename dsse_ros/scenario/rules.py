@@ -16,10 +16,11 @@ from typing import Any
 
 from dsse_ros.scenario.actions import ACTION_VECTORS, DIAGONAL, STRAIGHT, ActionSet
 from dsse_ros.scenario.fields import FieldError, check_all, check_known, field, shown, specs
+from dsse_ros.sensors.sensor import SEARCH
 from dsse_ros.targets.registry import TARGET_MODELS
 
-_PLUS = (*STRAIGHT, "search")
-_STAR = (*STRAIGHT, *DIAGONAL, "search")
+_PLUS = (*STRAIGHT, SEARCH)
+_STAR = (*STRAIGHT, *DIAGONAL, SEARCH)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -208,7 +209,7 @@ class Rules(PersonRules, SeaRules, TerminationRules, CoverageRules, RewardRules,
         for name in self.actions:
             if name not in ACTION_VECTORS:
                 check_known("the actions", [name], ACTION_VECTORS)
-        if "search" not in self.actions or len(set(self.actions)) != len(self.actions):
+        if SEARCH not in self.actions or len(set(self.actions)) != len(self.actions):
             raise FieldError(
                 f"actions must be different names that include search, got "
                 f"{shown(list(self.actions))}"

@@ -6,6 +6,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from dsse_ros.sensors.sensor import SEARCH
+
 
 @dataclass(frozen=True, kw_only=True)
 class Searcher:
@@ -29,4 +31,4 @@ class Searcher:
 
     def can_do(self, action: str) -> bool:
         """Return whether the kind can do an action, by its name."""
-        return self.moves is None or action in (*self.moves, "search")
+        return self.moves is None or action in (*self.moves, SEARCH)

@@ -16,7 +16,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from dsse_ros.sensors.lateral_range import beside, strip
-from dsse_ros.sensors.sensor import Look, Sensor, looks_with
+from dsse_ros.sensors.sensor import SEARCH, Look, Sensor, looks_with
 from dsse_ros.sensors.sweep_width import WEATHER_FACTORS
 
 PAPER_FIELD_OF_VIEW_DEG = 2 * math.degrees(math.atan2(65, 120))
@@ -45,7 +45,7 @@ def looks(scenario: Any, searcher: Any, action: str, heading: tuple[int, int]) -
     Raises:
         ValueError: If the footprint is too many cells wide.
     """
-    if action != "search" and heading == (0, 0):
+    if action != SEARCH and heading == (0, 0):
         return ()
     width_m = footprint_m(searcher.altitude, scenario.field_of_view)
     width = width_m / scenario.cell_size
@@ -56,10 +56,10 @@ def looks(scenario: Any, searcher: Any, action: str, heading: tuple[int, int]) -
         )
     pod = image_pod(scenario.object_size / width_m * scenario.image_width)
     pod *= WEATHER_FACTORS[scenario.weather]["small"]
-    in_view_s = width_m / searcher.speed if action != "search" else scenario.step_duration_s
+    in_view_s = width_m / searcher.speed if action != SEARCH else scenario.step_duration_s
     pod *= min(in_view_s / scenario.dwell_time, 1.0) if scenario.dwell_time > 0 else 1.0
     seen = beside(heading if any(heading) else (1, 0), width / 2 + 0.75, strip(width))
-    if action == "search":
+    if action == SEARCH:
         seen = {(x, y): a * b for (_, x), a in seen.items() for (_, y), b in seen.items()}
     return looks_with({cell: part * pod for cell, part in seen.items()}, scenario)
 

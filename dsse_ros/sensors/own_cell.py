@@ -7,12 +7,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from dsse_ros.sensors.sensor import Look, Sensor, looks_with
+from dsse_ros.sensors.sensor import SEARCH, Look, Sensor, looks_with
 
 
 def looks(scenario: Any, _searcher: Any, action: str, _heading: tuple[int, int]) -> Sequence[Look]:
     """Return one look at the drone's cell for a search, no look for other actions."""
-    if action != "search":
+    if action != SEARCH:
         return ()
     return looks_with({(0, 0): scenario.probability_of_detection}, scenario)
 

@@ -7,6 +7,9 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
+SEARCH = "search"
+"""Name of the action that searches; all others are moves."""
+
 
 class Look(NamedTuple):
     """A cell that an action looks at.

@@ -13,7 +13,7 @@ from functools import lru_cache
 from typing import Any
 
 from dsse_ros.sensors.lateral_range import LAWS, Pods, in_place
-from dsse_ros.sensors.sensor import Look, Sensor, looks_with
+from dsse_ros.sensors.sensor import SEARCH, Look, Sensor, looks_with
 from dsse_ros.sensors.sweep_width import sweep_width_m
 
 MAX_WIDTH = 8.0
@@ -26,7 +26,7 @@ def looks(scenario: Any, searcher: Any, action: str, heading: tuple[int, int]) -
     Raises:
         ValueError: If the tables do not have the sweep width, or it is too many cells wide.
     """
-    if action != "search" and heading == (0, 0):
+    if action != SEARCH and heading == (0, 0):
         return ()
     width_m = width_of(scenario, searcher)
     width = round(width_m / scenario.cell_size, 9)

@@ -15,7 +15,7 @@ from dsse_ros.scenario.fields import FieldError, shown
 from dsse_ros.scenario.rules import Rules
 from dsse_ros.scenario.scenario import ResolvedScenario
 from dsse_ros.sensors.registry import SENSORS
-from dsse_ros.sensors.sensor import MAX_LOOKS, Look
+from dsse_ros.sensors.sensor import MAX_LOOKS, SEARCH, Look
 
 
 class Looked(NamedTuple):
@@ -171,7 +171,7 @@ def moves_look(looks: Looks, rules: Rules) -> bool:
 
 def own_cell_looks(num_drones: int, actions: Sequence[str]) -> Looks:
     """Return the default looks, if only the actions of drones are known: a search sees its cell."""
-    first = np.cumsum([0, *(name == "search" for name in actions)])[np.newaxis]
+    first = np.cumsum([0, *(name == SEARCH for name in actions)])[np.newaxis]
     count = int(first[0, -1])
     return Looks(
         np.zeros(num_drones, np.int64), first, np.zeros((count, 2), np.int64), np.ones((count, 1)),

@@ -47,7 +47,10 @@ LAYERS: dict[str, tuple[set[str], set[str]]] = {
         {"dsse_ros.drift", "dsse_ros.compiled", "dsse_ros.extras"},
         {"ros", "messages", "mavlink"},
     ),
-    "dsse_ros.searchers": ({"dsse_ros.searchers"}, {"ros", "messages", "mavlink"}),
+    "dsse_ros.searchers": (
+        {"dsse_ros.searchers", "dsse_ros.sensors"},
+        {"ros", "messages", "mavlink"},
+    ),
     "dsse_ros.sensors": ({"dsse_ros.sensors"}, {"ros", "messages", "mavlink"}),
     "dsse_ros.targets": (
         {"dsse_ros.targets", "dsse_ros.compiled"},
