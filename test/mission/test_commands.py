@@ -198,6 +198,14 @@ def moved(frame_id="map", **position):
             "pose.position must be 0 <= x, y < 1040 m, got (455, 1040)",
         ),
         (
+            lambda: commands.parse_navigation("tree.xml", moved(), FRAME),
+            "behavior_tree must be empty, got 'tree.xml'",
+        ),
+        (
+            lambda: commands.parse_place(moved(x=math.nan), FRAME),
+            "pose.position must be finite, got (nan, 585.0)",
+        ),
+        (
             lambda: parsed([5]),
             "data must be mission, step and 2 actions, got 1 numbers",
         ),
