@@ -82,7 +82,7 @@ def shown(value: Any) -> str:
     if isinstance(value, bool):
         return f"`{str(value).lower()}`"
     if isinstance(value, int | float):
-        return f"`{value if isinstance(value, int) else round(value, 6)}`"
+        return f"`{value if isinstance(value, int) else round(value, 6) or value}`"
     if isinstance(value, str):
         return f"`{value}`" if value else '`""`'
     return f"`[{', '.join(shown(item).strip('`') for item in value)}]`"
@@ -154,8 +154,7 @@ def scenario_table() -> str:
             continue
         default = shown(values[name])
         if values[name] is None and name in of_rules:
-            given = [shown(getattr(rules, name)) or "centre" for rules in PROFILES.values()]
-            default = given[0] if len(set(given)) == 1 else " / ".join(given)
+            default = by_profile(name)
         rows.append([f"`{name}`", type_of(spec), default, allowed(spec), spec.doc])
     return table(["Field", "Type", "Default", "Allowed", "Meaning"], rows)
 
@@ -204,10 +203,10 @@ def rules_table() -> str:
 
 
 def by_profile(field: str) -> str:
-    """Return the value of a rule in most profiles, and the others with their profiles."""
+    """Return the value of a field in most profiles, and the others with their profiles."""
     profiles: dict[str, list[str]] = {}
     for profile, rules in PROFILES.items():
-        profiles.setdefault(shown(getattr(rules, field)), []).append(profile)
+        profiles.setdefault(shown(getattr(rules, field)) or "centre", []).append(profile)
     usual = max(profiles, key=lambda value: len(profiles[value]))
     others = [f"{', '.join(of)}: {value}" for value, of in profiles.items() if value != usual]
     return "; ".join([usual, *others])
