@@ -10,15 +10,13 @@ from functools import partial
 from statistics import median
 
 import numpy as np
-from builtin_interfaces.msg import Time
+from std_msgs.msg import Header
 
-from dsse_ros.scenario.frames import GridFrame
 from dsse_ros.search import parallel_env
 from msg_adapters.occupancy import occupancy_grid
 
 GRID_SIZE = 1000
 STEPS = 50
-# Every cell has a probability, or only those in the circle around the datum.
 
 
 def measure(rounds: int) -> dict[str, dict[str, float]]:
@@ -27,14 +25,6 @@ def measure(rounds: int) -> dict[str, dict[str, float]]:
     Gives the minimum and, with the prefix `median_`, the median. `copy_s` copies the float32
     map into allocated memory.
     """
-    frame = GridFrame(
-        grid_size=GRID_SIZE,
-        cell_size_m=130.0,
-        origin_lat_deg=-24.04,
-        origin_lon_deg=-46.17,
-        origin_alt_m=0.0,
-        alt_m=120.0,
-    )
     env = parallel_env(grid_size=GRID_SIZE, rules="v2", sigma=200.0)
     env.reset(seed=1)
     for _ in range(STEPS):
@@ -42,7 +32,7 @@ def measure(rounds: int) -> dict[str, dict[str, float]]:
     target = np.empty_like(env.probability)
     ways: dict[str, Callable[[], object]] = {
         "copy_s": partial(np.copyto, target, env.probability),
-        "message_s": partial(occupancy_grid, frame, env.probability, Time()),
+        "message_s": partial(occupancy_grid, Header(), env.scenario.cell_size, env.probability),
     }
     taken: dict[str, list[float]] = {way: [] for way in ways}
     for _ in range(rounds):
