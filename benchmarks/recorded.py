@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import secrets
 import shutil
 import socket
 import tempfile
@@ -13,6 +14,7 @@ from pathlib import Path
 
 from benchmarks.lockstep import DRONES, _environment, _node, _parameters, _take_turns, _write_walk
 from benchmarks.processes import BenchmarkError, Process
+from dsse_ros.private_files import open_private
 
 KINDS = {
     "plain": "alone",
@@ -38,6 +40,9 @@ def measure(
         folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
         workload = folder / "walk.npz"
         starts = _write_walk(workload, "paper", DRONES)
+        token, token_file = secrets.token_urlsafe(), folder / "token"
+        with open_private(token_file) as file:
+            file.write(token.encode())
         peers = {}
         for offset, kind in enumerate(kinds):
             domain = _environment(offset)
@@ -46,14 +51,15 @@ def measure(
                 bag = ["--ros-args", "-p", f"bag:={folder / kind}.mcap"]
                 stack.enter_context(_node("dsse_ros.nodes.recorder", bag, domain))
             if offset >= 2:
-                of_page = ["--ros-args", "-p", f"port:={port}"]
+                of_page = ["--ros-args", "-p", f"port:={port}", "-p", f"token_file:={token_file}"]
                 stack.enter_context(_node("dsse_ros.nodes.dashboard", of_page, domain))
             stack.enter_context(_node("dsse_ros.nodes.sim_node", _parameters(starts), domain))
             peers[kind] = stack.enter_context(Process("lockstep", environment=domain))
             peers[kind].set_up({"node": "sim_node", "workload": str(workload)})
             peers[kind].rate(seconds)
             if kind == "page_open":
-                stack.enter_context(_open_page(str(browser), f"http://127.0.0.1:{port}/"))
+                url = f"http://127.0.0.1:{port}/?token={token}"
+                stack.enter_context(_open_page(str(browser), url))
         _take_turns(peers, rounds, seconds, rates)
     shown = "".join(f"{max(found):10.1f} {KINDS[kind]}" for kind, found in rates.items())
     log(f"{DRONES:>7} drones{shown}   steps/s")
