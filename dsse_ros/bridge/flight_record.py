@@ -22,8 +22,8 @@ class FlightRecord:
         custody: Who controls it.
         search: The search that the record belongs to; None for the next one.
         flown: Whether it has been in the air for that search.
-        launched: Whether the bridge has ordered it to arm, or has flown it, and it has not been
-            seen disarmed on the ground since.
+        launched: Whether the bridge has ordered it to arm, or has taken off with it, and it has not
+            been seen disarmed on the ground since.
         lost: Why it no longer follows its drone in that search; empty if it does.
         arm: While it is cleared, whether the bridge may arm it.
         from_modes: While it is cleared or recalled, modes of others that the bridge may change.

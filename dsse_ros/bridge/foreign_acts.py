@@ -72,7 +72,8 @@ def lacks_setpoints(record: FlightRecord, state: VehicleState, autopilot: Autopi
         autopilot: Autopilot of the vehicle.
     """
     guided = autopilot.guided_mode in (record.mode, *record.ordered)
-    return guided and bool(state.failsafe) and state.mode in autopilot.setpoint_loss_modes
+    unnamed = state.failsafe in ("critical", "offboard")
+    return guided and unnamed and state.mode in autopilot.setpoint_loss_modes
 
 
 def foreign_act(record: FlightRecord, before: VehicleState, state: VehicleState) -> str:

@@ -2,9 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """Custody of one vehicle, from what it reports, from searches and from persons.
 
-This module alone recognises the events of `custody`. What somebody else does under an order is seen
-by the vehicle's controller, and the order's outcome reports it; the rest is seen here.
-The `FlightRecord` outlasts the program.
+This module alone recognises what persons and failsafes do. Under an order the vehicle's controller
+sees it, and the order's outcome reports it; the rest is seen here. `VehicleFollower` reports the
+end of the search, and why the vehicle drops out of it or falls. The `FlightRecord` outlasts the
+program.
 """
 
 from __future__ import annotations
@@ -41,6 +42,7 @@ _OFF_THE_GROUND_M = 2.0
 _DISARMED_BEATS = 2
 """Heartbeats that prove that it was disarmed: one may be that of another vehicle with its id."""
 _KEPT = "kept on the ground"
+_UNNAMED = "critical failsafe"
 
 
 class VehicleCustody:
@@ -86,7 +88,7 @@ class VehicleCustody:
         self._was_armed = False
         # When it was cleared for a search to come.
         self._cleared_s = math.inf
-        # Since when a failsafe is active, and until when the cause of its loss may be reported.
+        # Since when a failsafe is active, and until when one may explain the mode that took it.
         self._failsafe_since_s = math.inf
         self._explained_until_s = -math.inf
         # The highest number of an order for which it is known whether somebody else has ended it,
@@ -134,7 +136,8 @@ class VehicleCustody:
         if custody not in AIRBORNE:
             self.record = replace(self.record, mode="", ordered=())
         elif before not in AIRBORNE:
-            self.record = replace(self.record, mode=self.seen.mode, flown=True, launched=True)
+            launched = self.record.launched or event is Event.LIFT_OFF
+            self.record = replace(self.record, mode=self.seen.mode, flown=True, launched=launched)
         if event is Event.CLEAR or (event is Event.COME_DOWN and before not in AIRBORNE):
             self.authority += 1
             self._cleared_number = self._number
@@ -394,11 +397,7 @@ class VehicleCustody:
             self._fail(state, Event.DROP_OUT if ordered and not acts else Event.FAILSAFE)
 
     def _fail(self, state: VehicleState, event: Event) -> None:
-        before = self.record.lost
         self.lose(f"{state.failsafe or 'critical'} failsafe")
-        if self.record.lost != before:
-            unnamed = state.failsafe in ("", "critical")
-            self._explained_until_s = math.inf if unnamed else -math.inf
         self.on(event)
 
     def _take_over(self, what: str, state: VehicleState) -> None:
@@ -409,12 +408,14 @@ class VehicleCustody:
 
     def _explain(self, state: VehicleState) -> None:
         """Recognise the failsafe that has taken it away, reported after its effect."""
-        named = state.failsafe not in ("", "critical", "offboard")
-        if named and state.heard_s < self._explained_until_s:
+        if state.failsafe in ("", "critical", "offboard"):
+            return
+        explains = state.heard_s < self._explained_until_s
+        if explains:
             self._explained_until_s = -math.inf
             self.on(Event.EXPLAIN)
-            lost = self.record.lost and f"{state.failsafe} failsafe"
-            self.record = replace(self.record, lost=lost)
+        if self.record.lost and (explains or self.record.lost == _UNNAMED):
+            self.record = replace(self.record, lost=f"{state.failsafe} failsafe")
 
     def _observe_foreign_acts(
         self, before: VehicleState, state: VehicleState, outcome: Outcome

@@ -76,6 +76,7 @@ FOUND = {
     # What a failsafe has.
     "battery": (ARDUPILOT, FLOWN, "GUIDED", STEP, "LAND", {"failsafe": "battery"},
                 Custody.FAILSAFE),
+    "gcs": (PX4, FLOWN, "OFFBOARD", STEP, "RTL", {"failsafe": "gcs"}, Custody.FAILSAFE),
 }  # fmt: skip
 
 
@@ -405,6 +406,28 @@ def test_a_failsafe_whose_cause_comes_after_its_mode_is_named(later_s: float, na
     led.observe(seen, taken, 0.0)
     assert led.state is (Custody.FAILSAFE if named else Custody.TAKEN)
     assert led.lost == ("fence failsafe" if named else "taken over: in LAND")
+
+
+def test_a_failsafe_without_a_name_is_named_later_but_explains_no_later_mode() -> None:
+    led = custody_of(ARDUPILOT, FLOWN)
+    order = Outcome(STEP, 1, "failsafe", "in LAND, critical failsafe")
+    led.observe(seen_in("LAND", heard_s=10.0, failsafe="critical"), order, 0.0)
+    assert led.state is Custody.FAILSAFE and led.lost == "critical failsafe"
+    led.observe(seen_in("GUIDED", heard_s=11.0), order, 1.0)
+    led.observe(seen_in("LOITER", heard_s=12.0), order, 2.0)
+    assert led.state is Custody.TAKEN and led.lost == "critical failsafe"
+    led.observe(seen_in("LOITER", heard_s=60.0, failsafe="battery"), order, 50.0)
+    assert led.state is Custody.TAKEN and led.lost == "battery failsafe"
+
+
+@pytest.mark.parametrize("launched", [True, False])
+def test_only_what_the_bridge_has_launched_is_recalled_from_a_pilot(launched: bool) -> None:
+    led = custody_of(ARDUPILOT, replace(FLOWN, custody=Custody.RELEASED, launched=launched))
+    led.observe(seen_in("GUIDED"), Outcome(), 0.0)
+    assert led.clear(0.0, alone=True) == Accepted("cleared to fly")
+    led.observe(seen_in("LOITER"), Outcome(STEP, 1, "taken_over", "in LOITER"), 1.0)
+    assert led.state is Custody.TAKEN
+    assert (led.operate("return") == Accepted("ordered to return")) == launched
 
 
 def test_a_vehicle_without_a_search_is_not_cleared_to_fly() -> None:
