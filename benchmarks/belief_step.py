@@ -16,10 +16,11 @@ from benchmarks.processes import BenchmarkError
 from benchmarks.workload import random_walks
 from dsse_ros.belief import belief_kernels
 from dsse_ros.belief.belief import Forecast
-from dsse_ros.scenario.rules import ACTION_VECTORS
+from dsse_ros.scenario.actions import ACTION_VECTORS
 from dsse_ros.scenario.scenario import scenario_and_rules
 from dsse_ros.search.world import World
 from dsse_ros.search.world_beliefs import DRIFT_SAMPLES, WorldBeliefs
+from dsse_ros.targets.motion import STAND_STILL, STEPS
 
 RULES = ("paper", "v2")
 WAYS = ("two_cores", "numpy")
@@ -171,7 +172,7 @@ class _Search:
         slot = self.forecast.look(self.forecast.first_step + step)
         directions = self.forecast.steps.directions[slot].tolist()
         return [
-            None if direction == belief_kernels.STAND_STILL else self.table(slot, direction)
+            None if direction == STAND_STILL else self.table(slot, direction)
             for direction in directions
         ]
 
@@ -183,8 +184,8 @@ class _Search:
         scratch = np.empty(side * side + belief_kernels.ROW)
         of_slot = forecast.steps.at(slot)._replace(directions=np.array([direction]))
         belief_kernels.predict(forecast.constants, forecast.sea, after, of_slot, scratch)
-        table = np.zeros((belief_kernels.STEPS, side * side))
-        for step in range(belief_kernels.STEPS):
+        table = np.zeros((STEPS, side * side))
+        for step in range(STEPS):
             offset = (step // 3 - 1) * side + step % 3 - 1
             table[step, max(-offset, 0) : side * side - max(offset, 0)] = after.diagonal(offset)
         return table.reshape(-1, side, side)

@@ -194,7 +194,7 @@ def fly_with_fault(planner: str, fault: str, count: int) -> PlayedMissions:
 def fly(planner: str, key: str, count: int, disturbance: str) -> PlayedMissions:
     """Play the missions of a case."""
     case, disturbed = CASES[key], DISTURBANCES[disturbance]
-    kinds = (np.bool_, np.int64, np.int64, np.float64, np.int64, np.int64)
+    kinds: tuple[Any, ...] = (np.bool_, np.int64, np.int64, np.float64, np.int64, np.int64)
     whole = PlayedMissions(*(np.zeros(count, kind) for kind in kinds))
     parts = list(case.parts(count))
     shared = PLANNER_SEEDS.get(planner)

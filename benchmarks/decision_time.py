@@ -13,7 +13,6 @@ import json
 import math
 import sys
 import time
-from collections.abc import Hashable
 from pathlib import Path
 from typing import Any
 from unittest import mock
@@ -60,7 +59,7 @@ def mean_steps(key: str, options: BeamOptions, seed: int, most: int | None = Non
     belief, exact = forecast.belief(), forecast_for(scenario, rules).belief()
     looks, actions = looks_of(scenario, rules), rules.action_set
     present = list(scenario.drones_positions)
-    agents: list[Hashable] = list(range(len(present)))
+    agents = list(range(len(present)))
     mean = 0.0
     for _ in range(most or scenario.timestep_limit):
         mean += 1.0 - exact.pos

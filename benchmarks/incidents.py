@@ -82,7 +82,7 @@ def incident(number: int) -> dict[str, Any]:
     current = {"speed": drawn(0, 0.8), "toward": drawn(0, 360), "error": drawn(0.05, 0.2)}
     # The coast is to leeward.
     coast_deg = wind["from"] + 180 + drawn(-60, 60)
-    seen = []
+    seen: list[dict[str, Any]] = []
     for _ in range(1 + max(number % 5 - 1, 0)):
         away = _moved(at, coast_deg + 180 + drawn(-90, 90), drawn(0, 1500) if seen else 0.0)
         seen.append(
@@ -119,7 +119,7 @@ def incident(number: int) -> dict[str, Any]:
 def _moved(at: Sequence[float], bearing_deg: float, distance_m: float) -> list[float]:
     """Return the latitude and longitude at a distance."""
     north_m, east_m = distance_m * cos(radians(bearing_deg)), distance_m * sin(radians(bearing_deg))
-    return [float(degrees) for degrees in displaced(*at, east_m, north_m)]
+    return [float(degrees) for degrees in displaced(at[0], at[1], east_m, north_m)]
 
 
 def _coast(at: Sequence[float], bearing_deg: float, rng: np.random.Generator) -> dict[str, Any]:

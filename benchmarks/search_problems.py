@@ -8,7 +8,7 @@ The value of a problem is the probability of success of all looks.
 from __future__ import annotations
 
 import time
-from collections.abc import Hashable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -181,7 +181,7 @@ def solve(problem: Problem) -> Solution:
     forecast = forecast_for(scenario, rules, horizon=steps - problem.lead)
     belief, present = forecast.belief(), list(scenario.drones_positions)
     looks, actions = looks_of(scenario, rules), rules.action_set
-    agents: list[Hashable] = list(range(len(present)))
+    agents = list(range(len(present)))
     for _ in range(problem.lead):
         belief.update([look for n in agents for look in looks.done(n, actions.search, present[n])])
         belief.advance()
@@ -196,7 +196,8 @@ def solve(problem: Problem) -> Solution:
         bound = upper_bound(tactic.problem, CUTS, np.random.default_rng(SEED))
     stated, bound = (before + (1.0 - before) * value for value in (tactic.value, bound))
 
-    paths = [[present[n]] * problem.lead + path for n, path in tactic.paths().items()]
+    planned = tactic.paths()
+    paths = [[present[n]] * problem.lead + planned[n] for n in agents]
     world = World(scenario, rules, WORLDS, write_maps=False)
     world.seed(SEED)
     world.reset()

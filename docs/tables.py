@@ -349,10 +349,11 @@ def topics_table(program: str) -> str:
 
 def meanings(enum: type) -> dict[str, str]:
     """Return the sentences below the members of an enumeration."""
-    body = ast.parse(textwrap.dedent(inspect.getsource(enum))).body[0].body
+    definition = ast.parse(textwrap.dedent(inspect.getsource(enum))).body[0]
+    assert isinstance(definition, ast.ClassDef)
     return {
-        member.targets[0].id: sentence.value.value.removesuffix(".")
-        for member, sentence in itertools.pairwise(body)
+        ast.unparse(member.targets[0]): ast.literal_eval(sentence.value).removesuffix(".")
+        for member, sentence in itertools.pairwise(definition.body)
         if isinstance(member, ast.Assign) and isinstance(sentence, ast.Expr)
     }
 

@@ -90,7 +90,7 @@ def _commands() -> tuple[Take, list[bytes]]:
 
     frame = GridFrame(8, 130.0, -24.0, -46.0, 0.0, 120.0)
     actions = ("left", "right", "up", "down", "search")
-    kinds: list[tuple[Any, Take]] = [
+    kinds: list[tuple[Any, Callable[[Any], object]]] = [
         (String, lambda m: commands.parse_action_name(m.data, actions)),
         (PoseStamped, lambda m: commands.parse_goal(pose_from_message(m), frame)),
         (
@@ -125,7 +125,7 @@ def _observations() -> tuple[Take, list[bytes]]:
     from msg_adapters.mission_report import mission_report_from_message
     from msg_adapters.step_report import step_report_from_message
 
-    kinds: list[tuple[Any, Take]] = [
+    kinds: list[tuple[Any, Callable[[Any], object]]] = [
         (String, lambda message: agents_from_json(message.data)),
         (Image, image_to_probability),
         (PointCloud2, step_report_from_message),

@@ -136,7 +136,7 @@ class PlainScheduler:
         mode, timeout = self.timing.mode, self.timing.command_timeout_s
         if mode == "manual" or self.paused or self.done:
             return Due.NOTHING
-        left = (1 - min(self.share, 1)) * self.period()
+        left = (1 - min(self.share, Fraction(1))) * self.period()
         if 0 < left < Fraction(1, 10**6):
             return None
         if left > 0:
@@ -260,7 +260,8 @@ class ControllerMachine(RuleBasedStateMachine):
         self.place = None
         if isinstance(order, tuple):
             self.place = order
-            order = GoTo(*self.flight.place(*order[:2]), order[2], ACCEPTANCE_M)
+            lat_deg, lon_deg = self.flight.place(*order[:2])
+            order = GoTo(lat_deg, lon_deg, order[2], ACCEPTANCE_M)
         if isinstance(order, TakeOff):
             order = TakeOff(order.alt_amsl_m, arm=self.arm)
         self.orders += 1
