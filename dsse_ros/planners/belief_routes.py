@@ -79,7 +79,7 @@ class RoutesOnBelief(ABC):
         if self._follower is None or due:
             steps = max(1, min(self.period, self._limit - belief.step))
             routes = self.plan(belief, present, steps, self._swarm.actions_of(agents))
-            # The one who flies the tactic keeps slower drones apart.
+            # `BeliefPlanner` keeps slower drones apart.
             self._follower = RouteFollower(
                 replace(self._swarm, has_slower=False), seed=self._seed + belief.step
             )

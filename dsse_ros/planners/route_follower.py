@@ -136,8 +136,8 @@ class RouteFollower:
             agents: The live drones.
             present: Their cells.
             under_way: Drones that take no commands.
-            left: (G, G), what is left to cover. Drones cover what they fly over, so they skip the
-                rest of their routes. None if they search.
+            left: (G, G), what is left to cover: drones skip the covered cells of their routes. None
+                if they search.
         """
         tracks = [self._tracks[agent] for agent in agents]
         actions = self._swarm.actions_of(agents)
