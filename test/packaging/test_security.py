@@ -27,7 +27,7 @@ SECRETIVE = {
 SECRETS = {"token", "cookie", "key", "given"}
 
 
-# The policy for sros2; test_docs.py holds it against the running nodes.
+# The policy for sros2; test_docs.py compares it with the running nodes.
 
 
 def test_the_policy_has_the_topics_of_the_table() -> None:
