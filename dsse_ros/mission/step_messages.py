@@ -59,13 +59,14 @@ class StepMessages:
 
     Attributes:
         mission, frame, run_id: As given.
+        bodies: The body frame of each drone.
     """
 
     def __init__(self, mission: Mission, frame: GridFrame, run_id: int) -> None:
         self.mission = mission
         self.frame = frame
         self.run_id = run_id
-        self._bodies = [base_link(n, frame.frame_prefix) for n in mission.env.possible_agents]
+        self.bodies = [base_link(n, frame.frame_prefix) for n in mission.env.possible_agents]
         self._reused: dict[tuple[str, int], Any] = {}
         self._positions: tuple[StepResult, list[Position]] | None = None
 
@@ -95,7 +96,7 @@ class StepMessages:
 
     def body_header(self, stamp: Any, drone: int) -> Any:
         """Return the header of a message in the body frame of a drone."""
-        return header(self._bodies[drone], stamp)
+        return header(self.bodies[drone], stamp)
 
     @property
     def positions(self) -> list[Position]:

@@ -7,7 +7,6 @@ from __future__ import annotations
 from typing import Any
 
 from builtin_interfaces.msg import Time
-from nav_msgs.msg import Odometry
 from rclpy.publisher import Publisher
 from rosgraph_msgs.msg import Clock
 from std_msgs.msg import String
@@ -21,14 +20,8 @@ from dsse_ros.scenario.agents import AgentsInfo, agents_json, area_rows
 from dsse_ros.scenario.frames import GridFrame, map_positions
 from dsse_ros.scenario.geodesy import map_in_earth
 from dsse_ros.search import FieldError, SearchDefinition
-from msg_adapters.poses import (
-    base_link,
-    earth_transform,
-    odometry,
-    transforms,
-    yaw_of,
-)
-from msg_adapters.stamps import header, to_stamp
+from msg_adapters.poses import earth_transform, odometry, transforms, yaw_of
+from msg_adapters.stamps import to_stamp
 from msg_adapters.topics import EACH_DRONE, TOPICS, published_by
 
 
@@ -98,8 +91,6 @@ class MissionPublishers:
         self._before = self._cells = mission.result.cells
         # The state that was last published on each topic of paths and markers.
         self._seen: dict[Publisher, tuple[int, ...]] = {}
-        # Reused for each step: making these messages takes as long as publishing them.
-        self._odom_of = [Odometry() for _ in self._names]
 
     @property
     def run_id(self) -> int:
@@ -211,10 +202,10 @@ class MissionPublishers:
         duration = self._mission.env.scenario.step_duration_s
         speed = self._frame.cell_size_m / duration if share < 1 else 0.0
         velocities = [(dx * speed, -dy * speed) for dx, dy in way.tolist()]
-        head, positions = header(self._frame.map_frame, stamp), map_positions(self._frame, cells)
-        bodies = [base_link(name, self._frame.frame_prefix) for name in self._names]
+        head, positions = self._messages.header(stamp), map_positions(self._frame, cells)
+        bodies = self._messages.bodies
         for i in subscribed:
-            into = self._odom_of[i]
+            into = self._messages.reused("drone<i>/odom", i)
             odoms[i].publish(odometry(head, bodies[i], positions[i], velocities[i], into))
         if has_tf:
             of_drones = transforms(head, bodies, positions, map(yaw_of, velocities))
