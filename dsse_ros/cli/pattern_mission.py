@@ -96,8 +96,8 @@ class PatternMission:
             lat_deg, lon_deg = place("datum", arguments.datum)
         # Cells of 1 m, and the datum as their origin: headings are true there.
         self._frame = replace(
-            frame.of_drone(0), grid_size=1, cell_size_m=1.0, origin_lat_deg=lat_deg,
-            origin_lon_deg=lon_deg,
+            frame, grid_size=1, cell_size_m=1.0, origin_lat_deg=lat_deg, origin_lon_deg=lon_deg,
+            alt_m=frame.alt_of(0), alts_m=(),
         )  # fmt: skip
 
     def mission(self, settings: FlightSettings, home: Home | None) -> Mission:

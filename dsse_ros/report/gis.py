@@ -84,8 +84,7 @@ def gis_mission(record: RecordedMission, shown: Mapping[int, MissionView]) -> Gi
     tracks = {}
     for n, name in enumerate(record.agents):
         steps = np.flatnonzero(record.in_flight[:, n]).tolist()
-        of_drone = frame.of_drone(n)
-        points = _points(of_drone, record.cells[steps, n], of_drone.alt_m)
+        points = _points(frame, record.cells[steps, n], frame.alt_of(n))
         tracks[name] = tuple(
             GisPoint(lat, lon, alt, times[k])
             for k, (lat, lon, alt) in zip(steps, points, strict=True)

@@ -8,7 +8,7 @@ grid's south-west corner. Columns grow to the east; rows grow to the south, row 
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
@@ -100,10 +100,6 @@ class GridFrame:
     def alt_of(self, drone: int) -> float:
         """Return the flight altitude of one drone, by its number."""
         return self.alts_m[drone] if self.alts_m else self.alt_m
-
-    def of_drone(self, drone: int) -> GridFrame:
-        """Return the frame with the flight altitude of one drone, by its number."""
-        return replace(self, alt_m=self.alts_m[drone], alts_m=()) if self.alts_m else self
 
 
 def altitudes_of(scenario: Scenario) -> tuple[float, ...]:

@@ -94,7 +94,7 @@ def test_each_drone_is_shown_at_the_altitude_of_its_kind() -> None:
 
 def test_the_frame_of_drones_of_one_altitude_is_that_of_the_scenario() -> None:
     frame = scenario_frame(env_of("drone").scenario)
-    assert frame.alts_m == () and frame.of_drone(1) is frame
+    assert frame.alts_m == () and frame.alt_of(1) == frame.alt_m
     assert frame.altitudes_m(3) == [120.0] * 3
 
 
