@@ -103,7 +103,7 @@ class Scene(NamedTuple):
         drones: In the order of the agents.
         datum: Where the search is about; None to leave out.
         radius_m: Radius of the circle about the datum; None to leave out.
-        persons: None to leave out.
+        persons: Those to show.
         flows: Wind and current.
         shore: Rings (K, 2) of x and y in metres; the last point is joined to the first.
         sightings: Last known positions.

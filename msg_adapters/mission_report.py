@@ -18,7 +18,7 @@ from msg_adapters.point_clouds import cloud_message, points_from_message
 from msg_adapters.step_report import POINT
 
 MISSION_REPORT_DTYPE = np.dtype([*POINT])
-"""Layout of an entry: that of a step report without the action mask."""
+"""Layout of an entry: that of a step report up to `held`."""
 
 
 def mission_report_message(header: Header, report: NDArray[Any]) -> PointCloud2:

@@ -29,7 +29,7 @@ from dsse_ros.recording.computed import computed, digest
 from dsse_ros.scenario.agents import AgentsInfo, agents_from_json
 from dsse_ros.scenario.limits import LARGEST_GRID_CELLS, check_cells
 from dsse_ros.search import HOLD, FieldError, SearchEnv
-from msg_adapters.stamps import header, to_nanoseconds
+from msg_adapters.stamps import to_nanoseconds
 from msg_adapters.step_report import step_report_from_message, step_report_message
 from msg_adapters.topics import EACH_DRONE, TOPICS, Reading, of_drones, replayed, topic_of
 
@@ -73,7 +73,7 @@ class ReplayedMission:
     def fewer(self) -> dict[str, tuple[int, int]]:
         """Topics with fewer messages than expected: the number compared, and that expected."""
         expected = {
-            name: (self.steps + 1) * (self.drones if name.startswith("drone<i>/") else 1)
+            name: (self.steps + 1) * (self.drones if name.startswith(EACH_DRONE) else 1)
             for name in self.compared
             if not {"once", "between steps"} & {*TOPICS[name].replay}
         }
@@ -357,9 +357,8 @@ class _Flight:
         if len(report.points) != len(self.info.agents):
             return f": {len(report.points)} drones in the bag, {len(self.info.agents)} in agents"
         own = step_report_of(self.mission, self.frame, self.outcome.run_id)
-        message = step_report_message(
-            header(self.frame.map_frame, report.message.header.stamp), own
-        )
+        head = self._messages.header(report.message.header.stamp)
+        message = step_report_message(head, own)
         if own.dtype != report.points.dtype:
             return _two(": fields", report.points.dtype, own.dtype)
         names = own.dtype.names or ()

@@ -103,9 +103,7 @@ def requested(topic: str, program: str) -> tuple[Any, QoSProfile]:
 class Endpoints:
     """Makes the publishers and subscriptions of a node as the table of topics has them.
 
-    Parameters change their QoS.
-
-    The parameters have the usual names of ROS 2,
+    Parameters change their QoS. They have the usual names of ROS 2,
     `qos_overrides.<resolved topic>.<publisher or subscription>.<policy>`, with the policies
     history, depth, reliability and durability. Only the given ones are declared: a hundred drones
     would have thousands.
