@@ -13,16 +13,12 @@ from numpy.typing import NDArray
 from std_msgs.msg import String
 
 from dsse_ros.mission.mission import Mission
-from dsse_ros.mission.step_reports import mission_report_of, step_report_of
+from dsse_ros.mission.step_messages import StepMessages
 from dsse_ros.scenario.agents import AgentsInfo, agents_json
 from dsse_ros.scenario.definition import SearchDefinition
 from dsse_ros.scenario.frames import GridFrame, scenario_frame
 from dsse_ros.search import parallel_env
-from msg_adapters.mission_report import mission_report_message
-from msg_adapters.occupancy import occupancy_grid
-from msg_adapters.pos import pos_message
-from msg_adapters.stamps import header, to_stamp
-from msg_adapters.step_report import step_report_message
+from msg_adapters.stamps import to_stamp
 
 RUN_ID = 77
 
@@ -78,23 +74,14 @@ class Played:
 
     def step(self) -> Step:
         """Return the step that the mission is in."""
-        mission, frame, result = self.mission, self.frame, self.mission.result
-        stamp = to_stamp(result.stamp_ns)
-        report = step_report_of(mission, frame, self.run_id)
-        pos = mission.pos
+        result, pos = self.mission.result, self.mission.pos
         assert pos is not None
+        topics = ["probability_grid", "belief_grid", "probability_of_success", "step_report"]
+        if self.env.rules.covers:
+            topics.remove("belief_grid")
         return Step(
             number=result.step,
-            messages={
-                "probability_grid": occupancy_grid(
-                    header(frame.map_frame, stamp), frame.cell_size_m, self.env.probability
-                ),
-                **self._belief_grid(stamp),
-                "probability_of_success": pos_message(
-                    self.run_id, mission.number, result.step, pos
-                ),
-                "step_report": step_report_message(header(frame.map_frame, stamp), report),
-            },
+            messages={topic: self._message(topic) for topic in topics},
             cells=result.cells,
             rewards=result.rewards,
             searched=result.actions == self.env.rules.actions.index("search"),
@@ -103,14 +90,10 @@ class Played:
             pos=pos,
         )
 
-    def _belief_grid(self, stamp: Any) -> dict[str, Any]:
-        if self.env.rules.covers:
-            return {}
-        return {
-            "belief_grid": occupancy_grid(
-                header(self.frame.map_frame, stamp), self.frame.cell_size_m, self.mission.belief()
-            )
-        }
+    def _message(self, topic: str) -> Any:
+        # One that is kept would fill the message of an earlier step again.
+        messages = StepMessages(self.mission, self.frame, self.run_id)
+        return messages.make(topic, to_stamp(self.mission.result.stamp_ns))
 
     def play(self, seed: int, steps: int = 10**6) -> Iterator[Step]:
         """Play a mission, or its first steps, by chance."""
@@ -129,8 +112,4 @@ class Played:
     @property
     def mission_report(self) -> Any:
         """The message of the topic of that name."""
-        mission = self.mission
-        report = mission_report_of(mission, self.frame, self.run_id)
-        return mission_report_message(
-            header(self.frame.map_frame, to_stamp(mission.result.stamp_ns)), report
-        )
+        return self._message("mission_report")

@@ -12,23 +12,15 @@ from rclpy.serialization import serialize_message
 from std_msgs.msg import String
 
 from dsse_ros.mission.mission import Mission
-from dsse_ros.mission.step_reports import mission_report_of, step_report_of
+from dsse_ros.mission.step_messages import StepMessages
 from dsse_ros.recording.bag import BagWriter
-from dsse_ros.scenario.agents import AgentsInfo, SearchDefinition, agents_json, area_rows
+from dsse_ros.scenario.agents import AgentsInfo, agents_json, area_rows
 from dsse_ros.scenario.frames import scenario_frame
-from dsse_ros.search import SearchEnv
-from msg_adapters.images import probability_image
-from msg_adapters.mission_report import mission_report_message
-from msg_adapters.stamps import header, to_stamp
-from msg_adapters.step_report import step_report_message
+from dsse_ros.search import SearchDefinition, SearchEnv
+from msg_adapters.stamps import to_stamp
+from msg_adapters.topics import TOPICS
 
-TYPES = {
-    "agents": "std_msgs/msg/String",
-    "belief": "sensor_msgs/msg/Image",
-    "mission_report": "sensor_msgs/msg/PointCloud2",
-    "probability": "sensor_msgs/msg/Image",
-    "step_report": "sensor_msgs/msg/PointCloud2",
-}
+RECORDED = ("agents", "probability", "belief", "step_report", "mission_report")
 
 
 class Bag:
@@ -49,7 +41,7 @@ class Bag:
         path: Path,
         env: SearchEnv,
         *,
-        topics: Collection[str] = tuple(TYPES),
+        topics: Collection[str] = RECORDED,
         namespace: str = "",
         definition: bool = True,
         skip: Collection[int] = (),
@@ -57,7 +49,8 @@ class Bag:
     ) -> None:
         self._bag = BagWriter(path)
         self._channels = {
-            name: self._bag.add_topic(f"{namespace}/{name}", TYPES[name]) for name in topics
+            name: self._bag.add_topic(f"{namespace}/{name}", TOPICS[name].type_name)
+            for name in topics
         }
         self._env, self._frame = env, scenario_frame(env.scenario)
         self._definition = SearchDefinition(env.rules, env.scenario) if definition else None
@@ -77,25 +70,15 @@ class Bag:
 
     def write(self, mission: Mission) -> None:
         """Record a step."""
-        result, frame, env = mission.result, self._frame, self._env
-        stamp = to_stamp(result.stamp_ns)
+        result, stamp = mission.result, to_stamp(mission.result.stamp_ns)
+        messages = StepMessages(mission, self._frame, self._run_id)
         if result.step == 0:
             self._write("agents", String(data=agents_json(self._info(mission))))
-        if result.step not in self._skip:
-            self._write(
-                "probability", probability_image(header(frame.map_frame, stamp), env.probability)
-            )
-            if "belief" in self._channels:
-                self._write(
-                    "belief", probability_image(header(frame.map_frame, stamp), mission.belief())
-                )
-            report = step_report_of(mission, frame, self._run_id)
-            self._write("step_report", step_report_message(header(frame.map_frame, stamp), report))
+        for name in ("probability", "belief", "step_report"):
+            if name in self._channels and result.step not in self._skip:
+                self._write(name, messages.make(name, stamp))
         if mission.done:
-            whole = mission_report_of(mission, frame, self._run_id)
-            self._write(
-                "mission_report", mission_report_message(header(frame.map_frame, stamp), whole)
-            )
+            self._write("mission_report", messages.make("mission_report", stamp))
 
     def _info(self, mission: Mission) -> AgentsInfo:
         scenario, rules = self._env.scenario, self._env.rules
