@@ -63,8 +63,8 @@ def vehicle_health(
         return "error", f"refused: {refused}"
     if not state.connected:
         return "stale", vehicle.trouble or blocked or f"no heartbeat on {vehicle.connection}"
-    if vehicle.state.problem or vehicle.state.identity.twins:
-        return "error", vehicle.state.problem or vehicle.state.identity.twins
+    if state.unfit:
+        return "error", state.unfit
     if blocked:
         return "warning", f"waits: {blocked}"
     if state.failsafe or outcome.status in ("failed", "taken_over", "failsafe"):

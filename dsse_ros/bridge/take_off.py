@@ -16,13 +16,12 @@ def lacks(state: VehicleState, because: str) -> tuple[str, str]:
         state: What it reports.
         because: What is wrong with its link.
     """
-    unfit = state.problem or state.identity.twins
     if not state.mode:
         return "no heartbeat", because
     if not state.connected:
         return "", ""
-    if unfit:
-        return unfit, ""
+    if state.unfit:
+        return state.unfit, ""
     if state.identity.uid is None:
         return "no AUTOPILOT_VERSION", because
     if not state.has_position:

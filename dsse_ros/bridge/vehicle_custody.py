@@ -206,9 +206,8 @@ class VehicleCustody:
             return self._clear_in_the_air(search_alive=search_alive)
         if custody is Custody.FOLLOWING:
             return Accepted("cleared to fly")
-        problem = seen.problem or seen.identity.twins
-        if problem or not seen.mode:
-            return Rejected("unfit", problem or "no heartbeat")
+        if seen.unfit or not seen.mode:
+            return Rejected("unfit", seen.unfit or "no heartbeat")
         if custody is Custody.ENDING:
             return Rejected("in_the_air", "coming down: clear it once it is down")
         if seen.flying or seen.armed:
@@ -251,8 +250,7 @@ class VehicleCustody:
     def clear_automatically(self, now_s: float) -> None:
         """Clear it according to the parameter `arm`, if that applies to this search."""
         seen, custody, always = self.seen, self.state, self._arm == "always"
-        unfit = seen.problem or seen.identity.twins or not seen.connected
-        if not self._automatic or unfit or self.is_out:
+        if not self._automatic or seen.unfit or not seen.connected or self.is_out:
             return
         flown = self.record.flown and self.record.search == self.search
         if custody is Custody.FREE or (always and custody is Custody.GROUNDED and not flown):

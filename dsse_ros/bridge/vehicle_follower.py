@@ -289,11 +289,11 @@ class VehicleFollower:
             self._place_watch = PlaceWatch()
         because = f": {trouble}" if trouble else ""
         silent = bool(state.mode) and not state.connected
-        if state.problem or state.identity.twins:
-            self.custody.drop_out(state.problem or state.identity.twins)
+        if state.unfit:
+            custody.drop_out(state.unfit)
         elif silent and now_s - state.heard_s >= self._settings.lost_timeout and not self.lost:
             timeout_s = self._settings.lost_timeout
-            self.custody.drop_out(f"link lost: no heartbeat for {timeout_s:g} s{because}")
+            custody.drop_out(f"link lost: no heartbeat for {timeout_s:g} s{because}")
 
     def _watch_place(self, state: VehicleState, now_s: float) -> None:
         """Recognise whether it has left its place, the fence or the air without an order."""
@@ -312,7 +312,7 @@ class VehicleFollower:
             # A mission goes on without the bridge, and all of it is checked before.
             outside = watch.outside(state, now_s, fence)
             if outside and custody.state is Custody.FOLLOWING:
-                self.custody.drop_out(f"outside the fence: {outside}")
+                custody.drop_out(f"outside the fence: {outside}")
 
     def _low_reason(self, state: VehicleState) -> Low:
         """Return why it may be below the lowest altitude."""

@@ -164,6 +164,11 @@ class VehicleState:
     _complaints: tuple[tuple[str, float], ...] = ()
 
     @property
+    def unfit(self) -> str:
+        """Why it must not be flown, by its kind or as it has a double; empty if it may be."""
+        return self.problem or self.identity.twins
+
+    @property
     def unready(self) -> str:
         """Its latest reports of why it is not ready; empty if it is, or has not reported why."""
         return "; ".join(text for text, _ in self._complaints)
