@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from dsse_ros.mission.vehicle_missions import FlightSettings
@@ -131,7 +132,7 @@ class BridgeSettings(FlightSettings):
             # The records of the vehicles are kept by system id.
             if (number := self.system_ids.count(system_id)) > 1:
                 raise FieldError(f"system_ids must differ, got {system_id} for {number} vehicles")
-        if self.own_system_id in (self.system_ids or range(1, count + 1)):
+        if self.own_system_id in self.vehicle_ids:
             raise FieldError(
                 f"own_system_id must not be a vehicle's system id, got {self.own_system_id}"
             )
@@ -156,3 +157,8 @@ class BridgeSettings(FlightSettings):
     def vehicles(self) -> int:
         """Number of vehicles."""
         return self.num_vehicles or len(self.connections) or 1
+
+    @property
+    def vehicle_ids(self) -> Sequence[int]:
+        """System ids of the vehicles."""
+        return self.system_ids or range(1, self.vehicles + 1)

@@ -204,7 +204,6 @@ def _fleet(settings: BridgeSettings) -> Fleet:
     connections = settings.connections or AUTOPILOTS[settings.autopilot].connections(
         settings.vehicles
     )
-    system_ids = settings.system_ids or range(1, settings.vehicles + 1)
     try:
         return Fleet(
             [
@@ -220,7 +219,7 @@ def _fleet(settings: BridgeSettings) -> Fleet:
                     recovery_alt_m=settings.min_altitude,
                     signing_key_file=settings.signing_key_file,
                 )
-                for connection, system_id in zip(connections, system_ids, strict=True)
+                for connection, system_id in zip(connections, settings.vehicle_ids, strict=True)
             ]
         )
     except (OSError, ValueError) as error:
