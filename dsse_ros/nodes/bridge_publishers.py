@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticStatus
@@ -115,27 +115,6 @@ class BridgePublishers:
         level, message = vehicle_health(
             vehicle, progress.lost, refused, blocked, follower.leaves_layer
         )
-        values: dict[str, object] = {
-            "custody": custody,
-            "connected": _text(state.connected),
-            "ready": _text(state.ready),
-            "armed": _text(state.armed),
-            "flying": _text(state.flying),
-            "mode": state.mode,
-            "failsafe": state.failsafe,
-            "cell": "" if leg is None else f"{leg.cell[0]} {leg.cell[1]}",
-            "arrived": _text(follower.progress.arrived),
-            "order": shown_order(outcome.order),
-            "status": outcome.status,
-            "reason": outcome.reason,
-            "refused": refused,
-            "blocked": blocked,
-            "leaves_layer": follower.leaves_layer,
-            "return_altitude": f"{state.return_alt_m:g}",
-            "item_current": state.item_current,
-            "item_reached": state.item_reached,
-        }
-        values |= {f"count.{key}": n for key, n in sorted(vehicle.counts.items())}
         state_message = vehicle_state_message(
             self._names[i],
             f"{vehicle.connection} system {vehicle.system_id}",
@@ -143,7 +122,7 @@ class BridgePublishers:
             progress,
             level=level,
             message=message,
-            values=values,
+            values=_state_values(follower, vehicle, refused),
         )
         self._states[i].publish(state_message)
         self._statuses[i] = state_message.status[0]
@@ -170,18 +149,7 @@ class BridgePublishers:
             holding: Whether the vehicles hold because no steps come.
             trouble: Why no vehicle can fly; empty if they can.
         """
-
-        def names(has: Callable[[VehicleFollower], object]) -> list[str]:
-            return [name for name, one in zip(self._names, followers, strict=True) if has(one)]
-
-        pairs = zip(self._names, vehicles, strict=True)
-        named = {
-            "lost": names(lambda one: one.lost),
-            "refused": names(lambda one: one.refused),
-            "blocked": names(lambda one: one.blocked),
-            "leaves_layer": names(lambda one: one.leaves_layer),
-            "unreachable": [name for name, vehicle in pairs if vehicle.trouble],
-        }
+        named = self._named(vehicles, followers)
         own = fleet_health(
             len(vehicles),
             named=named,
@@ -209,6 +177,45 @@ class BridgePublishers:
             for i, status in sorted(self._statuses.items())
         ]  # fmt: skip
         self._diagnostics.publish(own, values, of_vehicles)
+
+    def _named(
+        self, vehicles: Sequence[Vehicle], followers: Sequence[VehicleFollower]
+    ) -> dict[str, list[str]]:
+        """Return the names of the drones whose vehicles have a trouble, by the trouble."""
+        each = list(zip(self._names, vehicles, followers, strict=True))
+        return {
+            "lost": [name for name, _, follower in each if follower.lost],
+            "refused": [name for name, _, follower in each if follower.refused],
+            "blocked": [name for name, _, follower in each if follower.blocked],
+            "leaves_layer": [name for name, _, follower in each if follower.leaves_layer],
+            "unreachable": [name for name, vehicle, _ in each if vehicle.trouble],
+        }
+
+
+def _state_values(follower: VehicleFollower, vehicle: Vehicle, refused: str) -> dict[str, object]:
+    """Return the values of a `vehicle_state` by key, but for those of its `Progress`."""
+    state, outcome, leg = vehicle.state, vehicle.outcome, follower.progress.leg
+    values: dict[str, object] = {
+        "custody": follower.custody.state.value,
+        "connected": _text(state.connected),
+        "ready": _text(state.ready),
+        "armed": _text(state.armed),
+        "flying": _text(state.flying),
+        "mode": state.mode,
+        "failsafe": state.failsafe,
+        "cell": "" if leg is None else f"{leg.cell[0]} {leg.cell[1]}",
+        "arrived": _text(follower.progress.arrived),
+        "order": shown_order(outcome.order),
+        "status": outcome.status,
+        "reason": outcome.reason,
+        "refused": refused,
+        "blocked": follower.blocked,
+        "leaves_layer": follower.leaves_layer,
+        "return_altitude": f"{state.return_alt_m:g}",
+        "item_current": state.item_current,
+        "item_reached": state.item_reached,
+    }
+    return values | {f"count.{key}": n for key, n in sorted(vehicle.counts.items())}
 
 
 def _text(flag: bool) -> str:
