@@ -55,7 +55,7 @@ class VehicleSettings(ControllerSettings):
     """A vehicle, how it is reached and how it is flown.
 
     Attributes:
-        connection: See `link.parse_connection`.
+        connection: In one of the forms of `link.parse_connection`.
         system_id: The vehicle's.
         own_system_id: Ours.
         signing_key_file: 32 bytes or 64 hexadecimal digits that nobody else can read; empty to
@@ -95,7 +95,7 @@ class Vehicle:
         settings: How to reach the vehicle and how to fly it.
 
     Raises:
-        ValueError: If the connection is none, or there is no key in the key file.
+        ValueError: If the connection has none of the forms, or there is no key in the key file.
     """
 
     def __init__(self, settings: VehicleSettings) -> None:
