@@ -56,7 +56,7 @@ class Event(Enum):
     CLEAR = "it is cleared: `~/arm`, or by the parameter `arm`"
     LIFT_OFF = "its motors turn for the take-off"
     SEARCH_OVER = "its drone's search is over"
-    DROP_OUT = "it has dropped out of the search: link lost, order failed, outside the fence"
+    DROP_OUT = "it drops out: link lost, order failed, fence left, failsafe that keeps its mode"
     FALL = "it falls below `min_altitude` without an order"
     HOLD = "an operator calls `~/hold`"
     COME_DOWN = "an operator calls `~/return` or `~/land`, and the bridge has launched it"
