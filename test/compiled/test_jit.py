@@ -78,37 +78,26 @@ def test_processes_that_compile_at_once_do_not_mix_up_their_code(tmp_path: Path)
 
 
 @pytest.mark.slow
-def test_a_named_tuple_with_its_fields_in_another_order_has_it_compiled_anew(
-    tmp_path: Path,
+@pytest.mark.parametrize(
+    "versions",
+    [
+        pytest.param([("Pair", "low", "high"), ("Pair", "high", "low")], id="other order"),
+        pytest.param([("Pair", "low", "high"), ("Couple", "low", "high")], id="other name"),
+    ],
+)
+def test_a_named_tuple_that_changes_has_what_uses_it_compiled_anew(
+    tmp_path: Path, versions: list[tuple[str, str, str]]
 ) -> None:
     (tmp_path / "lower.py").write_text(
         "from dsse_ros.compiled.jit import compiled\n"
         "@compiled()\ndef lower(pair):\n    return pair.low\n"
     )
-    run = "from lower import lower; from pair import Pair; print(lower(Pair(low=1.0, high=2.0)))"
-    for first, second in (("low", "high"), ("high", "low")):
+    for name, first, second in versions:
         (tmp_path / "pair.py").write_text(
             "from typing import NamedTuple\n"
-            f"class Pair(NamedTuple):\n    {first}: float\n    {second}: float\n"
+            f"class {name}(NamedTuple):\n    {first}: float\n    {second}: float\n"
         )
-        done = subprocess.run(
-            [sys.executable, "-B", "-c", run],
-            cwd=tmp_path, check=True, capture_output=True, text=True,
-        )  # fmt: skip
-        assert done.stdout == "1.0\n"
-
-
-@pytest.mark.slow
-def test_a_named_tuple_with_another_name_has_it_compiled_anew(tmp_path: Path) -> None:
-    (tmp_path / "lower.py").write_text(
-        "from dsse_ros.compiled.jit import compiled\n"
-        "@compiled()\ndef lower(pair):\n    return pair.low\n"
-    )
-    for name in ("Pair", "Couple"):
-        (tmp_path / "pair.py").write_text(
-            f"from typing import NamedTuple\nclass {name}(NamedTuple):\n    low: float\n"
-        )
-        run = f"from lower import lower; from pair import {name}; print(lower({name}(1.0)))"
+        run = f"from lower import lower; import pair; print(lower(pair.{name}(low=1.0, high=2.0)))"
         done = subprocess.run(
             [sys.executable, "-B", "-c", run],
             cwd=tmp_path, check=True, capture_output=True, text=True,
