@@ -6,8 +6,8 @@ Numba recompiles a function when its own module has changed, but not when a modu
 which it has a function that it calls or a constant. The functions compiled here depend on all
 modules of this package that their own module imports, directly or not.
 
-Numba's cache knows a named tuple by its class, but compiled code knows its fields by their places:
-here their names in order are a part of the key.
+Numba's cache identifies a named tuple by its class, but compiled code finds its fields by position:
+here the names of the fields, in order, are part of the key.
 
 Processes that write to Numba's cache at once can store the code of one signature under the name of
 another, and from then on all processes load the wrong code. A lock prevents that.
@@ -84,7 +84,7 @@ def _locked(call: Callable[..., Any], folder: Path, kind: int) -> Callable[..., 
 
 
 def _tolerant(load_index: Callable[[], dict[Any, str]]) -> Callable[[], dict[Any, str]]:
-    """Return a loader that takes an index of classes that were renamed for an empty one."""
+    """Return a loader that treats an index with renamed classes as empty."""
 
     @functools.wraps(load_index)
     def load() -> dict[Any, str]:

@@ -39,11 +39,11 @@ FINALISTS, FINALISTS_OF_ALL = 8, 32
 
 
 def steps_planned(rules: Rules, horizon: int | None) -> int:
-    """Return the steps that plans look ahead; by default longer where persons stay near the datum.
+    """Return how many steps plans look ahead, by default fewer if each person has its own drift.
 
     Args:
         rules: The rules of the search.
-        horizon: The steps that are asked for, see `BeamOptions`.
+        horizon: Of `BeamOptions`; None for the default.
     """
     return horizon or (10 if has_own_drift(rules.person_motion) else 15)
 
@@ -51,7 +51,7 @@ def steps_planned(rules: Rules, horizon: int | None) -> int:
 def num_finalists(rules: Rules, num_drones: int) -> int:
     """Return among how many of a beam's plans, besides the last plan, the exact filter chooses.
 
-    The samples overrate a plan that was optimized on them. If each person has an own drift, the
+    The samples overrate a plan that was optimized on them. If each person has its own drift, the
     samples decide: the exact filter would cost as many times as much as there are drift samples,
     for no gain.
     """

@@ -167,7 +167,8 @@ def cell_fix(frame: GridFrame, drone: int, col: int, row: int) -> tuple[float, f
 def offset_m(start: tuple[float, float], end: tuple[float, float]) -> tuple[float, float]:
     """Return metres to north and east between places in degrees that are near each other.
 
-    It is exact to a thousandth of the distance, enough to compare it with a tolerance.
+    The Earth is a sphere here: they are exact to 0.6 % of the distance, enough to compare it with a
+    tolerance.
     """
     north_m = (end[0] - start[0]) * _METRES_PER_DEGREE
     east_deg = (end[1] - start[1] + 180) % 360 - 180
