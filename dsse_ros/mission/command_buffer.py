@@ -127,7 +127,9 @@ class CommandBuffer:
     def _ahead(self, drone: int, cells: NDArray[np.int64]) -> Cell | None:
         """Return the cell of the drone's goal; drop the goal if the drone has reached it."""
         goal = self._goals.get(drone)
-        if goal is not None and goal.cell == (cells[drone, 0], cells[drone, 1]):
+        if goal is None:
+            return None
+        if goal.cell == (cells[drone, 0], cells[drone, 1]):
             self.drop_goal(drone)
             return None
-        return None if goal is None else goal.cell
+        return goal.cell
