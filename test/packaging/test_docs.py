@@ -361,6 +361,7 @@ def test_the_refusals_are_those_of_the_code() -> None:
     sources = (
         ROOT / "dsse_ros" / "mission" / "commands.py",
         ROOT / "dsse_ros" / "mission" / "mission.py",
+        ROOT / "dsse_ros" / "nodes" / "sim_node.py",
     )
     codes = {
         node.args[0].value
