@@ -42,10 +42,10 @@ def modes_of(order: Order, autopilot: Autopilot) -> tuple[str, ...]:
 
 
 def is_ours(record: FlightRecord, state: VehicleState, autopilot: Autopilot) -> bool | None:
-    """Return whether the bridge has brought about the mode of a vehicle, in any of its programs.
+    """Return whether the bridge, or the one before it, has brought about the mode of a vehicle.
 
     Args:
-        record: Its last mode that was, and its last order.
+        record: The last mode that one of them has, and the modes to which its last order leads.
         state: What it reports.
         autopilot: Autopilot of the vehicle.
 
@@ -67,7 +67,7 @@ def lacks_setpoints(record: FlightRecord, state: VehicleState, autopilot: Autopi
     """Return whether a vehicle may have left its guided mode because setpoints stopped.
 
     Args:
-        record: Its last mode that the bridge has brought about, and its last order.
+        record: As for `is_ours`.
         state: What it reports.
         autopilot: Autopilot of the vehicle.
     """

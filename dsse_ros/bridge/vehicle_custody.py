@@ -28,11 +28,12 @@ Arm = Literal["false", "true", "always"]
 """Which searches clear a vehicle: the first one, and a person arms it (`false`) or the bridge does
 (`true`), or each one (`always`)."""
 _ENDS_ON_THE_GROUND = (Custody.FAILSAFE, Custody.RELEASED)
-CONTINUES = ("", "offboard", "radio", "gcs")
+_CONTINUES = ("", "offboard", "radio", "gcs")
 """Failsafes after which the bridge goes on with an autopilot that stays in its mode, or brings it
 back to that mode."""
 FAILSAFE_S = 5.0
-"""Time in which an autopilot that is critical without giving a reason may recover."""
+"""Time in which an autopilot may recover that is critical without giving a reason, or whose failsafe
+has not changed its mode while it has no order."""
 CONSENT_S = 600.0
 """Time for which a clearance without a search waits for one."""
 _EXPLAINED_S = 3.0
@@ -385,13 +386,13 @@ class VehicleCustody:
         """Recognise a failsafe that does not change the mode, or takes the vehicle later."""
         ordered, acts = outcome.order is not None, self._autopilot.acts_when_critical
         concerns = self.airborne or (ordered and self.state is Custody.CLEARED)
-        if not concerns or state.failsafe in CONTINUES:
+        if not concerns or state.failsafe in _CONTINUES:
             self._failsafe_since_s = math.inf
             return
         self._failsafe_since_s = min(self._failsafe_since_s, now_s)
         # A critical state without a reason may become a named failsafe.
-        named = state.failsafe != "critical" and (ordered or acts)
-        if named or now_s - self._failsafe_since_s >= FAILSAFE_S:
+        certain = state.failsafe != "critical" and (ordered or acts)
+        if certain or now_s - self._failsafe_since_s >= FAILSAFE_S:
             self._fail(state, Event.DROP_OUT if ordered and not acts else Event.FAILSAFE)
 
     def _fail(self, state: VehicleState, event: Event) -> None:

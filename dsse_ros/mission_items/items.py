@@ -1,6 +1,6 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""One item of a mission, as its files have it.
+"""Missions of vehicles and their items, as files have them.
 
 Commands and frames: https://mavlink.io/en/messages/common.html.
 """
