@@ -105,7 +105,7 @@ def positions(
     incident: Incident, origin: Origin, side_m: float, step_s: float, steps: int,
     rng: np.random.Generator, count: int,
 ) -> NDArray[np.float64]:  # fmt: skip
-    """Return the positions of particles on a grid, as in `targets.ensemble.Tracks`.
+    """Return the positions of particles on a grid, as in `targets.ensemble.WeightedTracks`.
 
     Args:
         incident: The incident, with the time at which the search begins.

@@ -408,7 +408,7 @@ class ResolvedScenario(Scenario):
     def incident_positions(
         self, steps: int, rng: np.random.Generator, count: int
     ) -> NDArray[np.float64]:
-        """Return positions of particles of the incident, see `targets.ensemble.Tracks`.
+        """Return positions of particles of the incident, see `targets.ensemble.WeightedTracks`.
 
         Raises:
             FieldError: If wind, current or given tracks do not cover them.
