@@ -32,8 +32,8 @@ _CONTINUES = ("", "offboard", "radio", "gcs")
 """Failsafes after which the bridge goes on with an autopilot that stays in its mode, or brings it
 back to that mode."""
 FAILSAFE_S = 5.0
-"""Time in which an autopilot may recover that is critical without giving a reason, or has a failsafe
-that leaves its mode while it has no order."""
+"""Time in which an autopilot may recover that is critical without giving a reason, or that has no
+order and a failsafe that keeps its mode."""
 CONSENT_S = 600.0
 """Time for which a clearance without a search waits for one."""
 _EXPLAINED_S = 3.0
