@@ -98,8 +98,11 @@ def test_it_flies_all_orders_over_a_real_link(name: Any, link: Any) -> None:
 
 def test_it_flies_over_a_bad_link() -> None:
     with (
-        # A lost take-off is sent again after 2 s; 10 s after arming, a vehicle disarms itself.
-        running_autopilot(link="udpin", speedup=4, ready_s=5.0, seed=1) as autopilot,
+        # A lost take-off is sent again after 2 s of wall time, within which a vehicle in quick motion
+        # would have disarmed itself.
+        running_autopilot(
+            link="udpin", speedup=4, ready_s=5.0, seed=1, options=("--param", "DISARM_DELAY=120")
+        ) as autopilot,
         running_relay(
             autopilot.port, loss=0.2, duplicate=0.1, reorder=0.2, jitter_s=0.02, seed=1
         ) as relay,
