@@ -98,8 +98,8 @@ def test_it_flies_all_orders_over_a_real_link(name: Any, link: Any) -> None:
 
 def test_it_flies_over_a_bad_link() -> None:
     with (
-        # A lost take-off is sent again after 2 s of wall time, within which a vehicle in quick motion
-        # would have disarmed itself.
+        # A lost take-off is sent again after 2 s of wall time; by its own clock, the vehicle would
+        # soon disarm itself.
         running_autopilot(
             link="udpin", speedup=4, ready_s=5.0, seed=1, options=("--param", "DISARM_DELAY=120")
         ) as autopilot,
