@@ -17,7 +17,6 @@ from typing import Any
 
 import rclpy
 from rclpy.node import Node
-from rclpy.publisher import Publisher
 from rclpy.serialization import deserialize_message
 from std_msgs.msg import Int32MultiArray
 
@@ -42,7 +41,7 @@ class PingPong(Node):
         super().__init__(NAME, start_parameter_services=False)
         self._steps = steps
         self._step = 0
-        self._round: list[tuple[Publisher, Any]] = []
+        self._round: list[tuple[Any, Any]] = []
         self._others: list[list[Any]] = []
         for topic in sorted(topics, key=lambda t: _order(t["topic"])):
             kind = message_type(topic["type"])

@@ -75,9 +75,13 @@ class NavigateToPose:
                     Action,
                     action,
                     lambda _: Action.Result(),
-                    goal_callback=node.isolated(action, partial(self._request, i)),
+                    goal_callback=node.isolated(
+                        action, partial(self._request, i), otherwise=GoalResponse.REJECT
+                    ),
                     handle_accepted_callback=node.isolated(action, partial(self._begin, i)),
-                    cancel_callback=node.isolated(action, self._cancel),
+                    cancel_callback=node.isolated(
+                        action, self._cancel, otherwise=CancelResponse.REJECT
+                    ),
                 )
             )
 

@@ -146,7 +146,9 @@ class AlarmNode(Node):
             self._warned[kind] = now_s
             self.get_logger().warning(text)
 
-    def isolated(self, what: str, callback: Callable[..., T]) -> Callable[..., T | None]:
+    def isolated(
+        self, what: str, callback: Callable[..., T], otherwise: Any = None
+    ) -> Callable[..., T | Any]:
         """Return a callback whose exceptions are logged, because one that escapes ends the node.
 
         A ValueError is bad input: a warning, at most one a second. Any other exception is a defect:
@@ -155,9 +157,10 @@ class AlarmNode(Node):
         Args:
             what: The start of the log line, such as the topic.
             callback: The callback.
+            otherwise: What is returned after an exception.
         """
 
-        def call(*arguments: Any) -> T | None:
+        def call(*arguments: Any) -> T | Any:
             try:
                 return callback(*arguments)
             except ValueError as error:
@@ -167,7 +170,7 @@ class AlarmNode(Node):
                 if self.context.ok() and self._defects.is_new(error):
                     text = "".join(traceback.format_exception(error))
                     self.get_logger().error(f"{what}: defect: {describe(error)}\n{text}")
-            return None
+            return otherwise
 
         return call
 
