@@ -28,9 +28,9 @@ from dsse_ros.scenario.probable_cells import most_probable
 from dsse_ros.scenario.rules import Rules
 from dsse_ros.scenario.scenario import Scenario
 from dsse_ros.step import kernels
-from dsse_ros.step.constants import transitions_of
 from dsse_ros.targets import sea_map
 from dsse_ros.targets.motion import CHANCES, PERSONS
+from dsse_ros.targets.person_kernels import motion_data
 from dsse_ros.targets.registry import MOTIONS
 
 KEPT_BYTES = 1 << 28
@@ -72,7 +72,7 @@ class Forecast(ForecastBase):
         self._world["start_x"], self._world["start_y"] = resolved.person_initial_position
         self._drifts = np.zeros(drifts, PERSONS)
         gauss, tails = np.zeros((2, 2 * g + 1)), np.zeros((2, g + 2))
-        self.sea = sea_map.Sea(gauss, tails, self.area, self.runs, transitions_of(resolved))
+        self.sea = sea_map.Sea(gauss, tails, self.area, self.runs, motion_data(resolved, rules))
         self._circle = np.zeros(g + 1, np.int64)
         self.steps = Steps(
             np.zeros((steps, cells)), np.zeros((steps, CHANCES, cells)),

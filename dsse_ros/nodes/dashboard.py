@@ -137,6 +137,7 @@ class DashboardNode(AlarmNode):
         self.inbox = Inbox(_EVERY_MESSAGE)
         self._server: PageServer | None = None
         self._listener = polling_node(self)
+        self.at_end(self._listener.destroy_node)
         self._shown: dict[str, Shown] = {}
         self._arrivals = Arrivals()
         # Namespace, topic and type by the topic's whole name.
@@ -155,6 +156,7 @@ class DashboardNode(AlarmNode):
             FieldError: If the address cannot be bound, or a setting is not allowed.
         """
         self._server = PageServer(self.inbox, self.settings, self.context.get_domain_id())
+        self.at_end(self._server.stop)
         self._server.start()
         # Loggers of ROS write to /rosout and to a file that others can read too.
         print(f"page at {self._server.url}", flush=True)
@@ -371,13 +373,6 @@ class DashboardNode(AlarmNode):
         self.get_logger().info(f"{name} in {command.namespace or '/'}: {text}")
         topic = "vehicle_answer" if command.name in _OPERATIONS else "answer"
         self._put(command.namespace, topic, f"{name}: {text}")
-
-    def destroy_node(self) -> None:
-        """Close the page and the node."""
-        if self._server is not None:
-            self._server.stop()
-        self._listener.destroy_node()
-        super().destroy_node()
 
 
 def main(argv: list[str] | None = None) -> int:

@@ -70,6 +70,8 @@ class ViewerNode(AlarmNode):
         self._sdk_context = foxglove.Context()
         self._server = self._serve()
         self._topics = RawTopics(self, self.warn, self.settings.exclude)
+        self.at_end(self._topics.destroy)
+        self.at_end(self._server.stop)
         self.alarms.make(self._discover).repeat(DISCOVERY_PERIOD_S)
         self.alarms.make(self._turn).repeat(TAKE_PERIOD_S)
         self._discover()
@@ -146,12 +148,6 @@ class ViewerNode(AlarmNode):
             self._last.pop(topic, None)
             if self._topics.is_subscribed(topic):
                 self._topics.unsubscribe(topic)
-
-    def destroy_node(self) -> None:
-        """Disconnect the clients, and end the node."""
-        self._server.stop()
-        self._topics.destroy()
-        super().destroy_node()
 
 
 def _is_loopback(host: str) -> bool:

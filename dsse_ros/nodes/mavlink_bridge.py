@@ -53,7 +53,9 @@ class BridgeNode(AlarmNode):
         self._simulations = 0
         self.fleet = _fleet(self.settings)
         self._records = self._open_records(self.fleet)
+        self.at_end(self._records.close)
         self.controller = FleetController(self.settings, self.fleet, self._records, self._log)
+        self.at_end(self.hand_over)
         names = self.controller.names
         diagnostics = NodeDiagnostics(self, endpoints)
         self.publishers_ = BridgePublishers(endpoints, diagnostics, names)
@@ -187,12 +189,6 @@ class BridgeNode(AlarmNode):
         """Leave the vehicles to their autopilots."""
         self.controller.close()
         self.fleet.close()
-
-    def destroy_node(self) -> None:
-        """Leave the vehicles to their autopilots, and close the node."""
-        self.hand_over()
-        self._records.close()
-        super().destroy_node()
 
 
 def _fleet(settings: BridgeSettings) -> Fleet:

@@ -51,6 +51,8 @@ class RecorderNode(AlarmNode):
         self._channels: dict[str, int] = {}
         self.messages = 0
         self._missed = Missed()
+        for ending in (self._topics.destroy, self._close, self._take):
+            self.at_end(ending)
         self.get_logger().info(f"recording {self.get_namespace()} to {self.path}")
         self.alarms.make(self._discover).repeat(DISCOVERY_PERIOD_S)
         self.alarms.make(self._take).repeat(TAKE_PERIOD_S)
@@ -112,15 +114,6 @@ class RecorderNode(AlarmNode):
             f"the recording has ended: {self.path}: {error.strerror}; "
             "everything written before can be read"
         )
-
-    def destroy_node(self) -> None:
-        """Write what is left, close the bag and the node."""
-        try:
-            self._take()
-        finally:
-            self._close()
-            self._topics.destroy()
-            super().destroy_node()
 
     def _close(self) -> None:
         bag = self._bag

@@ -104,8 +104,10 @@ class SimNode(AlarmNode):
         self._report_stamp = Time()
         self._subscribe(endpoints)
         endpoints.check_all_used()
+        self.at_end(self.files.close)
         self.files.open(self.frame)
         self._navigation = NavigateToPose(self, self._commands, self._late, self._on_accepted)
+        self.at_end(self._navigation.destroy)
         sim_services.serve(self)
         simulation_interfaces.serve(self)
         self._step_alarm = self.alarms.make(self._advance)
@@ -433,12 +435,6 @@ class SimNode(AlarmNode):
                 for name, level, line, found in drones
             ),
         )
-
-    def destroy_node(self) -> None:
-        """Close the log and the node."""
-        self.files.close()
-        self._navigation.destroy()
-        super().destroy_node()
 
 
 def main(argv: list[str] | None = None) -> int:

@@ -4,7 +4,6 @@
 
 from __future__ import annotations
 
-import json
 import re
 import sys
 from collections.abc import Collection, Iterable, Mapping
@@ -34,10 +33,7 @@ _TYPES = {
     "cell": Parameter.Type.INTEGER_ARRAY,
     "cells": Parameter.Type.INTEGER_ARRAY,
     "names": Parameter.Type.STRING_ARRAY,
-    "area": Parameter.Type.STRING,
-    "matrix": Parameter.Type.STRING,
-    "transitions": Parameter.Type.STRING,
-    "incident": Parameter.Type.STRING,
+    "given": Parameter.Type.STRING,
 }
 
 QOS_PREFIX = "qos_overrides."
@@ -95,12 +91,8 @@ def check_flat(arguments: Iterable[str]) -> None:
 
 def to_ros(spec: Spec, value: Any) -> Any:
     """Return a field's value as a parameter holds it."""
-    if spec.kind == "area":
-        return "" if value is None else value.to_geojson()
-    if spec.kind in ("matrix", "transitions"):
-        return "" if value is None else value.path
-    if spec.kind == "incident":
-        return "" if value is None else json.dumps(value.to_dict())
+    if spec.kind == "given":
+        return "" if value is None else value.to_text()
     if value is None or isinstance(value, bool | int | float | str):
         return value
     if spec.kind == "cells":

@@ -103,9 +103,24 @@ class AlarmNode(Node):
         self.alarms = Alarms(time.monotonic)
         self._warned: dict[str, float] = {}
         self._defects = Defects()
+        self._endings = contextlib.ExitStack()
         self.create_timer(
             _ELSEWHERE_S, self.alarms.ring, clock=Clock(clock_type=ClockType.STEADY_TIME)
         )
+
+    def at_end(self, callback: Callable[[], object]) -> None:
+        """Have the node call this before it is destroyed, and before what it was told earlier.
+
+        rclpy may also destroy a node whose constructor has failed.
+        """
+        self._endings.callback(callback)
+
+    def destroy_node(self) -> None:
+        """Do what is left to do at the end, and close the node."""
+        try:
+            self._endings.close()
+        finally:
+            super().destroy_node()
 
     def declare_parameters(
         self, namespace: str, parameters: Any, ignore_override: bool = False

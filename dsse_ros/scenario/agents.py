@@ -13,15 +13,11 @@ from numpy.typing import NDArray
 
 from dsse_ros.scenario.definition import SearchDefinition
 from dsse_ros.scenario.frames import GridFrame, altitudes_of
-from dsse_ros.scenario.incident import names_files
 from dsse_ros.scenario.json_keys import Keys, parse_json
 from dsse_ros.scenario.limits import MAX_ID, MAX_SIDE
 from dsse_ros.scenario.rules import profile
-from dsse_ros.scenario.scenario import SPECS, ResolvedScenario, Scenario
+from dsse_ros.scenario.scenario import GIVEN, SPECS, ResolvedScenario, Scenario
 from dsse_ros.scenario.sea_state import sea_state
-
-_ARRAYS = ("probability_matrix", "transition_probabilities")
-"""Fields of a scenario that a message has as path and digest."""
 
 _ORIGIN = ("lat_deg", "lon_deg", "alt_m")
 
@@ -83,13 +79,9 @@ def definition_values(definition: SearchDefinition) -> dict[str, Any]:
     """Return the rules and the scenario as JSON values: the inverse of `definition_from`."""
     rules, scenario = definition.rules, definition.scenario
     fields = {name: getattr(scenario, name) for name in SPECS}
-    for name in _ARRAYS:
+    for name in GIVEN:
         if fields[name] is not None:
-            fields[name] = fields[name].reference
-    if scenario.area is not None:
-        fields["area"] = json.loads(scenario.area.to_geojson())
-    if scenario.incident is not None:
-        fields["incident"] = scenario.incident.to_dict()
+            fields[name] = fields[name].to_json()
     return {"rules": asdict(rules), "scenario": fields}
 
 
@@ -136,13 +128,10 @@ def definition_from(keys: Keys, num_drones: int, grid_size: int | None) -> Searc
         if not isinstance(value, dict):
             keys.refuse(name, "an object")
     # A message names no file to be read here, except an array whose digest it knows.
-    if not isinstance(parts["scenario"].get("area"), dict | None):
-        keys.inner("scenario").refuse("area", "a GeoJSON object or null")
-    for name in _ARRAYS:
-        if not isinstance(parts["scenario"].get(name), dict | None):
-            keys.inner("scenario").refuse(name, "an object with path and sha256, or null")
-    if names_files(parts["scenario"].get("incident")):
-        keys.inner("scenario").refuse("incident", "an object without files or null")
+    for name, reader in GIVEN.items():
+        value = parts["scenario"].get(name)
+        if value is not None and not (isinstance(value, dict) and reader.may_be_sent(value)):
+            keys.inner("scenario").refuse(name, f"{reader.IN_MESSAGE} or null")
     try:
         rules = profile("paper", **parts["rules"])
         scenario = Scenario.from_dict(parts["scenario"])

@@ -11,10 +11,10 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from functools import cached_property, lru_cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,8 +28,6 @@ if TYPE_CHECKING:
 
 MAX_BYTES = 10_000_000
 _BLOCK_CELLS = 1 << 16
-ALLOWED = "a GeoJSON file of a Polygon or MultiPolygon, or a list of three or more [lat, lon]"
-
 Point = tuple[float, float]
 """Latitude and longitude in degrees."""
 Polygon = tuple[tuple[Point, ...], ...]
@@ -39,6 +37,12 @@ Polygon = tuple[tuple[Point, ...], ...]
 @dataclass(frozen=True)
 class Area:
     """Polygons on the Earth; the area is their union."""
+
+    ALLOWED: ClassVar[str] = (
+        "a GeoJSON file of a Polygon or MultiPolygon, or a list of three or more [lat, lon]"
+    )
+    IN_MESSAGE: ClassVar[str] = "a GeoJSON object"
+    IS_FILE: ClassVar[bool] = True
 
     polygons: tuple[Polygon, ...]
 
@@ -97,13 +101,27 @@ class Area:
             )
         )
 
-    def to_geojson(self) -> str:
+    @classmethod
+    def may_be_sent(cls, value: Any) -> bool:
+        """Return that a message may have GeoJSON, which names no file."""
+        return True
+
+    @property
+    def identity(self) -> dict[str, Any]:
+        """The polygons."""
+        return asdict(self)
+
+    def to_text(self) -> str:
         """Return the area as GeoJSON text."""
+        return json.dumps(self.to_json())
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the area as GeoJSON."""
         coordinates = [
             [[[lon, lat] for lat, lon in (*ring, ring[0])] for ring in polygon]
             for polygon in self.polygons
         ]
-        return json.dumps({"type": "MultiPolygon", "coordinates": coordinates})
+        return {"type": "MultiPolygon", "coordinates": coordinates}
 
     def prepared(self) -> Callable[[NDArray[Any], NDArray[Any]], NDArray[np.bool_]]:
         """Return a function (latitudes, longitudes) of whether points (...) lie inside, (...) bool.
@@ -112,7 +130,7 @@ class Area:
         """
         import shapely
 
-        polygons = list(shapely.from_geojson(self.to_geojson()).geoms)
+        polygons = list(shapely.from_geojson(self.to_text()).geoms)
         shapely.prepare(polygons)
 
         def contains(lat_deg: NDArray[Any], lon_deg: NDArray[Any]) -> NDArray[np.bool_]:
@@ -234,13 +252,13 @@ def _read(source: str | os.PathLike[str], name: str) -> Any:
         return json.loads(text)
     except OSError as error:
         raise FieldError(
-            f"{name} must be {ALLOWED}, got {shown(source)}: {error.strerror}"
+            f"{name} must be {Area.ALLOWED}, got {shown(source)}: {error.strerror}"
         ) from None
     except FieldError:
         raise
     except (RecursionError, ValueError) as error:
         reason = " ".join(str(error).split())
-        raise FieldError(f"{name} must be {ALLOWED}, got {shown(source)}: {reason}") from None
+        raise FieldError(f"{name} must be {Area.ALLOWED}, got {shown(source)}: {reason}") from None
 
 
 def _geojson_of(content: Any) -> Mapping[str, Any]:
@@ -267,4 +285,4 @@ def _parts_of(geometry: Any) -> Iterator[Any]:
 
 
 def _refusal(value: Any, name: str) -> FieldError:
-    return FieldError(f"{name} must be {ALLOWED}, got {shown(value)}")
+    return FieldError(f"{name} must be {Area.ALLOWED}, got {shown(value)}")

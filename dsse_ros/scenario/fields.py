@@ -13,7 +13,7 @@ import math
 import numbers
 from collections.abc import Collection, Iterable, Mapping, Set
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any, ClassVar, Literal, Protocol
 
 import numpy as np
 
@@ -28,15 +28,56 @@ Kind = Literal[
     "floats",
     "ints",
     "names",
-    "area",
-    "matrix",
-    "transitions",
-    "incident",
+    "given",
 ]
 
 
 class FieldError(ValueError):
     """A value that is not allowed; the message is one line: "field must be ..., got ..."."""
+
+
+class Given(Protocol):
+    """A value that a class of its own reads: a file, an array, a mapping or a text.
+
+    Attributes:
+        ALLOWED: The allowed values, as text.
+        IN_MESSAGE: The values that a message may have, as text.
+        IS_FILE: Whether a text is the path of a file.
+    """
+
+    ALLOWED: ClassVar[str]
+    IN_MESSAGE: ClassVar[str]
+    IS_FILE: ClassVar[bool]
+
+    @classmethod
+    def of(cls, value: Any) -> Given:
+        """Return the value from any of its forms.
+
+        Raises:
+            FieldError: If it is none of them.
+        """
+        ...
+
+    @classmethod
+    def may_be_sent(cls, value: Any) -> bool:
+        """Return whether a message may have this value: it names no file that nobody vouches for.
+
+        A mapping has the form of `to_json`.
+        """
+        ...
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the form in a message."""
+        ...
+
+    def to_text(self) -> str:
+        """Return the form as a parameter."""
+        ...
+
+    @property
+    def identity(self) -> Any:
+        """JSON without names of files; equal for equal values."""
+        ...
 
 
 @dataclass(frozen=True)
@@ -45,18 +86,17 @@ class Spec:
 
     Attributes:
         kind: bool, int, float, str; `vector` is a pair of floats, `cell` a pair of integers
-            (col, row), `cells` a list of cells, `floats`, `ints` and `names` are lists, `area` is
-            any value that `area.Area` reads, `matrix` any value that
-            `probability_matrix.ProbabilityMatrix` reads, `transitions` any value that
-            `transition_probabilities.TransitionProbabilities` reads, `incident` any value that
-            `incident.Incident` reads.
+            (col, row), `cells` a list of cells, `floats`, `ints` and `names` are lists, `given`
+            is any value that `reader` reads.
         doc: One sentence for users, without the unit.
         unit: Unit of the value or of each element, "" if it has none.
         low: Smallest allowed value, inclusive.
         high: Largest allowed value, inclusive.
         above: Values must be greater than this.
         choices: The allowed values of a `str` field, empty for any.
-        optional: Whether None ("derive it" or "the profile's default") is allowed.
+        optional: Whether None ("derive it" or "the profile's default") is allowed; an empty text
+            is then the None of a `given` field.
+        reader: Class of the value of a `given` field.
     """
 
     kind: Kind
@@ -67,9 +107,12 @@ class Spec:
     above: float = -math.inf
     choices: Collection[str] = ()
     optional: bool = False
+    reader: type[Given] | None = None
 
     def allowed(self) -> str:
         """Return the allowed values as text."""
+        if self.reader is not None:
+            return self.reader.ALLOWED
         noun = {
             "bool": "true or false",
             "int": "an integer",
@@ -81,11 +124,6 @@ class Spec:
             "floats": "a list of finite numbers",
             "ints": "a list of integers",
             "names": "a list of names",
-            "matrix": "a square matrix of numbers >= 0, or a .npy, CSV or GeoTIFF file of one",
-            "transitions": "an array (G, G, 9) or (G G, G G) of probabilities, or a .npy or .npz "
-            "file of one",
-            "incident": "a mapping with object, seen and search_start",
-            "area": "a GeoJSON file of a Polygon or MultiPolygon, or a list of [lat, lon]",
         }[self.kind]
         if self.choices:
             return "one of " + ", ".join(self.choices)
@@ -104,8 +142,11 @@ class Spec:
         Raises:
             FieldError: If the value is not allowed.
         """
-        if value is None and self.optional:
+        empty = self.kind == "given" and isinstance(value, str) and not value
+        if self.optional and (value is None or empty):
             return None
+        if self.reader is not None:
+            return self.reader.of(value)
         try:
             return self._convert(value)
         except (TypeError, ValueError, OverflowError):
@@ -148,8 +189,8 @@ class Spec:
                 if not all(isinstance(item, str) for item in items):
                     raise TypeError
                 return items
-            case "area" | "matrix" | "transitions" | "incident":
-                return value
+            case "given":
+                raise TypeError
 
     def _cell(self, value: Any) -> tuple[int, int]:
         col, row = _elements(value)

@@ -22,6 +22,8 @@ from dsse_ros.scenario.fields import FieldError, shown
 if TYPE_CHECKING:
     from typing_extensions import Self
 
+    from dsse_ros.scenario.geodesy import Origin
+
 
 @dataclass(frozen=True)
 class GivenArray:
@@ -37,6 +39,9 @@ class GivenArray:
     path: str = field(compare=False)
     values: NDArray[np.float64] = field(compare=False, repr=False)
 
+    IN_MESSAGE: ClassVar[str] = "an object with path and sha256"
+    IS_FILE: ClassVar[bool] = True
+
     NAME: ClassVar[str]
     """The field of the scenario."""
     ALLOWED: ClassVar[str]
@@ -46,7 +51,7 @@ class GivenArray:
 
     @classmethod
     def of(cls, value: Any) -> Self:
-        """Return the array from an array, a file, or a `reference`.
+        """Return the array from an array, a file, or its `to_json`.
 
         Raises:
             FieldError: If the value is none of these, or the file cannot be read or has changed.
@@ -90,16 +95,34 @@ class GivenArray:
             FieldError, ValueError: If its values are not allowed.
         """
 
+    @classmethod
+    def may_be_sent(cls, value: Any) -> bool:
+        """Return that a message may have a file, whose digest it states."""
+        return True
+
     @property
-    def reference(self) -> dict[str, str]:
-        """The path and the digest, for JSON."""
+    def identity(self) -> str:
+        """The digest."""
+        return self.sha256
+
+    def to_text(self) -> str:
+        """Return the path."""
+        return self.path
+
+    def to_json(self) -> dict[str, str]:
+        """Return the path and the digest."""
         return {"path": self.path, "sha256": self.sha256}
 
-    def check_side(self, grid_size: int) -> None:
-        """Raise unless the array is of a grid of this size.
+    def check_place(self, grid_size: int, cell_size_m: float, origin: Origin) -> None:
+        """Raise unless the array has the size and, if georeferenced, the place of this grid.
+
+        Args:
+            grid_size: Cells along a side.
+            cell_size_m: Side of a cell.
+            origin: The grid's south-west corner.
 
         Raises:
-            FieldError: If it is not.
+            FieldError: If it has not.
         """
         side = len(self.values)
         if side != grid_size:

@@ -47,12 +47,8 @@ def identity_of(scenario: ResolvedScenario, rules: Rules) -> dict[str, Any]:
 
 def _plain(value: Any) -> Any:
     match value:
-        case Incident():
+        case Area() | GivenArray() | Incident():
             return value.identity
-        case GivenArray():
-            return value.sha256
-        case Area():
-            return dataclasses.asdict(value)
         case np.ndarray() if not value.dtype.hasobject:
             return digest_of([value])
         case np.generic():

@@ -12,7 +12,7 @@ import json
 import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple, get_args
+from typing import Any, ClassVar, NamedTuple, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -97,6 +97,10 @@ class Incident:
             differs in the fields of `truth`.
     """
 
+    ALLOWED: ClassVar[str] = "a mapping with object, seen and search_start"
+    IN_MESSAGE: ClassVar[str] = "an object without files"
+    IS_FILE: ClassVar[bool] = False
+
     key: str
     sightings: tuple[Sighting, ...]
     search_start_s: float
@@ -122,7 +126,7 @@ class Incident:
         """Return the incident from its fields, or from JSON text of them.
 
         Args:
-            value: The fields as in YAML, or `to_dict` of an incident.
+            value: The fields as in YAML, or `to_json` of an incident.
             folder: Folder to which paths of files are relative.
 
         Raises:
@@ -142,13 +146,27 @@ class Incident:
             # Errors of `dsse_ros.drift`.
             raise FieldError(f"incident: {error}") from None
 
-    def to_dict(self) -> dict[str, Any]:
+    @classmethod
+    def may_be_sent(cls, value: Any) -> bool:
+        """Return whether fields of an incident name no files."""
+        laws = [law for law in (value, value.get("truth")) if isinstance(law, Mapping)]
+        files = [law.get(name) for law in laws for name in ("shore", "tracks")]
+        flows = [law.get(kind) for law in laws for kind in SENSE]
+        return not any(isinstance(file, str) for file in files) and not any(
+            isinstance(flow, Mapping) and "file" in flow for flow in flows
+        )
+
+    def to_text(self) -> str:
+        """Return `to_json` as text."""
+        return json.dumps(self.to_json())
+
+    def to_json(self) -> dict[str, Any]:
         """Return the fields of an equal incident, without names of files, for JSON."""
         return self._fields(flow_dict, GivenTracks.to_dict)
 
     @property
     def identity(self) -> dict[str, Any]:
-        """The fields of `to_dict` with digests of flows and tracks; equal for equal incidents."""
+        """The fields of `to_json` with digests of flows and tracks; equal for equal incidents."""
         return self._fields(flow_identity, lambda tracks: tracks.sha256)
 
     def _fields(
@@ -171,7 +189,7 @@ class Incident:
                 }
                 for one in self.sightings
             ],
-            "shore": None if self.land is None else json.loads(self.land.to_geojson()),
+            "shore": None if self.land is None else self.land.to_json(),
             "truth": None if self.truth is None else self.truth._law(of_flow),
         }  # fmt: skip
 
@@ -242,18 +260,6 @@ class Incident:
 
     def _box(self) -> Box:
         return _span(self.sightings, self.search_start_s).box
-
-
-def names_files(incident: Any) -> bool:
-    """Return whether fields of an incident name files, which a message must not do."""
-    if not isinstance(incident, Mapping):
-        return incident is not None
-    if names_files(incident.get("truth")):
-        return True
-    flows = [incident.get(kind) for kind in SENSE]
-    return any(isinstance(incident.get(name), str) for name in ("shore", "tracks")) or any(
-        isinstance(flow, Mapping) and "file" in flow for flow in flows
-    )
 
 
 def _incident(values: Mapping[str, Any], folder: str) -> Incident:

@@ -15,6 +15,7 @@ from dsse_ros.scenario.area import area_mask
 from dsse_ros.scenario.fields import FieldError, field
 from dsse_ros.scenario.incident import Incident
 from dsse_ros.scenario.rules import AUTO, Rules
+from dsse_ros.targets.registry import drifts_with_incident
 
 if TYPE_CHECKING:
     from dsse_ros.scenario.scenario import Scenario
@@ -22,7 +23,7 @@ if TYPE_CHECKING:
 OF_INCIDENT = (
     "origin_lat", "origin_lon", "vector", "current_speed", "current_toward",
     "person_initial_position", "sigma", "sigma_x", "sigma_y", "dispersion_inc",
-    "pre_search_minutes", "probability_matrix", "transition_probabilities",
+    "pre_search_minutes",
 )  # fmt: skip
 """Fields that an incident determines or has no use for."""
 
@@ -32,10 +33,11 @@ class IncidentFields:
     """What is missing at sea."""
 
     incident: Incident | None = field(
-        "incident",
+        "given",
         "Object, sightings, wind and current, which give origin, grid, datum, drift and spread. "
         "In a parameter, JSON.",
         None,
+        reader=Incident,
     )
 
     def rules_of(self, name: str) -> str:
@@ -56,7 +58,7 @@ def on_incident_grid(scenario: Scenario, rules: Rules) -> Scenario:
         return scenario
     from dsse_ros.scenario.incident_grid import lay_grid, nearest_cells
 
-    if rules.person_motion != "leeway":
+    if not drifts_with_incident(rules.person_motion):
         raise FieldError(f"incident must come with rules sea, got {rules.profile}")
     for name in OF_INCIDENT:
         # An incident has no drift before the search anyway.

@@ -6,11 +6,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from dsse_ros.scenario.fields import FieldError, field
-from dsse_ros.scenario.rules import Rules
-from dsse_ros.scenario.transition_probabilities import NAME, TransitionProbabilities
-
-MOTION = "markov_chain"
+from dsse_ros.scenario.fields import field
+from dsse_ros.scenario.transition_probabilities import TransitionProbabilities
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -18,22 +15,9 @@ class MarkovChainFields:
     """The chain."""
 
     transition_probabilities: TransitionProbabilities | None = field(
-        "transitions",
+        "given",
         "Steps of a markov_chain from each cell: a .npy or .npz file or, in Python, an array; "
         "empty for person_steps in each cell.",
         None,
+        reader=TransitionProbabilities,
     )
-
-    def check_transitions(self, rules: Rules, grid_size: int) -> None:
-        """Raise unless the chain, if any, fits the rules and the grid.
-
-        Raises:
-            FieldError: If it does not.
-        """
-        if self.transition_probabilities is None:
-            return
-        if rules.person_motion != MOTION:
-            raise FieldError(
-                f"{NAME} must come with person_motion {MOTION}, got {rules.person_motion}"
-            )
-        self.transition_probabilities.check_side(grid_size)

@@ -67,17 +67,8 @@ class ProbabilityMatrix(GivenArray):
         return cls(digest, path, values, corners)
 
     def check_place(self, grid_size: int, cell_size_m: float, origin: Origin) -> None:
-        """Raise unless the matrix has the size and, if georeferenced, the place of this grid.
-
-        Args:
-            grid_size: Cells along a side.
-            cell_size_m: Side of a cell.
-            origin: The grid's south-west corner.
-
-        Raises:
-            FieldError: If the size differs, or a corner is off by more than half a cell.
-        """
-        self.check_side(grid_size)
+        """Raise as `GivenArray.check_place` does; no corner may be off by more than half a cell."""
+        super().check_place(grid_size, cell_size_m, origin)
         if self.corners is None:
             return
         from dsse_ros.scenario.geodesy import surface_to_geodetic

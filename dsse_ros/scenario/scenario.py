@@ -24,7 +24,16 @@ from dsse_ros.scenario.cell_checks import (
 from dsse_ros.scenario.current import mean_drift, resolve_vector
 from dsse_ros.scenario.ensemble_fields import EnsembleFields
 from dsse_ros.scenario.fault_fields import FaultFields, hold_up
-from dsse_ros.scenario.fields import FieldError, Spec, check_all, check_known, field, specs
+from dsse_ros.scenario.fields import (
+    FieldError,
+    Given,
+    Spec,
+    check_all,
+    check_known,
+    field,
+    specs,
+)
+from dsse_ros.scenario.given_array import GivenArray
 from dsse_ros.scenario.incident import Incident
 from dsse_ros.scenario.incident_fields import IncidentFields, on_incident_grid
 from dsse_ros.scenario.limits import CELL_SIZE_M, DEFAULT_ORIGIN_DEG, check_pre_search
@@ -33,10 +42,9 @@ from dsse_ros.scenario.probability_matrix import ProbabilityMatrix
 from dsse_ros.scenario.rules import Rules, profile
 from dsse_ros.scenario.searcher_fields import SearcherFields
 from dsse_ros.scenario.sensor_fields import SensorFields
-from dsse_ros.scenario.transition_probabilities import TransitionProbabilities
 from dsse_ros.scenario.yaml_file import read_yaml
 from dsse_ros.sensors.camera import PAPER_FIELD_OF_VIEW_DEG, footprint_m
-from dsse_ros.targets.registry import MOTIONS
+from dsse_ros.targets.registry import MOTIONS, TARGET_MODELS
 
 SYNONYMS = {"dispersion_start": "sigma"}
 """Other names of fields, from DSSE 1.1.9."""
@@ -67,10 +75,11 @@ class Scenario(
         "float", "Ellipsoidal height of the sea at the origin.", 0.0, low=-500, high=9000, unit="m"
     )
     area: Area | None = field(
-        "area",
+        "given",
         "Polygons to search, by the centres of cells: a GeoJSON file or, in YAML and Python, a "
         "list of [lat, lon]. Empty for the whole grid.",
         None,
+        reader=Area,
     )
     land: bool = field(
         "bool",
@@ -78,10 +87,11 @@ class Scenario(
         False,
     )
     probability_matrix: ProbabilityMatrix | None = field(
-        "matrix",
+        "given",
         "Probability to cover, or the prior of a drifting_map: a .npy, CSV or GeoTIFF file or, in "
         "Python, an array. Empty, for coverage: the map after pre_search_minutes.",
         None,
+        reader=ProbabilityMatrix,
     )
     grid_size: int | None = field(
         "int", "Cells along a side.", None, low=1, high=10000, unit="cells"
@@ -147,15 +157,6 @@ class Scenario(
 
     def __post_init__(self) -> None:
         check_all(self, Scenario)
-        for name, make in (
-            ("area", Area.of),
-            ("probability_matrix", ProbabilityMatrix.of),
-            ("transition_probabilities", TransitionProbabilities.of),
-            ("incident", Incident.of),
-        ):
-            if (value := getattr(self, name)) is not None:
-                empty = isinstance(value, str) and not value
-                object.__setattr__(self, name, None if empty else make(value))
 
     @classmethod
     def from_dict(cls, values: Mapping[str, Any]) -> Scenario:
@@ -227,16 +228,15 @@ class Scenario(
         Raises:
             FieldError: If fields contradict each other or do not fit the grid.
         """
-        on_grid = on_incident_grid(self, rules)
+        arrays, on_grid = self._arrays(rules), on_incident_grid(self, rules)
         if on_grid is not self:
             return dataclasses.replace(on_grid.resolve(rules), stated=self)
         grid, cell = self.grid_of(rules)
         lat = DEFAULT_ORIGIN_DEG[0] if self.origin_lat is None else self.origin_lat
         lon = DEFAULT_ORIGIN_DEG[1] if self.origin_lon is None else self.origin_lon
         origin = (lat, lon, self.origin_alt)
-        if self.probability_matrix is not None:
-            self.probability_matrix.check_place(grid, cell, origin)
-        self.check_transitions(rules, grid)
+        for array in arrays:
+            array.check_place(grid, cell, origin)
         mask = area_mask(self.area, self.land, grid, cell, origin)
         positions = self._resolve_positions(grid, mask, rules.collisions)
         count, has_battery = len(positions), self.battery_move > 0
@@ -316,21 +316,37 @@ class Scenario(
         Raises:
             FieldError: If fields contradict each other.
         """
-        matrix = self.probability_matrix
-        if matrix is not None and not (rules.covers or rules.person_motion == "drifting_map"):
-            raise FieldError(
-                f"probability_matrix must come with the rules of a coverage task or with "
-                f"person_motion drifting_map, got rules {rules.profile}"
-            )
+        arrays = self._arrays(rules)
         if self.zone_size is None:
-            given = matrix or self.transition_probabilities
-            side = rules.grid_size if given is None else len(given.values)
+            side = len(arrays[0].values) if arrays else rules.grid_size
             return SPECS["grid_size"].check("grid_size", self.grid_size or side)
         # The tolerance keeps rounding from adding a cell to a zone of exactly n cells.
         grid = max(math.ceil(self.zone_size / cell - 1e-9), 1)
         if self.grid_size not in (None, grid):
             raise FieldError("grid_size and zone_size must agree; give only one")
         return specs(Scenario)["grid_size"].check("grid_size (of zone_size)", grid)
+
+    def _arrays(self, rules: Rules) -> list[GivenArray]:
+        """Return the given arrays.
+
+        Raises:
+            FieldError: If the rules have no use for one.
+        """
+        arrays = []
+        for name in GIVEN:
+            array = getattr(self, name)
+            if not isinstance(array, GivenArray):
+                continue
+            users = [motion for motion, model in TARGET_MODELS.items() if name in model.reads]
+            if name in OF_COVERAGE and rules.covers or rules.person_motion in users:
+                arrays.append(array)
+                continue
+            allowed, got = f"person_motion {' or '.join(users)}", rules.person_motion
+            if name in OF_COVERAGE:
+                allowed += " or the rules of a coverage task"
+                got += f" in rules {rules.profile}"
+            raise FieldError(f"{name} must come with {allowed}, got {got}")
+        return arrays
 
     def _resolve_positions(
         self, grid: int, mask: NDArray[np.bool_] | None, apart: bool
@@ -441,9 +457,6 @@ class ResolvedScenario(Scenario):
         return round(self.pre_search_minutes * 60 / self.step_duration_s)
 
 
-FILES = ("area", "probability_matrix", "transition_probabilities")
-"""Fields whose string values are paths."""
-
 _ALTERNATIVES = (
     (("grid_size",), ("zone_size",)),
     (("vector",), ("current_speed", "current_toward")),
@@ -452,6 +465,17 @@ _ALTERNATIVES = (
 
 SPECS: dict[str, Spec] = specs(Scenario)
 """The `Spec` of each field of a scenario."""
+
+GIVEN: dict[str, type[Given]] = {
+    name: spec.reader for name, spec in SPECS.items() if spec.reader is not None
+}
+"""The fields whose values have classes of their own."""
+
+OF_COVERAGE = ("probability_matrix",)
+"""Arrays that a coverage task reads."""
+
+FILES = tuple(name for name, reader in GIVEN.items() if reader.IS_FILE)
+"""Fields whose string values are paths."""
 
 ScenarioSource = Scenario | Mapping[str, Any] | str | os.PathLike[str] | None
 """A scenario, its fields, the path of its YAML file, or None for the profile's defaults."""

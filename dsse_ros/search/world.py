@@ -25,10 +25,11 @@ from dsse_ros.search.faults import Faults
 from dsse_ros.search.rebound import Rebound
 from dsse_ros.search.snapshot import Snapshot, SnapshotError
 from dsse_ros.step import kernels
-from dsse_ros.step.constants import area_of, constants_of, transitions_of
+from dsse_ros.step.constants import area_of, constants_of
 from dsse_ros.step.looks import looks_of
 from dsse_ros.targets import sea_map
 from dsse_ros.targets.motion import PERSONS
+from dsse_ros.targets.person_kernels import motion_data
 
 HOLD = -1
 """The action of a drone that does nothing; its reward is that of a move."""
@@ -130,7 +131,7 @@ class World(Rebound):
         self.truncated = self.drones["truncated"]
         self.found = self.drones["found"]
         sea = sea_map.Sea(
-            self.gauss, self.tails, self.area, self.runs, transitions_of(self.scenario)
+            self.gauss, self.tails, self.area, self.runs, motion_data(self.scenario, self.rules)
         )
         crew = kernels.Crew(
             self.starts, self.drones, self.finds, self.persons,

@@ -106,16 +106,6 @@ def constants_of(
     return constants
 
 
-def transitions_of(scenario: ResolvedScenario) -> NDArray[np.float64] | None:
-    """Return `transitions` for the kernels, None if the scenario gives none."""
-    if scenario.transition_probabilities is None:
-        return None
-    values = scenario.transition_probabilities.values.view()
-    # A pickled array can be written to, and Numba would compile the kernels again for it.
-    values.flags.writeable = False
-    return values
-
-
 def area_of(
     scenario: ResolvedScenario,
 ) -> tuple[NDArray[np.bool_] | None, NDArray[np.int64] | None]:

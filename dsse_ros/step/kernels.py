@@ -166,7 +166,7 @@ def is_streamed(maps):
 def sea_of(sea, b):
     """Return the sea of world b."""
     table = min(b, len(sea.gauss) - 1)
-    return Sea(sea.gauss[table], sea.tails[table], sea.area, sea.runs, sea.transitions)
+    return Sea(sea.gauss[table], sea.tails[table], sea.area, sea.runs, sea.data)
 
 
 @inlined

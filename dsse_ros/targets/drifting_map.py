@@ -40,5 +40,6 @@ def count(scenario: Any) -> int:
 
 
 DRIFTING_MAP = Ensemble(
-    "starts in a cell of probability_matrix and drifts with the datum", tracks, count
-)
+    "starts in a cell of probability_matrix and drifts with the datum", tracks, count,
+    reads=("probability_matrix",),
+)  # fmt: skip

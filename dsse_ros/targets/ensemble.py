@@ -63,11 +63,15 @@ class Ensemble(NamedTuple):
         doc: Motion of a person, as a phrase without a subject.
         tracks: Function that draws the tracks.
         count: Function that returns an upper bound of their number for a `ResolvedScenario`.
+        reads: Names of the arrays among the fields of a scenario that `tracks` reads.
+        of_incident: Whether the tracks are those of the scenario's incident, if it has one.
     """
 
     doc: str
     tracks: TracksOf
     count: Callable[[Any], int] = requested
+    reads: tuple[str, ...] = ()
+    of_incident: bool = False
 
 
 def check_tracks(tracks: WeightedTracks, steps: int) -> None:

@@ -31,4 +31,6 @@ def count(scenario: Any) -> int:
     return requested(scenario) if given is None else int(given.lats_deg.shape[1])
 
 
-LEEWAY = Ensemble("drifts with wind and current like the object of the incident", tracks, count)
+LEEWAY = Ensemble(
+    "drifts with wind and current like the object of the incident", tracks, count, of_incident=True
+)

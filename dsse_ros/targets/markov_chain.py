@@ -8,6 +8,11 @@ A person stays instead of leaving the area.
 
 from __future__ import annotations
 
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
 from dsse_ros.compiled.draws import draw_unit
 from dsse_ros.compiled.jit import part
 from dsse_ros.targets.motion import NO_STEP, STEPS, PersonMotion
@@ -34,7 +39,7 @@ def follow_chain(constants, world, sea, person, _direction):
     x, y = person.x, person.y
     left = draw_unit(world)
     for step in range(STEPS):
-        left -= chance_of_move(constants, sea.area, sea.transitions, x, y, step)
+        left -= chance_of_move(constants, sea.area, sea.data.markov_chain, x, y, step)
         if left < 0.0:
             person.x, person.y = x + step % 3 - 1, y + step // 3 - 1
             return
@@ -46,12 +51,26 @@ def chain_chances(constants, sea, x, y, _window, out, _scratch):
     out[:] = 0.0
     moves = 0.0
     for step in range(STEPS):
-        out[step] = chance_of_move(constants, sea.area, sea.transitions, x, y, step)
+        out[step] = chance_of_move(constants, sea.area, sea.data.markov_chain, x, y, step)
         moves += out[step]
     # Rounding may put a sum of probabilities above 1.
     out[NO_STEP] = max(1.0 - moves, 0.0)
 
 
+def transitions(scenario: Any) -> NDArray[np.float64] | None:
+    """Return the probabilities of the steps from each cell, (G, G, 9) [row, col, step], read-only.
+
+    None if they are the same in all cells.
+    """
+    if scenario.transition_probabilities is None:
+        return None
+    values: NDArray[np.float64] = scenario.transition_probabilities.values.view()
+    # A pickled array can be written to, and Numba would compile the kernels again for it.
+    values.flags.writeable = False
+    return values
+
+
 MARKOV_CHAIN = PersonMotion(
-    "follows a Markov chain by transition_probabilities", follow_chain, chain_chances
-)
+    "follows a Markov chain by transition_probabilities", follow_chain, chain_chances,
+    transitions, reads=("transition_probabilities",),
+)  # fmt: skip

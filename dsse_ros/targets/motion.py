@@ -9,9 +9,11 @@ other writes the probability of each step, for a belief. A step has the number 3
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 PERSONS = np.dtype(
     [
@@ -40,6 +42,10 @@ SCRATCH = 100
 """Length of the scratch memory of `PersonMotion.chances`."""
 
 
+def no_data(_scenario: Any) -> None:
+    """Return that a motion needs no data."""
+
+
 class PersonMotion(NamedTuple):
     """A motion model: two compiled functions with the same distribution.
 
@@ -53,9 +59,11 @@ class PersonMotion(NamedTuple):
         chances: chances(constants, sea, x, y, window, out, scratch) writes the probability of each
             step of a person in the cell (x, y) to out (`CHANCES`,), and last the addition to that
             of `direction`, within the limits of `step_within`; of the sea it may use `area` and
-            `transitions`. `window` (9,) has the
-            probabilities of the cells that the steps lead to; `scratch` (`SCRATCH`,) is free to
-            use.
+            `data`. `window` (9,) has the probabilities of the cells that the steps lead to;
+            `scratch` (`SCRATCH`,) is free to use.
+        data: data(scenario) returns the array of a `ResolvedScenario` that both functions need, as
+            `sea.data.<name of the motion>`; None without one.
+        reads: Names of the arrays among the fields of a scenario that `data` reads.
         own_drift: Whether each person has its own drift, drawn at reset, and steps only when it has
             accumulated a cell.
     """
@@ -63,4 +71,6 @@ class PersonMotion(NamedTuple):
     doc: str
     move: Any
     chances: Any
+    data: Callable[[Any], NDArray[Any] | None] = no_data
+    reads: tuple[str, ...] = ()
     own_drift: bool = False

@@ -1,13 +1,14 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 # mypy: disable-error-code="no-untyped-def"
-"""The compiled start and step of persons, whatever their motion.
+"""The compiled start and step of persons, whatever their motion, and the data of motions.
 
 Arguments with the same names mean the same as in `sea_map`.
 """
 
 from __future__ import annotations
 
+from collections import namedtuple
 from collections.abc import Iterable
 from typing import Any
 
@@ -18,6 +19,17 @@ from dsse_ros.compiled.jit import inlined, kernel, part
 from dsse_ros.targets.motion import NO_STEP, STAND_STILL
 from dsse_ros.targets.registry import MOTIONS
 from dsse_ros.targets.sea_map import drift_per_step, is_masked, less_one
+
+MotionData = namedtuple("MotionData", MOTIONS)  # type: ignore[misc]
+"""The data of each motion under its name, None of those not in use."""
+
+
+def motion_data(scenario: Any, rules: Any) -> MotionData:
+    """Return the data of the motion of a `ResolvedScenario` and its `Rules`."""
+    data: dict[str, Any] = dict.fromkeys(MOTIONS)
+    if rules.person_motion in MOTIONS:
+        data[rules.person_motion] = MOTIONS[rules.person_motion].data(scenario)
+    return MotionData(**data)
 
 
 def of_motion(functions: Iterable[Any], number: int = 0) -> Any:

@@ -39,3 +39,9 @@ def has_own_drift(name: str) -> bool:
     """Return whether this is a motion in which each person has its own drift."""
     model = TARGET_MODELS[name]
     return isinstance(model, PersonMotion) and model.own_drift
+
+
+def drifts_with_incident(name: str) -> bool:
+    """Return whether this is an ensemble of an incident's tracks."""
+    model = TARGET_MODELS[name]
+    return isinstance(model, Ensemble) and model.of_incident

@@ -14,7 +14,7 @@ where the field is an argument of its own.
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,15 +31,14 @@ class Sea(NamedTuple):
         tails: (1 or B, 2, G + 2) float64, their tail sums.
         area: (G, G) bool [row, col], the searched cells; None for all.
         runs: (R, 3) int64, the same by row, first and last column; None for all.
-        transitions: (G, G, 9) float64, the probabilities of the steps of a `markov_chain` from each
-            cell [row, col], read-only; None if they are the same in all cells.
+        data: The `person_kernels.MotionData`.
     """
 
     gauss: NDArray[np.float64]
     tails: NDArray[np.float64]
     area: NDArray[np.bool_] | None
     runs: NDArray[np.int64] | None
-    transitions: NDArray[np.float64] | None = None
+    data: Any
 
 
 @part

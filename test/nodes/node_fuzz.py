@@ -223,9 +223,9 @@ class Relay:
             self._outlets[name] = [node.create_publisher(kind, name, LATCHED)]
             node.create_subscription(kind, f"{REAL}/{name}", self._passing(name, 0), LATCHED)
         for name, kind in TO_SIM.items():
-            to_sim = node.create_publisher(kind, f"{REAL}/{name}", RELIABLE)
+            qos = LATCHED if kind is DiagnosticArray else RELIABLE
+            to_sim = node.create_publisher(kind, f"{REAL}/{name}", qos)
             if "vehicle" in name:
-                qos = LATCHED if kind is DiagnosticArray else RELIABLE
                 self._outlets[name] = [to_sim, node.create_publisher(kind, name, qos)]
             else:
                 self._outlets[name] = [to_sim]

@@ -226,9 +226,9 @@ def test_geojson_comes_back_from_its_text_and_from_a_file_beside_the_scenario(
     tmp_path: Path,
 ) -> None:
     area = Area.of(geojson_of(random_mask(np.random.default_rng(3), 12)))
-    assert Area.of(area.to_geojson()) == area
+    assert Area.of(area.to_text()) == area
     assert Scenario(area=area).override(area="").area is None
-    feature = {"type": "Feature", "properties": {}, "geometry": json.loads(area.to_geojson())}
+    feature = {"type": "Feature", "properties": {}, "geometry": json.loads(area.to_text())}
     collection = {"type": "FeatureCollection", "features": [feature]}
     (tmp_path / "shore.geojson").write_text(json.dumps(collection))
     (tmp_path / "scenario.yaml").write_text("area: shore.geojson\n")

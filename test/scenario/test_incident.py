@@ -15,7 +15,7 @@ import pytest
 
 from dsse_ros.belief.beliefs import forecast_for
 from dsse_ros.drift.tracks import drift_tracks
-from dsse_ros.scenario.incident import Incident, names_files
+from dsse_ros.scenario.incident import Incident
 from dsse_ros.scenario.incident_fields import OF_INCIDENT
 from dsse_ros.search import (
     FieldError,
@@ -112,8 +112,8 @@ def test_drones_reach_the_grid_from_a_base_beyond_it_after_their_transit() -> No
 
 def test_a_resolved_incident_needs_no_file_and_lays_no_grid_again() -> None:
     resolved = Scenario.from_yaml(KAYAK).resolve(SEA)
-    stated = resolved.incident.to_dict()
-    assert not names_files(stated)
+    stated = resolved.incident.to_json()
+    assert Incident.may_be_sent(stated)
     again = Incident.of(json.loads(json.dumps(stated, allow_nan=False)))
     assert again == resolved.incident and hash(again) == hash(resolved.incident)
     names = ("origin_lat", "origin_lon", "grid_size", "drones_positions", "vector")
@@ -286,8 +286,7 @@ def test_other_rules_and_fields_that_the_incident_determines_are_refused() -> No
         *[(name, 0.0) for name in ("origin_lat", "origin_lon", "current_speed", "current_toward")],
         *[(name, 1.0) for name in ("sigma", "sigma_x", "sigma_y", "pre_search_minutes")],
         ("origin_lat", -24.04), ("vector", (0.0, 0.0)), ("person_initial_position", (0, 0)),
-        ("dispersion_inc", 0.0), ("probability_matrix", np.ones((4, 4))),
-        ("transition_probabilities", np.eye(16)),
+        ("dispersion_inc", 0.0),
     ],
 )  # fmt: skip
 def test_every_field_that_an_incident_determines_is_refused_by_its_name(
@@ -333,8 +332,8 @@ def test_tracks_of_another_model_are_the_ensemble(tmp_path: Path) -> None:
     assert inside.all(axis=2).mean(axis=1).min() >= 0.99
     assert given.grid_size == pytest.approx(ours.grid_size, abs=3)
     assert given.sigma_x == pytest.approx(ours.sigma_x, rel=0.1)
-    fields = given.incident.to_dict()
-    assert not names_files(fields) and names_files(stated)
+    fields = given.incident.to_json()
+    assert Incident.may_be_sent(fields) and not Incident.may_be_sent(stated)
     assert Incident.of(json.dumps(fields, allow_nan=False)) == given.incident
     with pytest.raises(FieldError, match="incident: the tracks must cover .* got 2026-01-17T14:00"):
         Scenario(incident=stated, timestep_limit=900).resolve(SEA)
@@ -383,10 +382,10 @@ def test_where_truth_has_another_law_a_search_finds_fewer_than_its_pos(truth: An
     ours, theirs = tracks_of(wrong, SEA), tracks_of(right, SEA)
     assert ours is not None and theirs is not None
     assert np.array_equal(ours.particles, theirs.particles)
-    again = Incident.of(json.dumps(wrong.incident.to_dict(), allow_nan=False))
+    again = Incident.of(json.dumps(wrong.incident.to_json(), allow_nan=False))
     assert again == wrong.incident and again.followed == wrong.incident.followed
 
 
 def test_the_truth_of_a_message_names_no_file() -> None:
-    assert names_files({**FIELDS, "truth": {"wind": {"file": "wind.csv"}}})
-    assert not names_files({**FIELDS, "truth": {"object": "PIW-2"}})
+    assert not Incident.may_be_sent({**FIELDS, "truth": {"wind": {"file": "wind.csv"}}})
+    assert Incident.may_be_sent({**FIELDS, "truth": {"object": "PIW-2"}})

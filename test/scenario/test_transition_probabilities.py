@@ -77,7 +77,7 @@ def test_a_chain_comes_back_from_its_path_and_digest_while_the_file_is_the_same(
     path = saved(tmp_path, "steps")
     made = Scenario(transition_probabilities=path)
     assert made.transition_probabilities is not None
-    reference = made.transition_probabilities.reference
+    reference = made.transition_probabilities.to_json()
     assert Scenario(transition_probabilities=reference) == made
     np.save(path, uneven_chain(4, seed=1))
     line = f"^transition_probabilities must be {str(path)!r} with the SHA-256 .*, got a file"
