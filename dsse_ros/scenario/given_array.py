@@ -18,11 +18,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dsse_ros.scenario.fields import FieldError, shown
+from dsse_ros.scenario.rules import Rules
+from dsse_ros.targets.registry import TARGET_MODELS
 
 if TYPE_CHECKING:
     from typing_extensions import Self
 
     from dsse_ros.scenario.geodesy import Origin
+
+
+OF_COVERAGE = ("probability_matrix",)
+"""Arrays that a coverage task reads."""
 
 
 @dataclass(frozen=True)
@@ -135,6 +141,27 @@ class GivenArray:
     def source(self) -> str:
         """The file, or "an array", for errors."""
         return shown(self.path) if self.path else "an array"
+
+
+def check_use(name: str, rules: Rules) -> None:
+    """Raise unless the rules have a use for an array.
+
+    Args:
+        name: Its field of the scenario.
+        rules: The rules.
+
+    Raises:
+        FieldError: If they have none.
+    """
+    users = [motion for motion, model in TARGET_MODELS.items() if name in model.reads]
+    covers = name in OF_COVERAGE
+    if rules.person_motion in users or (covers and rules.covers):
+        return
+    allowed, got = f"person_motion {' or '.join(users)}", rules.person_motion
+    if covers:
+        allowed += " or the rules of a coverage task"
+        got += f" in rules {rules.profile}"
+    raise FieldError(f"{name} must come with {allowed}, got {got}")
 
 
 def frozen(array: NDArray[Any]) -> tuple[str, NDArray[np.float64]]:

@@ -24,16 +24,8 @@ from dsse_ros.scenario.cell_checks import (
 from dsse_ros.scenario.current import mean_drift, resolve_vector
 from dsse_ros.scenario.ensemble_fields import EnsembleFields
 from dsse_ros.scenario.fault_fields import FaultFields, hold_up
-from dsse_ros.scenario.fields import (
-    FieldError,
-    Given,
-    Spec,
-    check_all,
-    check_known,
-    field,
-    specs,
-)
-from dsse_ros.scenario.given_array import GivenArray
+from dsse_ros.scenario.fields import FieldError, Given, Spec, check_all, check_known, field, specs
+from dsse_ros.scenario.given_array import GivenArray, check_use
 from dsse_ros.scenario.incident import Incident
 from dsse_ros.scenario.incident_fields import IncidentFields, on_incident_grid
 from dsse_ros.scenario.limits import CELL_SIZE_M, DEFAULT_ORIGIN_DEG, check_pre_search
@@ -44,7 +36,7 @@ from dsse_ros.scenario.searcher_fields import SearcherFields
 from dsse_ros.scenario.sensor_fields import SensorFields
 from dsse_ros.scenario.yaml_file import read_yaml
 from dsse_ros.sensors.camera import PAPER_FIELD_OF_VIEW_DEG, footprint_m
-from dsse_ros.targets.registry import MOTIONS, TARGET_MODELS
+from dsse_ros.targets.registry import MOTIONS
 
 SYNONYMS = {"dispersion_start": "sigma"}
 """Other names of fields, from DSSE 1.1.9."""
@@ -332,21 +324,11 @@ class Scenario(
         Raises:
             FieldError: If the rules have no use for one.
         """
-        arrays = []
-        for name in GIVEN:
-            array = getattr(self, name)
-            if not isinstance(array, GivenArray):
-                continue
-            users = [motion for motion, model in TARGET_MODELS.items() if name in model.reads]
-            if name in OF_COVERAGE and rules.covers or rules.person_motion in users:
-                arrays.append(array)
-                continue
-            allowed, got = f"person_motion {' or '.join(users)}", rules.person_motion
-            if name in OF_COVERAGE:
-                allowed += " or the rules of a coverage task"
-                got += f" in rules {rules.profile}"
-            raise FieldError(f"{name} must come with {allowed}, got {got}")
-        return arrays
+        given = {name: getattr(self, name) for name in GIVEN}
+        arrays = {name: one for name, one in given.items() if isinstance(one, GivenArray)}
+        for name in arrays:
+            check_use(name, rules)
+        return list(arrays.values())
 
     def _resolve_positions(
         self, grid: int, mask: NDArray[np.bool_] | None, apart: bool
@@ -470,9 +452,6 @@ GIVEN: dict[str, type[Given]] = {
     name: spec.reader for name, spec in SPECS.items() if spec.reader is not None
 }
 """The fields whose values have classes of their own."""
-
-OF_COVERAGE = ("probability_matrix",)
-"""Arrays that a coverage task reads."""
 
 FILES = tuple(name for name, reader in GIVEN.items() if reader.IS_FILE)
 """Fields whose string values are paths."""
