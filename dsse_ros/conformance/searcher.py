@@ -18,10 +18,11 @@ from numpy.typing import NDArray
 from dsse_ros.conformance.registered import registered
 from dsse_ros.planners import PERSON_PLANNERS, PLANNERS, planner_for
 from dsse_ros.planners.registry import LOADED_PLANNERS
+from dsse_ros.scenario.action_times import whole_steps
 from dsse_ros.scenario.actions import STRAIGHT
 from dsse_ros.scenario.fields import FieldError
 from dsse_ros.scenario.rules import Rules
-from dsse_ros.scenario.searcher_fields import endurance_steps, whole_steps
+from dsse_ros.scenario.searcher_fields import endurance_steps
 from dsse_ros.search.parallel_env import SearchEnv, parallel_env
 from dsse_ros.search.snapshot import Snapshot
 from dsse_ros.searchers.registry import DEFAULT, SEARCHERS

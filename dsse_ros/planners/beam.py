@@ -40,11 +40,13 @@ class BeamLevel(NamedTuple):
     Attributes:
         alive: (W, M / 64) uint64, a bit for each scenario that the path's own looks left.
         gains: (W,) float64, discounted finds in addition to those of the other drones.
+        late: (W,) float64, steps that the path has taken beyond one for each move.
         finds: (W, H) float64, finds of each step among the scenarios that nobody else finds.
     """
 
     alive: NDArray[np.uint64]
     gains: NDArray[np.float64]
+    late: NDArray[np.float64]
     finds: NDArray[np.float64]
 
 
@@ -76,6 +78,7 @@ class Problem(NamedTuple):
         scenarios: The scenarios.
         left: What the others leave of them.
         blocked: (H, S S) bool, cells that the drone must not be in after step h + 1.
+        gamma: Discount of a find per step.
         kappa: Weight of the scenarios left at the end.
     """
 
@@ -83,6 +86,7 @@ class Problem(NamedTuple):
     scenarios: Scenarios
     left: Left
     blocked: NDArray[np.bool_]
+    gamma: float
     kappa: float
 
 
@@ -151,11 +155,11 @@ def gain_of_move(problem, alive, h, a, cell, gain, discount):
     Args:
         problem: The problem.
         alive: (M / 64,) of the node, as in `BeamLevel`.
-        h: Step of the move.
+        h: Step in which the move looks.
         a: Number of the move.
         cell: The cell after it.
         gain: Of the node.
-        discount: gamma ** h.
+        discount: Of a find then.
     """
     moves, scenarios, base = problem.moves, problem.scenarios, problem.left.base
     hits = 0.0
@@ -181,7 +185,7 @@ def expand(problem, tree, level, tried, h, nodes, discount):
         tree: The nodes.
         level: Of the step.
         tried: `Candidates` out.
-        h: The step.
+        h: The step, if the path is not late.
         nodes: Number of its nodes.
         discount: gamma ** h.
     """
@@ -193,11 +197,15 @@ def expand(problem, tree, level, tried, h, nodes, discount):
             x, y = left.x[cell], left.y[cell]
             if min(x, y) < MARGIN or max(x, y) >= side - MARGIN:
                 continue
-            if problem.blocked[h, cell] or not moves.able[a]:
+            late = level.late[node] + moves.extra[a]
+            step = h + int(late)
+            if problem.blocked[min(step, len(problem.blocked) - 1), cell] or not moves.able[a]:
                 continue
-            gain, hits = gain_of_move(
-                problem, level.alive[node], h, a, cell, level.gains[node], discount
-            )
+            gain, hits = level.gains[node], 0.0
+            if step < len(problem.blocked):
+                gain, hits = gain_of_move(
+                    problem, level.alive[node], step, a, cell, gain, discount * problem.gamma**late
+                )
             rank = worth_from(moves, left, cell) - hits
             at, back = node, h
             while back > 0:
@@ -208,7 +216,10 @@ def expand(problem, tree, level, tried, h, nodes, discount):
                 at = tree.parents[back, at]
                 back -= 1
             tried.cells[found], tried.parents[found], tried.moves[found] = cell, node, a
-            tried.gains[found], tried.ranks[found] = gain, gain + problem.kappa * rank
+            tried.gains[found] = gain
+            tried.ranks[found] = (
+                gain + problem.kappa * problem.gamma ** (late + moves.rest[a]) * rank
+            )
             found += 1
     return found
 
@@ -231,15 +242,20 @@ def take(problem, tried, k, level, h, after, kept):
         after.alive[kept, word] = level.alive[node, word]
     for back in range(h):
         after.finds[kept, back] = level.finds[node, back]
+    step = h + int(level.late[node] + moves.extra[a])
+    after.late[kept] = level.late[node] + moves.extra[a] + moves.rest[a]
+    after.finds[kept, h] = 0.0
+    if step >= len(problem.blocked):
+        return
     hits = 0.0
     for look in range(moves.first[a], moves.first[a + 1]):
         there = cell_seen(moves, tried.cells[k], look)
         if there < 0:
             continue
-        for j in range(scenarios.starts[h, there], scenarios.starts[h, there + 1]):
-            s = scenarios.members[h, j]
+        for j in range(scenarios.starts[step, there], scenarios.starts[step, there + 1]):
+            s = scenarios.members[step, j]
             bit = np.uint64(1) << np.uint64(s & 63)
-            if after.alive[kept, s >> 6] & bit and detects(moves, scenarios, h, look, s):
+            if after.alive[kept, s >> 6] & bit and detects(moves, scenarios, step, look, s):
                 after.alive[kept, s >> 6] ^= bit
                 hits += problem.left.base[s] == 0.0
     after.finds[kept, h] = hits
@@ -306,14 +322,17 @@ def write_values(problem, tree, level, depth, values):
             for s in range(64 * word, min(64 * word + 64, len(left.base))):
                 if left.base[s] == 0.0 and not alive >> np.uint64(s & 63) & np.uint64(1):
                     value -= seen_from(moves, left, cell, problem.scenarios.ends[s])
-        values[node] = level.gains[node] + problem.kappa * value
+        values[node] = level.gains[node] + problem.kappa * problem.gamma ** level.late[node] * value
 
 
 @compiled()
 def new_level(width, words, horizon):
     """Return a level of W nodes."""
     return BeamLevel(
-        np.empty((width, words), np.uint64), np.zeros(width), np.zeros((width, horizon))
+        np.empty((width, words), np.uint64),
+        np.zeros(width),
+        np.zeros(width),
+        np.zeros((width, horizon)),
     )
 
 
@@ -339,7 +358,7 @@ def plan_drone(moves, scenarios, gamma, kappa, width, others, blocked, paths):
     side, horizon = len(moves.nearness), paths.shape[1] - 1
     words, most = (len(scenarios.ends) + 63) >> 6, width * len(moves.steps)
     left = left_by_others(scenarios, side, others)
-    problem = Problem(moves, scenarios, left, blocked, kappa)
+    problem = Problem(moves, scenarios, left, blocked, gamma, kappa)
     tree = Tree(np.empty((horizon + 1, width), np.int64), np.empty((horizon + 1, width), np.int64))
     now, after = new_level(width, words, horizon), new_level(width, words, horizon)
     tried = Candidates(

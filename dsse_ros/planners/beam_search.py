@@ -24,6 +24,7 @@ from dsse_ros.planners.beam import plan_drone
 from dsse_ros.planners.options import BeamOptions
 from dsse_ros.planners.planner import DecisionPoint
 from dsse_ros.planners.reach import Reach
+from dsse_ros.scenario.action_times import ActionTimes, action_times_of_kinds
 from dsse_ros.scenario.actions import Cell
 from dsse_ros.scenario.rules import Rules
 from dsse_ros.scenario.swarm import Swarm, number_of
@@ -60,7 +61,9 @@ def num_finalists(rules: Rules, num_drones: int) -> int:
     return max(min(FINALISTS, FINALISTS_OF_ALL // num_drones), 1)
 
 
-def _moves_of_kinds(swarm: Swarm, looks: Looks, side: int) -> list[plan_kernels.Moves]:
+def _moves_of_kinds(
+    swarm: Swarm, looks: Looks, side: int, times: Sequence[ActionTimes]
+) -> list[plan_kernels.Moves]:
     """Return the moves of each kind of drone; all kinds number their moves and looks alike."""
     steps = [(0, 0), *swarm.actions.steps]
     actions = [swarm.actions.action((0, 0), step) for step in steps]
@@ -79,6 +82,8 @@ def _moves_of_kinds(swarm: Swarm, looks: Looks, side: int) -> list[plan_kernels.
             looks.offsets[rows],
             looks.pods[rows],
             CLOSENESS ** able.distances((0, 0), side, as_if_open=True).astype(np.float64),
+            np.array(times[kind].takes)[actions] - 1.0,
+            np.array(times[kind].after)[actions],
         )
         for kind, able in enumerate(swarm.of_kinds)
     ]
@@ -113,7 +118,8 @@ class BeamSearch:
         self._rng = np.random.default_rng(seed)
         self._swarm = Swarm.of(forecast.scenario, forecast.rules)
         looks = looks_of(forecast.scenario, forecast.rules)
-        self._kinds = _moves_of_kinds(self._swarm, looks, forecast.side)
+        times = action_times_of_kinds(forecast.scenario, forecast.rules)
+        self._kinds = _moves_of_kinds(self._swarm, looks, forecast.side, times)
         self._first = np.stack([kind.first for kind in self._kinds])
         self._most_looks = max(int(np.diff(self._first, axis=1).max()), 1)
         self._sure = not (self._kinds[0].pods < 1.0).any()
@@ -211,7 +217,7 @@ class BeamSearch:
         def value(candidate: PlannedPath) -> float:
             together[drone], lengths[drone] = candidate.path, candidate.length
             count = plan_kernels.looks_of_plans(together, lengths, kinds, moves, self._first, looks)
-            steps, columns, rows = looks[:, :count]
+            steps, columns, rows = looks[:, np.argsort(looks[0, :count], kind="stable")]
             to_come = LooksToCome(steps, columns, moves.pods[rows])
             expected = belief.expect(to_come, horizon, options.gamma)
             left = plan_kernels.worth_of_left(expected.left, moves.nearness, candidate.path[-1])
@@ -241,6 +247,11 @@ class BeamSearch:
             if last is not None and last.length > 1 and last.path[1] == path[0]:
                 length = min(last.length - 1, horizon)
                 path[: length + 1] = last.path[1 : length + 2]
+                path[length + 1 :] = path[length]
+            elif last is not None and last.length and last.path[0] == path[0]:
+                # It is under way, or was held up.
+                length = min(last.length, horizon)
+                path[: length + 1] = last.path[: length + 1]
                 path[length + 1 :] = path[length]
             plans.append(PlannedPath(path, length))
         return plans

@@ -26,7 +26,7 @@ from dsse_ros.belief.drift_estimate import FIRST_OBSERVED, DriftEstimate
 from dsse_ros.belief.protocol import TargetBelief, TargetForecast
 from dsse_ros.planners.avoidance import approach
 from dsse_ros.planners.beam_search import BeamSearch, steps_planned
-from dsse_ros.planners.masking import is_returning, masked_moves
+from dsse_ros.planners.masking import is_returning, is_under_way, masked_moves
 from dsse_ros.planners.options import BeamOptions, BeliefOptions
 from dsse_ros.planners.planner import (
     Cell,
@@ -41,6 +41,7 @@ from dsse_ros.planners.planner import (
     probability_of,
 )
 from dsse_ros.scenario.actions import ActionSet, connected_components
+from dsse_ros.scenario.fault_fields import hold_up
 from dsse_ros.scenario.probable_cells import most_probable
 from dsse_ros.scenario.rules import Rules
 from dsse_ros.scenario.scenario import ResolvedScenario
@@ -182,7 +183,7 @@ class BeliefPlanner:
         self._seed = seed
         self.forecasts = Forecasts(search.rules, horizon, drift_samples)
         self._swarm = Swarm.of(search.scenario, search.rules).with_moves()
-        self._may_be_held_up = search.scenario.may_be_held_up
+        self._may_be_held_up = self._swarm.may_be_under_way or hold_up(search.scenario)
         self._learn_drift = (
             learn_drift and search.observed == "map" and not is_ensemble(search.rules)
         )
@@ -217,18 +218,30 @@ class BeliefPlanner:
         ends = dict(cells)
         if steered := [agent for agent in agents if not is_returning(infos[agent])]:
             batteries = [infos[a]["battery"] for a in steered if "battery" in infos[a]]
-            here = [cells[a] for a in steered]
+            # A drone under way keeps to the move that it has begun, so it plans from its end.
+            bound = {
+                a: self._end_of_way(cells[a], infos[a]) for a in steered if is_under_way(infos[a])
+            }
+            here = [bound.get(a, cells[a]) for a in steered]
             chosen = self._tactic(
                 DecisionPoint(self.belief, steered, here, began_s + limit_s, batteries)
             )
             self.drawn = self.drawn or self._tactic.drawn
-            ends |= zip(steered, chosen, strict=True)
+            ends |= dict(zip(steered, chosen, strict=True)) | bound
             if self._may_be_held_up:
                 # A drone may fail to leave its cell.
                 occupied = {cells[agent] for agent in steered}
                 ends |= {agent: cells[agent] for agent in steered if ends[agent] in occupied}
-        self._commanded = {agent: (cell, ends[agent]) for agent, cell in cells.items()}
-        return masked_moves(cells, list(ends.values()), infos, self._swarm)
+        commands = masked_moves(cells, list(ends.values()), infos, self._swarm)
+        self._commanded = {
+            agent: (cell, self._swarm.actions.end(cell, commands[agent]))
+            for agent, cell in cells.items()
+        }
+        return commands
+
+    def _end_of_way(self, cell: Cell, info: Mapping[str, Any]) -> Cell:
+        """Return the cell in which the action of a drone under way ends."""
+        return self._swarm.actions.end(cell, int(np.argmax(info["action_mask"])))
 
     def copy(self) -> BeliefPlanner:
         """Return an independent copy in the same state; the forecasts are shared."""

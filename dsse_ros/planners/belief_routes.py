@@ -81,7 +81,7 @@ class RoutesOnBelief(ABC):
             routes = self.plan(belief, present, steps, self._swarm.actions_of(agents))
             # `BeliefPlanner` keeps slower drones apart.
             self._follower = RouteFollower(
-                replace(self._swarm, has_slower=False), seed=self._seed + belief.step
+                replace(self._swarm, may_be_under_way=False), seed=self._seed + belief.step
             )
             size = belief.forecast.scenario.grid_size
             self._follower.start(agents, routes, size)

@@ -49,7 +49,7 @@ def apply_masks(
         if mask is not None and not mask[action] and mask.any():
             allowed = mask[action_set.search]
             masked[agent] = action_set.search if allowed else int(np.flatnonzero(mask)[0])
-    if swarm.has_slower:
+    if swarm.may_be_under_way:
         return keep_apart(masked, present, infos, action_set)
     if masked == actions:
         return masked

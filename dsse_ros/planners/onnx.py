@@ -154,7 +154,7 @@ class OnnxPlanner(DrawsNothing):
         masks = np.stack([infos[name]["action_mask"] for name in observations])
         chosen = self._policy.actions(present, probability_of(observations), masks)
         actions = dict(zip(observations, chosen, strict=True))
-        if self._swarm is None or not self._swarm.has_slower:
+        if self._swarm is None or not self._swarm.may_be_under_way:
             return actions
         return apply_masks(actions, present, infos, self._swarm)
 

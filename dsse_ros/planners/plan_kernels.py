@@ -3,8 +3,9 @@
 # mypy: disable-error-code="no-untyped-def"
 """Moves, looks and finds of plans, compiled, for the planner `belief`.
 
-A plan is a path of H + 1 cells, the present one first; staying in a cell searches it. Cells are the
-columns of a belief, see `belief_kernels`.
+A plan is a path of H + 1 cells, the present one first; staying in a cell searches it. Where moves
+take longer than a step, a plan is late: it looks in later steps, and no longer after the horizon.
+Cells are the columns of a belief, see `belief_kernels`.
 """
 
 from __future__ import annotations
@@ -28,6 +29,8 @@ class Moves(NamedTuple):
         offsets: (L, 2) int64, (dx, dy) of a look from the cell that the move leads to.
         pods: (L, P) float64, POD of each person.
         nearness: (S, S) float64, worth of a scenario left at the end by its distance, [y, x].
+        extra: (A,) float64, steps that each move takes until it looks, beyond the first.
+        rest: (A,) float64, steps that it takes after that.
     """
 
     steps: NDArray[np.int64]
@@ -36,6 +39,8 @@ class Moves(NamedTuple):
     offsets: NDArray[np.int64]
     pods: NDArray[np.float64]
     nearness: NDArray[np.float64]
+    extra: NDArray[np.float64]
+    rest: NDArray[np.float64]
 
 
 class Scenarios(NamedTuple):
@@ -90,29 +95,32 @@ def move_between(steps, cell, after):
 
 @kernel
 def looks_of_plans(paths, lengths, kinds, moves, first, looks):
-    """Write the looks of plans, step by step, and return their number.
+    """Write the looks of plans, drone by drone, and return their number.
 
     Args:
         paths: (N, H + 1) int64.
         lengths: (N,) int64, number of planned steps of each path.
         kinds: (N,) int64, kinds of the drones.
-        moves: Of any kind.
+        moves: Of the kind whose times all plans have.
         first: (K, A + 1) int64, as in `Moves`, by kind.
         looks: (3, Q) int64 out: the step of each look, its column and its number.
     """
     when, columns, rows = looks[0], looks[1], looks[2]
-    count = 0
-    for h in range(paths.shape[1] - 1):
-        for n in range(len(paths)):
-            a = -1
-            if h < lengths[n]:
-                a = move_between(moves.steps, paths[n, h], paths[n, h + 1])
+    count, horizon = 0, paths.shape[1] - 1
+    for n in range(len(paths)):
+        late = 0.0
+        for h in range(lengths[n]):
+            a = move_between(moves.steps, paths[n, h], paths[n, h + 1])
             if a < 0:
+                continue
+            step = h + int(late + moves.extra[a])
+            late += moves.extra[a] + moves.rest[a]
+            if step >= horizon:
                 continue
             for k in range(first[kinds[n], a], first[kinds[n], a + 1]):
                 there = cell_seen(moves, paths[n, h + 1], k)
                 if there >= 0:
-                    when[count], columns[count], rows[count] = h, there, k
+                    when[count], columns[count], rows[count] = step, there, k
                     count += 1
     return count
 
@@ -130,18 +138,22 @@ def credit_plan(moves, scenarios, path, length, gamma, credit):
         credit: (M,) float64 out.
     """
     credit[:] = 0.0
-    worth = 1.0
+    worth, late, horizon = 1.0, 0.0, len(scenarios.starts)
     for h in range(length):
         a = move_between(moves.steps, path[h], path[h + 1])
-        if a >= 0:
+        step = h if a < 0 else h + int(late + moves.extra[a])
+        if a >= 0 and step < horizon:
+            found = worth * gamma ** (late + moves.extra[a])
             for k in range(moves.first[a], moves.first[a + 1]):
                 there = cell_seen(moves, path[h + 1], k)
                 if there < 0:
                     continue
-                for j in range(scenarios.starts[h, there], scenarios.starts[h, there + 1]):
-                    s = scenarios.members[h, j]
-                    if detects(moves, scenarios, h, k, s):
-                        credit[s] = max(credit[s], worth)
+                for j in range(scenarios.starts[step, there], scenarios.starts[step, there + 1]):
+                    s = scenarios.members[step, j]
+                    if detects(moves, scenarios, step, k, s):
+                        credit[s] = max(credit[s], found)
+        if a >= 0:
+            late += moves.extra[a] + moves.rest[a]
         worth *= gamma
 
 

@@ -52,7 +52,7 @@ class RandomMoves:
             allowed = np.flatnonzero(infos[agent]["action_mask"])
             actions.append(int(allowed[int(draw * allowed.size)]))
         present = cells_of(observations)
-        if self._swarm.has_slower:
+        if self._swarm.may_be_under_way:
             drawn = dict(zip(observations, actions, strict=True))
             cells = dict(zip(observations, present, strict=True))
             return keep_apart(drawn, cells, infos, self._swarm.actions)

@@ -7,9 +7,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from dsse_ros.scenario.action_times import action_times_of_drones
 from dsse_ros.scenario.rules import Rules
 from dsse_ros.scenario.scenario import ResolvedScenario
-from dsse_ros.search.faults import ground_speed_ratios_of_drones
 from dsse_ros.search.ways_home import ways_home
 
 
@@ -23,10 +23,8 @@ class Reach:
 
     def __init__(self, scenario: ResolvedScenario, rules: Rules) -> None:
         actions, mask = rules.action_set, scenario.area_mask
-        ground_speed_ratios = ground_speed_ratios_of_drones(scenario, rules)
-        ways = ways_home(
-            actions, mask, scenario.grid_size, scenario.drones_positions, ground_speed_ratios
-        )
+        shares = [times.shares for times in action_times_of_drones(scenario, rules)]
+        ways = ways_home(actions, mask, scenario.grid_size, scenario.drones_positions, shares)
         self._home = ways.steps * scenario.battery_return + scenario.battery_reserve
         # A planned step may be a move or a search, so it counts as the one that costs more.
         self._step = max(scenario.battery_move, scenario.battery_search)

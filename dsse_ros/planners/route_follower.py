@@ -212,7 +212,7 @@ class RouteFollower:
         exits: Mapping[int, Sequence[Cell]],
     ) -> list[Cell]:
         """Return the next cell of each drone; see `resolve_conflicts_with_yielding`."""
-        if self._swarm.has_slower:
+        if self._swarm.may_be_under_way:
             # A cell with another drone in it may stay occupied.
             occupied = set(present)
             requested = [

@@ -28,6 +28,12 @@ class ActionRules:
     """Actions of the drones and effect of a search."""
 
     actions: tuple[str, ...] = field("names", "Names of the actions, by number.")
+    timed_actions: bool = field(
+        "bool",
+        "Whether an action takes its time: a move its length over the drone's speed, a search what "
+        "its kind needs; otherwise each takes a step.",
+        False,
+    )
     noop_actions: bool = field(
         "bool", "Whether an unknown action number does nothing instead of being refused.", False
     )

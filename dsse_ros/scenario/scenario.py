@@ -23,7 +23,7 @@ from dsse_ros.scenario.cell_checks import (
 )
 from dsse_ros.scenario.current import mean_drift, resolve_vector
 from dsse_ros.scenario.ensemble_fields import EnsembleFields
-from dsse_ros.scenario.fault_fields import FaultFields, hold_up
+from dsse_ros.scenario.fault_fields import FaultFields
 from dsse_ros.scenario.fields import FieldError, Given, Spec, check_all, check_known, field, specs
 from dsse_ros.scenario.given_array import GivenArray, check_use
 from dsse_ros.scenario.incident import Incident
@@ -273,11 +273,6 @@ class Scenario(
             self.pre_search_minutes, resolved.pre_search_steps, resolved.step_duration_s
         )
         return resolved
-
-    @property
-    def may_be_held_up(self) -> bool:
-        """Whether a drone may stay in a cell that it was commanded to leave."""
-        return self.has_slower_drones or hold_up(self)
 
     def grid_of(self, rules: Rules) -> tuple[int, float]:
         """Return the cells along a side of the grid, and the side of a cell in metres.

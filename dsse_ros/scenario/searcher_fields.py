@@ -64,12 +64,6 @@ class SearcherFields:
         of_kinds = [kind.altitude or self.altitude for kind in self.kinds]
         return tuple(of_kinds[number] for number in self.kind_of)
 
-    @property
-    def has_slower_drones(self) -> bool:
-        """Whether a kind is slower than another and therefore needs several steps per cell."""
-        speeds = self.speeds
-        return min(speeds) < max(speeds)
-
     def resolved_searchers(
         self, num_drones: int, rules: Rules, *, has_battery: bool
     ) -> tuple[str, ...]:
@@ -107,7 +101,10 @@ def _check_kind(name: str, kind: Searcher, actions: Collection[str], *, has_batt
         FieldError: If it cannot.
     """
     where = f"searchers: {name!r}"
-    for what in ("speed", "altitude", "endurance_min"):
+    for what in (
+        "speed", "altitude", "endurance_min", "search_altitude", "descent_speed", "climb_speed",
+        "search_time",
+    ):  # fmt: skip
         value = getattr(kind, what)
         if value is not None and not (math.isfinite(value) and value > 0):
             raise FieldError(f"{where}: {what} must be a number > 0, got {shown(value)}")
@@ -128,16 +125,6 @@ def _check_kind(name: str, kind: Searcher, actions: Collection[str], *, has_batt
             f"{where}: moves must include {', '.join(missing)} with battery_move, or it could not "
             f"return home, got {shown(list(kind.moves))}"
         )
-
-
-def whole_steps(fastest: float, speed: float) -> int:
-    """Return the steps per cell at a ground speed, where the fastest drone needs one.
-
-    Args:
-        fastest: Airspeed of the fastest drone, m/s.
-        speed: The ground speed, m/s.
-    """
-    return max(math.ceil(fastest / speed - ROUNDING), 1)
 
 
 def endurance_steps(kind: Searcher, step_duration_s: float) -> int:

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from dsse_ros.scenario.action_times import any_binding
 from dsse_ros.scenario.actions import ActionSet
 from dsse_ros.scenario.rules import Rules
 from dsse_ros.scenario.scenario import Scenario
@@ -28,13 +29,13 @@ class Swarm:
         actions: Actions of the rules in the area.
         of_kinds: Actions of each kind of drone.
         kinds: (N,) kind of each drone; may be empty if there is one kind.
-        has_slower: Whether drones may be slow to leave their cells, see `masking.keep_apart`.
+        may_be_under_way: Whether drones may be slow to leave their cells, see `masking.keep_apart`.
     """
 
     actions: ActionSet
     of_kinds: tuple[ActionSet, ...]
     kinds: tuple[int, ...] = ()
-    has_slower: bool = False
+    may_be_under_way: bool = False
 
     @classmethod
     def alike(cls, names: Iterable[str], area: NDArray[np.bool_] | None = None) -> Swarm:
@@ -56,7 +57,7 @@ class Swarm:
         resolved = scenario.resolve(rules)
         actions = rules.action_set.within(resolved.area_mask)
         of_kinds = tuple(actions.of_kind(kind, resolved.grid_size) for kind in resolved.kinds)
-        return cls(actions, of_kinds, resolved.kind_of, resolved.has_slower_drones)
+        return cls(actions, of_kinds, resolved.kind_of, any_binding(resolved, rules))
 
     def with_moves(self) -> Swarm:
         """Return this swarm after checking that the rules have moves to every cell of a grid.

@@ -4,7 +4,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -12,13 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dsse_ros.compiled.overloads import Specialized
+from dsse_ros.scenario.action_times import action_times, action_times_of_drones
 from dsse_ros.scenario.fault_fields import faults_of
 from dsse_ros.scenario.rules import Rules
 from dsse_ros.scenario.scenario import ResolvedScenario
-from dsse_ros.scenario.searcher_fields import endurance_steps, whole_steps
+from dsse_ros.scenario.searcher_fields import endurance_steps
 from dsse_ros.search.snapshot import Snapshot, SnapshotError
 from dsse_ros.search.ways_home import ways_home
-from dsse_ros.searchers.searcher import Searcher
 from dsse_ros.step import fault_kernels
 from dsse_ros.step.fault_kernels import (
     ABILITIES,
@@ -34,61 +33,26 @@ if TYPE_CHECKING:
     from dsse_ros.search.world import World
 
 
-def ground_speed_ratios(
-    scenario: ResolvedScenario, rules: Rules, kind: Searcher | None = None
-) -> list[float]:
-    """Return the share of each action's move that one step covers in the wind, at most 1.
-
-    A drone with airspeed v holds its track in the wind. With crosswind c and tailwind w, its ground
-    speed is sqrt(v^2 - c^2) + w. A drone slower than the fastest takes a whole number of steps. The
-    share is 0 for an action that the kind cannot do.
-
-    Args:
-        scenario: Sets the wind.
-        rules: Set the actions.
-        kind: One of the scenario's kinds; by default as fast as the fastest, with all actions.
-    """
-    fastest = max(scenario.speeds)
-    v = fastest if kind is None or kind.speed is None else kind.speed
-    toward = math.radians(scenario.wind_toward)
-    east, south = scenario.wind_speed * math.sin(toward), -scenario.wind_speed * math.cos(toward)
-    shares = []
-    for name, (dx, dy) in zip(rules.actions, rules.action_set.moves, strict=True):
-        length = math.hypot(dx, dy) or 1.0
-        along, across = (east * dx + south * dy) / length, (east * dy - south * dx) / length
-        ground_speed = math.sqrt(v**2 - across**2) + along
-        if kind is not None and not kind.can_do(name):
-            shares.append(0.0)
-        elif v < fastest:
-            shares.append(1.0 if dx == dy == 0 else 1.0 / whole_steps(fastest, ground_speed))
-        else:
-            shares.append(min(ground_speed / v, 1.0))
-    return shares
-
-
-def ground_speed_ratios_of_drones(scenario: ResolvedScenario, rules: Rules) -> list[list[float]]:
-    """Return the `ground_speed_ratios` of each drone."""
-    of_kinds = [ground_speed_ratios(scenario, rules, kind) for kind in scenario.kinds]
-    return [of_kinds[number] for number in scenario.kind_of]
-
-
 def abilities_of(scenario: ResolvedScenario, rules: Rules, looks: Looks) -> NDArray[np.void]:
     """Return the abilities of the drones, (N,) of `fault_kernels.ABILITIES`."""
-    kinds, fastest = scenario.kinds, max(scenario.speeds)
+    kinds, count = scenario.kinds, len(rules.actions)
     of_kinds = np.zeros(len(kinds), ABILITIES)
     for k, kind in enumerate(kinds):
-        of_kinds["pace"][k, : len(rules.actions)] = ground_speed_ratios(scenario, rules, kind)
+        times = action_times(scenario, rules, kind)
+        of_kinds["share"][k, :count] = times.shares
+        of_kinds["takes"][k, :count] = times.takes
+        of_kinds["after"][k, :count] = times.after
+        of_kinds["binding"][k] = times.binding
         of_kinds["endurance"][k] = endurance_steps(kind, scenario.step_duration_s)
-        of_kinds["slower"][k] = scenario.speeds[k] < fastest
     rates = false_alarms(scenario, looks)
     of_kinds["false_alarms"][:, : rates.shape[1]] = rates
     return of_kinds[list(scenario.kind_of)]
 
 
 def has_limits(abilities: NDArray[np.void], num_actions: int) -> bool:
-    """Return whether a drone is slower than another, lacks an action, or has an endurance."""
-    cannot = abilities["pace"][:, :num_actions] == 0
-    return bool((abilities["slower"] | (abilities["endurance"] > 0) | cannot.any(axis=1)).any())
+    """Return whether a drone may be under way, lacks an action, or has an endurance."""
+    cannot = abilities["share"][:, :num_actions] == 0
+    return bool((abilities["binding"] | (abilities["endurance"] > 0) | cannot.any(axis=1)).any())
 
 
 def fault_constants(scenario: ResolvedScenario, *, has_limits: bool) -> NDArray[np.void]:
@@ -147,7 +111,7 @@ class Faults:
         self.has_battery = scenario.battery_move > 0
         self.is_noisy = scenario.position_noise > 0
         self._actions = rules.action_set
-        self._ground_speed_ratios = ground_speed_ratios_of_drones(scenario, rules)
+        self._shares = [times.shares for times in action_times_of_drones(scenario, rules)]
         self._homes: list[tuple[int, int]] = []
 
     @classmethod
@@ -173,9 +137,7 @@ class Faults:
         homes: list[tuple[int, int]] = [(x, y) for x, y in world.starts[0].tolist()]
         if self.has_battery and homes != self._homes:
             self._homes = homes
-            ways = ways_home(
-                self._actions, world.area, world.grid_size, homes, self._ground_speed_ratios
-            )
+            ways = ways_home(self._actions, world.area, world.grid_size, homes, self._shares)
             self.fleet = self.fleet._replace(home_steps=ways.steps, home_actions=ways.actions)
 
     def reset(self, world: World, which: NDArray[np.bool_]) -> None:

@@ -20,6 +20,10 @@ class Searcher:
         endurance_min: Flight time in minutes, used if batteries do not run down.
         sensor: Name of its sensor, see `sensors.registry`.
         moves: Names of the actions that it can do besides `search`.
+        search_altitude: Height above the sea, m, from which a search looks; None for its altitude.
+        descent_speed: Speed at which it comes down to search, m/s.
+        climb_speed: Speed at which it climbs afterwards, m/s.
+        search_time: Time for which a search looks from `search_altitude`, s.
     """
 
     doc: str
@@ -28,6 +32,10 @@ class Searcher:
     endurance_min: float | None = None
     sensor: str | None = None
     moves: tuple[str, ...] | None = None
+    search_altitude: float | None = None
+    descent_speed: float = 2.0
+    climb_speed: float = 3.0
+    search_time: float = 5.0
 
     def can_do(self, action: str) -> bool:
         """Return whether the kind can do an action, by its name."""

@@ -5,7 +5,7 @@
 
 `before_step` decides the action of each drone and takes its energy from the battery, the world
 steps with these actions, and `after_step` updates the drones' conditions. Neither runs if there
-are no faults and all drones are equally fast, can do all actions and have no endurance. All draws
+are no faults, each action takes one step, and all drones can do all actions without end. All draws
 come from the world's generator, drone by drone in index order: loss, dropped command and stuck
 before the step, false alarm and position after it, each only if the scenario has its fault.
 
@@ -54,7 +54,7 @@ FAULT_CONSTANTS = np.dtype(
         ("command_drop_rate", "f8"),
         ("false_alarm_steps", "i8"),
         ("position_noise", "f8"),
-        ("has_limits", "?"),  # a drone is slower than another, lacks an action, or has an endurance
+        ("has_limits", "?"),  # a drone may be under way, lacks an action, or has an endurance
     ],
     align=True,
 )
@@ -62,11 +62,13 @@ FAULT_CONSTANTS = np.dtype(
 
 ABILITIES = np.dtype(
     [
-        ("pace", "f8", (MAX_ACTIONS,)),  # share of each move covered per step; 0: cannot do it
+        ("share", "f8", (MAX_ACTIONS,)),  # fields of `action_times.ActionTimes`
+        ("takes", "f8", (MAX_ACTIONS,)),
+        ("after", "f8", (MAX_ACTIONS,)),
+        ("binding", "?"),
         # Probability of a false alarm when an action looks and finds nobody.
         ("false_alarms", "f8", (MAX_ACTIONS,)),
         ("endurance", "i8"),  # steps that the drone can fly; 0: no limit
-        ("slower", "?"),  # than the fastest drone: its status during a move is under_way
     ],
     align=True,
 )
@@ -77,11 +79,12 @@ CONDITIONS = np.dtype(
         ("seen_x", "i8"),  # reported position
         ("seen_y", "i8"),
         ("battery", "f8"),  # percent
-        ("progress", "f8"),  # completed share of a move
+        ("progress", "f8"),  # completed share of a move, or steps since a binding action began
+        ("spare", "f8"),  # share of the last step that a binding action has left
         ("until", "i8"),  # step until which the drone is stuck, identifies, or is home
         ("status", "i1"),  # number in `STATUSES`
         ("applied", "i1"),  # action of the last step, `HELD` for none
-        ("heading", "i1"),  # action of the move in progress
+        ("heading", "i1"),  # action in progress
         ("pending", "i1", (MAX_DELAY,)),  # delayed commands
     ],
     align=True,
@@ -103,39 +106,39 @@ def can_afford(faults, flyer, x, y, to_x, to_y, energy):
 @part
 def is_able(constants, flyer, action):
     """Return whether an action is `HELD` or possible for the drone's kind."""
-    return not 0 <= action < constants.num_actions or flyer.ability.pace[action] > 0.0
+    return not 0 <= action < constants.num_actions or flyer.ability.share[action] > 0.0
 
 
 @part
 def is_between(flyer):
-    """Return whether a slower drone has a move in progress."""
+    """Return whether a drone has a binding action in progress."""
     condition = flyer.condition
-    has_move = condition.heading != HELD and condition.status != RETURNING
-    return flyer.ability.slower and has_move
+    is_busy = condition.heading != HELD and condition.status != RETURNING
+    return flyer.ability.binding and is_busy
 
 
 @part
 def can_do(constants, faults, area, flyer, action):
     """Return whether a drone on the grid can do an action and still return home."""
-    ability = flyer.ability
+    ability, condition = flyer.ability, flyer.condition
     x, y = flyer.drone.x, flyer.drone.y
     to_x, to_y = x, y
     if action == constants.search_action:
         energy = faults.battery_search
-    elif not 0 <= action < constants.num_actions or ability.pace[action] <= 0.0:
+    elif not 0 <= action < constants.num_actions or ability.share[action] <= 0.0:
         energy = faults.battery_hover
     else:
         energy = faults.battery_move
         to_x, to_y, inside = end_of(constants, area, x, y, action)
         if not inside:
             to_x, to_y = x, y
-        if ability.pace[action] >= 1.0:
+        if ability.share[action] >= 1.0 or ability.binding:
             x, y = to_x, to_y
-        elif ability.slower:
-            # A slower drone completes every move that it begins.
-            x, y = to_x, to_y
-            left = 1.0 - (flyer.condition.progress if action == flyer.condition.heading else 0.0)
-            energy *= ceil(left / ability.pace[action] - ROUNDING)
+    if ability.binding and 0 <= action < constants.num_actions and ability.share[action] > 0.0:
+        # A drone completes every binding action that it begins.
+        begun = condition.progress if action == condition.heading else condition.spare
+        left = ability.takes[action] + ability.after[action] - begun
+        energy *= max(ceil(left - ROUNDING), 1)
     return can_afford(faults, flyer, x, y, to_x, to_y, energy)
 
 
@@ -148,7 +151,7 @@ def can_go_on(constants, faults, area, flyer):
         return can_do(constants, faults, area, flyer, flyer.condition.heading)
     for action in range(constants.num_actions):
         _, _, inside = end_of(constants, area, flyer.drone.x, flyer.drone.y, action)
-        is_possible = flyer.ability.pace[action] > 0.0 and inside
+        is_possible = flyer.ability.share[action] > 0.0 and inside
         if is_possible and can_do(constants, faults, area, flyer, action):
             return True
     return False
@@ -195,24 +198,42 @@ def arrived_command(faults, world, flyer, command):
 
 
 @part
+def take_time(flyer, action):
+    """Add a step to a binding action; return the action in the step of its effect, else `HELD`."""
+    condition, ability = flyer.condition, flyer.ability
+    if action != condition.heading:
+        condition.progress = condition.spare
+        condition.heading = action
+    before, takes = condition.progress, ability.takes[action]
+    condition.progress += 1.0
+    left = takes + ability.after[action] - condition.progress
+    if left < ROUNDING:
+        condition.spare = max(-left, 0.0)
+        condition.progress = 0.0
+        condition.heading = HELD
+    has_effect = before < takes - ROUNDING and before + 1.0 >= takes - ROUNDING
+    return action if has_effect else np.int64(HELD)
+
+
+@part
 def make_way(constants, flyer, action):
     """Add a step to a move's progress; return the move once it is complete, else `HELD`."""
     condition, ability = flyer.condition, flyer.ability
+    if ability.binding and 0 <= action < constants.num_actions:
+        return take_time(flyer, action)
+    condition.spare = 0.0
     moves = 0 <= action < constants.num_actions and action != constants.search_action
-    if not moves or ability.pace[action] >= 1.0:
+    if not moves or ability.share[action] >= 1.0:
         condition.progress = 0.0
         condition.heading = HELD
         return action
     if action != condition.heading:
         condition.progress = 0.0
         condition.heading = action
-    condition.progress += ability.pace[action]
+    condition.progress += ability.share[action]
     if condition.progress < 1.0 - ROUNDING:
         return np.int64(HELD)
     condition.progress -= 1.0
-    if ability.slower:
-        condition.progress = 0.0
-        condition.heading = HELD
     return action
 
 
@@ -251,9 +272,9 @@ def decide(constants, faults, area, world, flyer, command):
         energy = faults.battery_search
     elif not 0 <= action < constants.num_actions:
         energy = faults.battery_hover
-    if condition.status != STUCK:
+    if not (condition.status == STUCK or (condition.status == IDENTIFYING and is_between(flyer))):
         action = make_way(constants, flyer, action)
-    if flyer.ability.slower and (condition.status == SEARCHING or condition.status == UNDER_WAY):
+    if flyer.ability.binding and (condition.status == SEARCHING or condition.status == UNDER_WAY):
         condition.status = UNDER_WAY if is_between(flyer) else SEARCHING
     if faults.battery:
         condition.battery = max(condition.battery - energy, 0.0)
@@ -343,6 +364,7 @@ def start(constants, faults, area, world, flyer):
     flyer.drone.clear = False
     condition.battery = FULL
     condition.progress = 0.0
+    condition.spare = 0.0
     condition.until = 0
     condition.status = SEARCHING
     condition.applied = condition.heading = HELD
@@ -432,7 +454,7 @@ def restrict_mask(constants, faults, area, flyer, mask):
     for a in range(constants.num_actions):
         if mask[a] and (
             steered
-            or flyer.ability.pace[a] <= 0.0
+            or flyer.ability.share[a] <= 0.0
             or (to_home and not can_do(constants, faults, area, flyer, a))
         ):
             mask[a] = 0

@@ -11,7 +11,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from dsse_ros.conformance.searcher import searcher_test
-from dsse_ros.scenario.searcher_fields import endurance_steps, whole_steps
+from dsse_ros.scenario import action_times
+from dsse_ros.scenario.action_times import whole_steps
+from dsse_ros.scenario.searcher_fields import endurance_steps
 from dsse_ros.search import faults
 from dsse_ros.searchers.registry import SEARCHERS
 from dsse_ros.searchers.searcher import Searcher
@@ -105,7 +107,7 @@ def restrict_all_but_moves(*arguments: Any) -> None:
 def test_a_search_that_does_not_fly_a_kind_as_it_is_fails(
     kind: Searcher, name: str, broken: Any, words: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(faults, name, broken)
+    monkeypatch.setattr(action_times if name == "whole_steps" else faults, name, broken)
     with pytest.raises(AssertionError, match=words) as caught:
         searcher_test(Searcher(**{**vars(kind), "doc": "flies in a broken search"}))
     assert "\n" not in str(caught.value)

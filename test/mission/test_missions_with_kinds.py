@@ -19,6 +19,7 @@ from dsse_ros.report.record import read_csv
 from dsse_ros.scenario.agents import AgentsInfo, agents_from_json, agents_json
 from dsse_ros.scenario.definition import SearchDefinition
 from dsse_ros.scenario.frames import map_positions, scenario_frame
+from dsse_ros.scenario.swarm import Swarm
 from dsse_ros.search import SearchEnv, parallel_env
 from dsse_ros.searchers.registry import SEARCHERS
 from dsse_ros.searchers.searcher import Searcher
@@ -111,4 +112,4 @@ def test_the_topic_agents_lets_a_planner_know_the_kinds() -> None:
     assert read.frame == frame
     assert read.definition is not None
     assert read.definition.scenario.searchers == ("drone", "low", "high")
-    assert read.definition.scenario.has_slower_drones
+    assert Swarm.of(read.definition.scenario, read.definition.rules).may_be_under_way

@@ -12,9 +12,9 @@ from areas import CELL_M, ORIGIN, geojson_of
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from dsse_ros.scenario.action_times import action_times
 from dsse_ros.scenario.actions import ActionSet
 from dsse_ros.search import SearchEnv, parallel_env
-from dsse_ros.search.faults import ground_speed_ratios
 from dsse_ros.search.ways_home import ways_home
 from dsse_ros.step.fault_kernels import STATUSES
 
@@ -198,7 +198,7 @@ def test_the_way_home_takes_the_steps_that_are_foreseen(
     if diagonal:
         names = (*names, "up_left", "up_right", "down_left", "down_right")
     env = parallel_env(grid_size=G, actions=names, wind_speed=wind, wind_toward=toward)
-    shares, actions = ground_speed_ratios(env.scenario, env.rules), ActionSet(names)
+    shares, actions = action_times(env.scenario, env.rules).shares, ActionSet(names)
     area = AREA if in_area else np.ones((G, G), bool)
     cell = (home % G, home // G)
     if not area[cell[1], cell[0]]:

@@ -12,10 +12,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from dsse_ros.scenario.action_times import action_times
 from dsse_ros.scenario.fault_fields import FAULTS, FaultFields, faults_of
 from dsse_ros.scenario.fields import specs
 from dsse_ros.search import HOLD, FieldError, SearchEnv, parallel_env, vector_env
-from dsse_ros.search.faults import ground_speed_ratios
 from dsse_ros.search.snapshot import Snapshot
 from dsse_ros.step.fault_kernels import STATUSES
 
@@ -258,7 +258,7 @@ def test_a_drone_makes_its_way_against_the_wind_at_its_ground_speed() -> None:
         grid_size=40, drones_positions=[(0, 20)], wind_speed=5.0, wind_toward=270.0, rules="v2",
         drone_speed=10.0,
     )  # fmt: skip
-    shares = dict(zip(env.rules.actions, ground_speed_ratios(env.scenario, env.rules), strict=True))
+    shares = dict(zip(env.rules.actions, action_times(env.scenario, env.rules).shares, strict=True))
     assert shares["right"] == pytest.approx(0.5)
     assert shares["left"] == 1.0
     assert shares["up"] == pytest.approx(0.75**0.5)
