@@ -30,11 +30,15 @@ from dsse_ros.drift.leeway import leeway_classes
 from dsse_ros.drift.tracks import displaced
 from dsse_ros.planners import load_planner
 from dsse_ros.planners.batch import play_missions
-from dsse_ros.planners.planner import Cell, Planner, Search, cells_of
+from dsse_ros.planners.planner import Planner, Search, cells_of
 from dsse_ros.progress import progress, say
+from dsse_ros.scenario.actions import STRAIGHT
+from dsse_ros.scenario.definition import SearchDefinition
 from dsse_ros.scenario.scenario import Scenario
-from dsse_ros.search import Rules, profile
-from dsse_ros.step.looks import searches_of
+from dsse_ros.scenario.swarm import number_of
+from dsse_ros.search import Rules, parallel_env, profile
+from dsse_ros.sensors.sensor import SEARCH
+from dsse_ros.step.looks import Looked, looks_of
 
 SEED = 30_000_000
 COUNT, MISSIONS = 20, 500
@@ -47,6 +51,10 @@ BASELINE = "belief"
 START_S = 1_772_366_400
 """Start of every search, seconds since 1970-01-01 UTC: 2026-03-01T12:00:00Z."""
 SEA = profile("sea")
+STOPPING = SEA.override(actions=(*STRAIGHT, SEARCH), sensor="own_cell")
+"""Rules by which drones stop to search."""
+STOPS = f"{BASELINE}, stopping"
+"""Key of the `BASELINE` by these rules."""
 
 ERRORS = {
     "none": "nothing",
@@ -135,42 +143,48 @@ def _coast(at: Sequence[float], bearing_deg: float, rng: np.random.Generator) ->
 
 @dataclass
 class Plan:
-    """The searches of a planner that finds nobody.
+    """What the drones of a planner that finds nobody do.
 
     Attributes:
         actions: Actions of the live drones by name, step by step.
-        searched: Cells that are searched in each step.
+        looked: The looks that are done in each step.
     """
 
     actions: list[dict[str, int]] = field(default_factory=list)
-    searched: list[list[Cell]] = field(default_factory=list)
+    looked: list[list[Looked]] = field(default_factory=list)
 
     @classmethod
     def of(cls, planner: str, scenario: Scenario, rules: Rules, seed: int) -> Plan:
         """Let a planner plan a search that finds nobody."""
-        plan, blind = cls(), scenario.override(probability_of_detection=0.0)
-
-        def recorded(search: Search, *, seed: int) -> Planner:
-            inner = load_planner(planner)(search, seed=seed)
-
-            def decide(observations: Any, infos: Any) -> dict[str, int]:
-                actions = inner(observations, infos)
-                plan.actions.append(actions)
-                cells = zip(actions.values(), cells_of(observations), strict=True)
-                plan.searched.append([at for a, at in cells if a == rules.action_set.search])
-                return actions
-
-            return decide
-
-        play_missions(1, recorded, blind, rules=rules, planner_seeds=[seed], assumed=scenario)
+        plan, resolved = cls(), scenario.resolve(rules)
+        looks = looks_of(resolved, rules)
+        decide = load_planner(planner)(SearchDefinition(rules, resolved), seed=seed)
+        env = parallel_env(scenario.override(probability_of_detection=0.0), rules=rules)
+        observations, infos = env.reset(seed=seed)
+        for step in range(rules.last_acting_step(resolved.timestep_limit)):
+            drones = list(env.agents)
+            for info in infos.values():
+                info["step"] = step
+            actions = decide(observations, infos)
+            observations, _, _, _, infos = env.step(actions)
+            done = (infos[drone].get("action", actions[drone]) for drone in drones)
+            flown = zip(drones, done, cells_of(observations), strict=True)
+            plan.actions.append(actions)
+            plan.looked.append(
+                [
+                    look
+                    for drone, action, cell in flown
+                    for look in looks.done(number_of(drone), int(action), cell)
+                ]
+            )
         return plan
 
     def pos(self, scenario: Scenario, rules: Rules) -> Floats:
         """Return the POS after each step, (L,)."""
-        resolved, belief = scenario.resolve(rules), forecast_for(scenario, rules).belief()
-        pos = np.empty(len(self.searched))
-        for step, cells in enumerate(self.searched):
-            belief.update(searches_of(resolved, rules, cells))
+        belief = forecast_for(scenario, rules).belief()
+        pos = np.empty(len(self.looked))
+        for step, looked in enumerate(self.looked):
+            belief.update(looked)
             belief.advance()
             pos[step] = belief.pos
         return pos
@@ -190,18 +204,22 @@ def fly(number: int, planners: Sequence[str]) -> dict[str, Floats]:
     """Search an incident with each planner, `BASELINE` among them.
 
     Returns:
-        (2, 3) by planner, POS and share found after each of `MINUTES`; by key of `ERRORS` the same
-        of `BASELINE` if the persons drift otherwise.
+        (2, 3) by planner and of `STOPS`, POS and share found after each of `MINUTES`; by key of
+        `ERRORS` the same of `BASELINE` if the persons drift otherwise.
     """
     drawn = incident(number)
     step_s = Scenario(**drawn["fields"]).resolve(SEA).step_duration_s
     limit = ceil(60 * MINUTES[-1] / step_s)
     scenario = Scenario(**drawn["fields"], timestep_limit=limit)
     last = [int(60 * minutes / step_s) - 1 for minutes in MINUTES[:-1]] + [limit - 1]
-    plans = {name: Plan.of(name, scenario, SEA, seed=number) for name in planners}
+    rules = {name: SEA for name in planners} | {STOPS: STOPPING}
+    plans = {
+        name: Plan.of(BASELINE if name == STOPS else name, scenario, by, seed=number)
+        for name, by in rules.items()
+    }
     flown = {}
     for name, plan in plans.items():
-        pos, found = plan.pos(scenario, SEA), plan.found(scenario, SEA, MISSIONS)
+        pos, found = plan.pos(scenario, rules[name]), plan.found(scenario, rules[name], MISSIONS)
         flown[name] = np.stack([pos[last], found[last]])
     flown["none"] = flown[BASELINE]
     for error, truth in drawn["truths"].items():
@@ -249,6 +267,6 @@ def run(planners: Sequence[str], workers: int, count: int = COUNT) -> dict[str, 
             say(f"incident {number}: {', '.join(found)}")
     whole = {name: np.stack([flown[number][name] for number in range(count)]) for name in flown[0]}
     return {
-        "incidents": {name: figures(whole[name], whole[BASELINE]) for name in planners},
+        "incidents": {name: figures(whole[name], whole[BASELINE]) for name in (*planners, STOPS)},
         "wrong_drift": {name: figures(whole[name], whole["none"]) for name in ERRORS},
     }

@@ -109,7 +109,7 @@ class AlarmNode(Node):
         )
 
     def at_end(self, callback: Callable[[], object]) -> None:
-        """Have the node call this before it is destroyed, and before what it was told earlier.
+        """Have the node call this at its end, before what earlier calls have asked for.
 
         rclpy may also destroy a node whose constructor has failed.
         """

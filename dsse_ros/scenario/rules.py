@@ -16,6 +16,7 @@ from typing import Any
 
 from dsse_ros.scenario.actions import ACTION_VECTORS, DIAGONAL, STRAIGHT, ActionSet
 from dsse_ros.scenario.fields import FieldError, check_all, check_known, field, shown, specs
+from dsse_ros.sensors.registry import SENSORS
 from dsse_ros.sensors.sensor import SEARCH
 from dsse_ros.targets.registry import TARGET_MODELS
 
@@ -209,6 +210,7 @@ class Rules(PersonRules, SeaRules, TerminationRules, CoverageRules, RewardRules,
         "cell", "Default cell of the person; by default the centre of the grid.", None
     )
     timestep_limit: int = field("int", "Default limit L.", 100, low=1, high=10**9, unit="steps")
+    sensor: str = field("str", "Default sensor of the drones.", "own_cell", choices=SENSORS.keys())
 
     def __post_init__(self) -> None:
         check_all(self, Rules)
@@ -356,7 +358,14 @@ _COVERAGE = _V2.override(
     person_initial_position=None,
 )
 
-_SEA = _PAPER.override(profile="sea", circle=False, person_motion="leeway")
+_SEA = _PAPER.override(
+    profile="sea",
+    actions=_STAR,
+    timed_actions=True,
+    sensor="flown_over",
+    circle=False,
+    person_motion="leeway",
+)
 
 GROUPS: dict[str, type] = {
     "Actions": ActionRules,

@@ -254,6 +254,7 @@ class Scenario(
             "num_drones": count,
             "drones_positions": positions,
             "searchers": searchers,
+            "sensor": self.sensor or rules.sensor,
             "vector": vector,
             "drift": mean_drift(rules, vector, fastest),
             "current_speed": None,
@@ -366,6 +367,7 @@ class ResolvedScenario(Scenario):
     sigma_y: float
     dispersion_inc: float
     person_pod_multipliers: tuple[float, ...]
+    sensor: str
     timestep_limit: int
     battery_search: float
     battery_hover: float

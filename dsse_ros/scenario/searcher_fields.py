@@ -29,10 +29,9 @@ class SearcherFields:
     searchers: tuple[str, ...] = field(
         "names", "Kind of each drone, or one for all drones.", (DEFAULT,)
     )
-    sensor: str = field(
-        "str", "Sensor of drones whose kind has none.", "own_cell",
-        choices=SENSORS.keys(),
-    )  # fmt: skip
+    sensor: str | None = field(
+        "str", "Sensor of drones whose kind has none.", None, choices=SENSORS.keys()
+    )
 
     @property
     def kinds(self) -> tuple[Searcher, ...]:
