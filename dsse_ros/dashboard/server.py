@@ -27,8 +27,8 @@ _OF_PORT = (errno.EADDRINUSE, errno.EACCES)
 _STOP_S = 0.5
 """Wall time for connections to end."""
 _RECONNECT_S = 10.0
-"""Wall time in which a page that has lost its connection continues without a reload, so that what an
-operator is about to confirm stays open."""
+"""Wall time in which a page that has lost its connection continues without a reload, so that what
+an operator is about to confirm stays open."""
 _KEPT_MESSAGES = 500
 """Messages kept for such a page; those of `_RECONNECT_S` are fewer."""
 
