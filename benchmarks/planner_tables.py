@@ -29,7 +29,9 @@ SHOWN = {
 }
 """Rows of the short tables, by case: the best pattern, on the map, and on a belief."""
 TITLES = {"v2": "`v2`", "v1": "`v1`", "santos_4": "`paper`", "shore": "Shore"}
-SHOWN_AT_SEA = ("expanding_square", "greedy", "route", "belief_greedy", "belief")
+SHOWN_AT_SEA = (
+    incidents.STOPS, "expanding_square", "greedy", "route", "belief_greedy", "belief",
+)  # fmt: skip
 ON_A_BELIEF = ("optimal_effort", "route", "belief_greedy", "belief")
 WITH_FAULTS = ("greedy", "optimal_effort", "belief_greedy", "belief")
 FIELDS = (
@@ -152,7 +154,10 @@ def tables(
         written[f"{key}, disturbed"] = cost_table(by_condition, conditions, ON_A_BELIEF)
     written["faults"] = cost_table(results["faults"], conditions, WITH_FAULTS)
     baseline = f"`{incidents.BASELINE}`"
-    at_sea = {f"`{name}`": row for name, row in _chosen(results["incidents"], SHOWN_AT_SEA).items()}
+    at_sea = {
+        f"{baseline}, stopping to search" if name == incidents.STOPS else f"`{name}`": row
+        for name, row in _chosen(results["incidents"], SHOWN_AT_SEA).items()
+    }
     written["incidents"] = at_sea_table(at_sea, "Planner", baseline, baseline)
     by_error = {incidents.ERRORS[name]: row for name, row in results["wrong_drift"].items()}
     written["wrong_drift"] = at_sea_table(

@@ -44,6 +44,7 @@ from dsse_ros.scenario.options import check_seed
 from dsse_ros.scenario.rules import Rules
 from dsse_ros.scenario.swarm import Swarm
 from dsse_ros.scenario.yaml_file import parse_yaml
+from dsse_ros.step.looks import looks_of, moves_look
 
 GROUP = "dsse_ros.planners"
 """Group of the entry points."""
@@ -135,16 +136,17 @@ def _by_actions(name: str, search: Search, options: Options, *, seed: int) -> Pl
     Raises:
         ValueError: If the datum is off the grid, or an action that the planner needs is missing.
     """
-    swarm = Swarm.of(search.scenario, search.rules)
+    rules, scenario = search.rules, search.scenario.resolve(search.rules)
+    swarm = Swarm.of(scenario, rules)
     if name not in _ROUTES:
         return PLANNERS[name](swarm, seed=seed)
     layout: RouteLayout = _ROUTES[name]
     if isinstance(options, PatternOptions) and options.pattern is not None:
-        scenario = search.scenario.resolve(search.rules)
         if options.datum is not None:
             check_cell("datum", options.datum, scenario.grid_size)
         layout = PatternRoutes(options.pattern, scenario.cell_size, options.datum)
-    return RoutePlanner(layout, swarm, seed=seed, covers=search.rules.covers)
+    in_passing = moves_look(looks_of(scenario, rules), rules)
+    return RoutePlanner(layout, swarm, seed=seed, covers=rules.covers, in_passing=in_passing)
 
 
 def _registered() -> dict[str, list[EntryPoint]]:

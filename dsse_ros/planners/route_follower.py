@@ -1,6 +1,6 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""Planner that flies each drone along its own route and searches each cell on it."""
+"""Planner that flies each drone along its own route and looks at each cell on it."""
 
 from __future__ import annotations
 
@@ -69,6 +69,8 @@ class RouteProgress:
 class RouteFollower:
     """Flies each drone along its route: to the next cell, search there, and on.
 
+    Drones that look in passing do not stop to search.
+
     A drone that has searched its whole route waits for the others, flying next to the route's end
     without searching. When all live drones have finished, each flies its route backwards, and so on
     back and forth.
@@ -79,6 +81,7 @@ class RouteFollower:
     Args:
         swarm: What the drones can do.
         seed: Seed for the choice of the cell to step aside to.
+        in_passing: Whether drones look at the cells that they enter.
 
     Attributes:
         drawn: See `Shareable`.
@@ -87,8 +90,9 @@ class RouteFollower:
         ValueError: If a straight move is missing.
     """
 
-    def __init__(self, swarm: Swarm, *, seed: int = 0) -> None:
+    def __init__(self, swarm: Swarm, *, seed: int = 0, in_passing: bool = False) -> None:
         self._swarm = swarm.with_moves()
+        self._in_passing = in_passing
         self._rng = np.random.default_rng(seed)
         self._shuffled: list[int] = []
         self.drawn = False
@@ -187,7 +191,10 @@ class RouteFollower:
             return None
         if cell == track.goal:
             track.advance()
-            return cell
+            if not self._in_passing:
+                return cell
+            if track.finished and not self._swept:
+                return None
         return None if track.waited >= MAX_WAIT else actions.towards(cell, track.goal)
 
     def _way_out(self, track: RouteProgress, actions: ActionSet, cell: Cell) -> Cell:
@@ -233,18 +240,20 @@ class RoutePlanner:
         swarm: What the drones can do.
         seed: See `RouteFollower`.
         covers: Whether the task is to cover cells.
+        in_passing: See `RouteFollower`.
 
     Raises:
         ValueError: If a straight move is missing.
     """
 
     def __init__(
-        self, layout: RouteLayout, swarm: Swarm, *, seed: int = 0, covers: bool = False
-    ) -> None:
+        self, layout: RouteLayout, swarm: Swarm, *, seed: int = 0, covers: bool = False,
+        in_passing: bool = False,
+    ) -> None:  # fmt: skip
         self._layout = layout
         self._swarm = swarm
         self._covers = covers
-        self._follower = RouteFollower(swarm, seed=seed)
+        self._follower = RouteFollower(swarm, seed=seed, in_passing=in_passing)
 
     @property
     def drawn(self) -> bool:

@@ -17,7 +17,7 @@ from dsse_ros.planners.planner import DecisionPoint
 from dsse_ros.scenario.scenario import Scenario
 from dsse_ros.search import World, profile
 from dsse_ros.step.cell_tracks import tracks_of
-from dsse_ros.step.looks import searches_of
+from dsse_ros.step.looks import looks_of, searches_of
 
 LAND = {
     "type": "Polygon",
@@ -50,6 +50,11 @@ def search(
     world = World(scenario, SEA, MISSIONS, write_maps=False)
     world.seed(seed * MISSIONS)
     world.reset()
+    # The plan goes on as if nobody were found, so its POS is that of every mission.
+    blind = World(scenario.override(probability_of_detection=0.0).resolve(SEA), SEA, 1)
+    blind.reset()
+    assert blind.faults is not None
+    looks = looks_of(scenario, SEA)
     planned, belief = (
         forecast_for(scenario, SEA, planning=planning).belief() for planning in (True, False)
     )
@@ -60,12 +65,13 @@ def search(
         going = zip(cells, ends, strict=True)
         actions = np.array([SEA.action_set.action(*leg) for leg in going], np.int8)
         world.step(np.tile(actions, (MISSIONS, 1)))
-        # The plan goes on as if nobody were found, so its POS is that of every mission.
-        searched = [a for a, b in zip(cells, ends, strict=True) if a == b]
+        blind.step(actions[None])
+        cells = list(zip(*(blind.drones[axis][0].tolist() for axis in "xy"), strict=True))
+        done = zip(blind.faults.applied[0].tolist(), cells, strict=True)
+        looked = [look for n, (a, cell) in enumerate(done) for look in looks.done(n, a, cell)]
         for each in (planned, belief):
-            each.update(searches_of(scenario, SEA, searched))
+            each.update(looked)
             each.advance()
-        cells = ends
         if belief.pos >= until:
             break
     return belief.pos, int(world.persons["found"].sum())

@@ -5,10 +5,12 @@
 from __future__ import annotations
 
 import shutil
+import time
 from collections.abc import Iterator
 from typing import Any
 
 import pytest
+from rig import TIMEOUT_S
 
 
 @pytest.fixture(scope="module")
@@ -31,3 +33,20 @@ def violations(page: Any) -> list[tuple[str, list[str]]]:
     axe = pytest.importorskip("axe_playwright_python.sync_playwright")
     found = axe.Axe().run(page).response["violations"]
     return [(rule["id"], [node["html"] for node in rule["nodes"]]) for rule in found]
+
+
+def choose_option(page: Any, select: str, option: str) -> None:
+    """Choose an option of a list, which an update of the page closes when its options change."""
+    from playwright.sync_api import TimeoutError as Late
+
+    chosen = page.get_by_role("option", name=option, exact=True)
+    end_s = time.monotonic() + TIMEOUT_S
+    while True:
+        page.get_by_role("combobox", name=select).click()
+        try:
+            chosen.click(timeout=5000)
+            return
+        except Late:
+            if time.monotonic() > end_s:
+                raise
+            page.keyboard.press("Escape")

@@ -12,6 +12,7 @@ from typing import Any
 
 import pytest
 from bridge_rig import SEARCHED, Bridge, autopilots
+from browsers import choose_option
 from rig import TIMEOUT_S, Rig, Sim
 
 from dsse_ros.dashboard.commands import MAX_AGE_S
@@ -59,8 +60,7 @@ def enabled(page: Any, name: str) -> Any:
 
 
 def choose(page: Any, drone: str) -> None:
-    page.get_by_role("combobox", name="Vehicle").click()
-    page.get_by_role("option", name=drone, exact=True).click()
+    choose_option(page, "Vehicle", drone)
     button(page, f"Hold {drone}").wait_for()
 
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import pytest
-from browsers import violations
+from browsers import choose_option, violations
 from rig import TIMEOUT_S, Rig, Sim
 from std_msgs.msg import String
 
@@ -94,8 +94,7 @@ class Open:
 
     def choose(self, select: str, option: str) -> None:
         """Choose an option."""
-        self.page.get_by_role("combobox", name=select).click()
-        self.page.get_by_role("option", name=option, exact=True).click()
+        choose_option(self.page, select, option)
 
 
 @pytest.fixture(scope="module")

@@ -14,7 +14,7 @@ import yaml
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from dsse_ros.scenario.scenario import SPECS, ResolvedScenario
+from dsse_ros.scenario.scenario import GIVEN, SPECS, ResolvedScenario
 from dsse_ros.search import FieldError, Scenario, parallel_env, profile
 
 PAPER = profile("paper")
@@ -122,9 +122,8 @@ def test_an_override_of_one_way_of_stating_a_thing_replaces_the_other() -> None:
 def test_a_resolved_scenario_leaves_nothing_open_and_resolves_to_itself() -> None:
     scenario = resolved()
     other_ways = {"zone_size", "current_speed", "current_toward"}
-    optional = {"area", "probability_matrix", "transition_probabilities", "incident"}
     for field in dataclasses.fields(scenario):
-        assert (getattr(scenario, field.name) is None) == (field.name in other_ways | optional)
+        assert (getattr(scenario, field.name) is None) == (field.name in other_ways | {*GIVEN})
     assert scenario.resolve(PAPER) == scenario
     with pytest.raises(dataclasses.FrozenInstanceError):
         scenario.sigma = 3.0  # type: ignore[misc]

@@ -103,6 +103,7 @@ OTHERS: dict[str, tuple[Any, ...]] = {
     "vector": ((0.5, 0.25),),
     "person_initial_position": ((1, 1),),
     "timestep_limit": (9,),
+    "sensor": ("flown_over",),
 }
 """Other values of the fields of which neither the opposite nor a little more will do."""
 WHERE: dict[str, dict[str, Any]] = {
@@ -117,6 +118,8 @@ WHERE: dict[str, dict[str, Any]] = {
         {"task": "cover", "reset_sea_steps": 10},
     ),
     "person_steps": {"person_motion": "random_walk"},
+    # A diagonal.
+    "timed_actions": {"actions": ("up_left", "down_right", "left", "right", "search")},
     # The map runs away from the persons.
     "person_walks_blind": {"vector": (2.0, 0.0), "grid_size": 30, "sigma": 0.5},
 }
