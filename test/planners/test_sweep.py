@@ -5,15 +5,17 @@
 from __future__ import annotations
 
 from collections import Counter
+from typing import Any
 
 import pytest
 from grid_walker import DIAGONAL, STRAIGHT, GridWalker, default_start
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from dsse_ros.planners import make_planner
+from dsse_ros.planners import load_planner, make_planner
 from dsse_ros.planners.sweep import boustrophedon, shares, sweep_routes
-from dsse_ros.search import ActionSet
+from dsse_ros.scenario.definition import SearchDefinition
+from dsse_ros.search import ActionSet, parallel_env
 
 action_names = st.sampled_from([STRAIGHT, DIAGONAL])
 
@@ -139,3 +141,18 @@ def test_with_the_last_slow_drone_lost_the_others_stop_waiting(actions: tuple[st
     for _ in range(10):
         walker.step(planner)
     assert walker.searched.total() > seen + 3
+
+
+def test_drones_that_look_in_passing_fly_their_lanes_without_a_stop() -> None:
+    fields: dict[str, Any] = {"grid_size": 8, "probability_of_detection": 0.0, "timestep_limit": 90}
+    env = parallel_env(rules="v2", sensor="flown_over", **fields)
+    planner = load_planner("sweep")(SearchDefinition(env.rules, env.scenario), seed=0)
+    observations, infos = env.reset(seed=1)
+    seen: list[tuple[int, int]] = []
+    for _ in range(8 * 8 - 1):
+        actions = planner(observations, infos)
+        assert actions["drone0"] != env.rules.action_set.search
+        observations, _, _, _, infos = env.step(actions)
+        seen.append(tuple(observations["drone0"][0].tolist()))
+    # All cells but the one in which it starts.
+    assert len(set(seen)) == len(seen) == 8 * 8 - 1
