@@ -141,8 +141,8 @@ class Forecasts:
 class BeliefPlanner:
     """Keeps the belief of a mission and commands what a tactic chooses; a `Planner`.
 
-    The tactic plans as if each drone reached its next cell in one step. A slower drone is under
-    way for several steps, and the tactic plans for it again in each of them.
+    A drone whose action takes several steps is under way meanwhile. The tactic plans for it again
+    in each of them, from the cell in which it arrives.
 
     The planner restarts if it recognizes a new mission: the step number is not greater than the
     last one. Without step numbers, it recognizes one by a drone that is not where its command could

@@ -79,7 +79,7 @@ class RoutesOnBelief(ABC):
         if self._follower is None or due:
             steps = max(1, min(self.period, self._limit - belief.step))
             routes = self.plan(belief, present, steps, self._swarm.actions_of(agents))
-            # `BeliefPlanner` keeps slower drones apart.
+            # `BeliefPlanner` keeps drones under way apart.
             self._follower = RouteFollower(
                 replace(self._swarm, may_be_under_way=False), seed=self._seed + belief.step
             )

@@ -21,7 +21,7 @@ def is_returning(info: Mapping[str, Any]) -> bool:
 
 
 def is_under_way(info: Mapping[str, Any]) -> bool:
-    """Return whether a slower drone is between two cells and takes no commands until it arrives."""
+    """Return whether a drone does an action of several steps and takes no commands meanwhile."""
     return info.get("status") == "under_way"
 
 
@@ -80,7 +80,7 @@ def keep_apart(
 ) -> dict[str, int]:
     """Return the actions, with a search in place of each move to a cell that may not be free.
 
-    A slower drone stays in its cell for some steps after the command to leave it. Until it arrives
+    A drone may stay in its cell for some steps after the command to leave it. Until it arrives
     in the next cell, neither cell is free for others. No drone may therefore enter the cell of
     another one, and drones under way, which have no choice, get their next cells before all others.
 

@@ -135,7 +135,7 @@ class OnnxPlanner(DrawsNothing):
 
     Args:
         policy: The policy.
-        swarm: What the drones can do, to keep them apart if some are slower than others; None for
+        swarm: What the drones can do, to keep them apart if some may be under way; None for
             a policy that does not.
     """
 
