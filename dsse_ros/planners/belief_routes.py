@@ -15,6 +15,7 @@ from dsse_ros.planners.planner import Cell, DecisionPoint
 from dsse_ros.planners.route_follower import RouteFollower
 from dsse_ros.scenario.actions import ActionSet
 from dsse_ros.scenario.swarm import Swarm
+from dsse_ros.step.looks import looks_of, moves_look
 
 if TYPE_CHECKING:
     from typing_extensions import Self
@@ -37,6 +38,8 @@ class RoutesOnBelief(ABC):
     def __init__(self, forecast: TargetForecast, *, seed: int = 0) -> None:
         self._swarm = Swarm.of(forecast.scenario, forecast.rules)
         self._limit = forecast.scenario.timestep_limit
+        looks = looks_of(forecast.scenario, forecast.rules)
+        self._in_passing = moves_look(looks, forecast.rules)
         self._seed = seed
         self._follower: RouteFollower | None = None
         self._agents: list[Hashable] = []
@@ -49,7 +52,7 @@ class RoutesOnBelief(ABC):
     ) -> Sequence[Sequence[Cell]]:
         """Return a route for each drone: the cells to search in order, at least one.
 
-        A cell to search twice is listed twice.
+        A cell to search twice is listed twice. If drones look in passing, entering it is a search.
 
         Args:
             belief: The belief.
@@ -79,10 +82,17 @@ class RoutesOnBelief(ABC):
         if self._follower is None or due:
             steps = max(1, min(self.period, self._limit - belief.step))
             routes = self.plan(belief, present, steps, self._swarm.actions_of(agents))
+            if self._in_passing:
+                # A drone has entered its own cell before.
+                routes = [
+                    [cell, *route] if route[0] == cell else route
+                    for cell, route in zip(present, routes, strict=True)
+                ]
             # `BeliefPlanner` keeps drones under way apart.
             self._follower = RouteFollower(
-                replace(self._swarm, may_be_under_way=False), seed=self._seed + belief.step
-            )
+                replace(self._swarm, may_be_under_way=False), seed=self._seed + belief.step,
+                in_passing=self._in_passing,
+            )  # fmt: skip
             size = belief.forecast.scenario.grid_size
             self._follower.start(agents, routes, size)
             self._agents, self._planned_at = list(agents), belief.step

@@ -48,7 +48,7 @@ class OptimalEffort(RoutesOnBelief):
         """See `RoutesOnBelief.plan`."""
         reach = reach_of(able, present)
         searches = allocate(belief.poc(), looks_of_search(belief), steps * len(present), reach)
-        return nearest_routes(present, searches, able)
+        return nearest_routes(present, searches, able, in_passing=self._in_passing)
 
 
 def make_optimal_effort(search: Search, options: BeliefOptions, *, seed: int) -> BeliefPlanner:
@@ -152,7 +152,11 @@ def allocate(
 
 
 def nearest_routes(
-    present: Sequence[Cell], searches: dict[Cell, int], actions: Sequence[ActionSet]
+    present: Sequence[Cell],
+    searches: dict[Cell, int],
+    actions: Sequence[ActionSet],
+    *,
+    in_passing: bool = False,
 ) -> list[list[Cell]]:
     """Assign cells to drones: always the cell and drone where the drone arrives first.
 
@@ -160,6 +164,7 @@ def nearest_routes(
         present: Cells of the drones.
         searches: How often to search each cell.
         actions: Actions of each drone; they measure the distances.
+        in_passing: Whether drones look at the cells that they enter.
 
     Returns:
         The cells that each drone searches, in order, with a cell to search twice listed twice. A
@@ -180,5 +185,5 @@ def nearest_routes(
         steps, _, cell, n = min(ways)
         times = left.pop(cell)
         routes[n] += [cell] * times
-        ends[n], busy[n] = cell, steps + times
+        ends[n], busy[n] = cell, steps + times - in_passing
     return [route or [cell] for route, cell in zip(routes, present, strict=True)]

@@ -69,7 +69,9 @@ class SolvedRoutes(RoutesOnBelief):
         time = max(1, min(there + STEPS_THERE, limit - belief.step))
         return [
             [nodes[i] for i in route] or [cell]
-            for route, cell in zip(solve(ways, gains, time), present, strict=True)
+            for route, cell in zip(
+                solve(ways, gains, time, in_passing=self._in_passing), present, strict=True
+            )
         ]
 
 
@@ -94,7 +96,11 @@ def _steps(distance: int) -> int:
 
 
 def solve(
-    ways: Sequence[Sequence[Sequence[int]]], gains: Sequence[float], time: int
+    ways: Sequence[Sequence[Sequence[int]]],
+    gains: Sequence[float],
+    time: int,
+    *,
+    in_passing: bool = False,
 ) -> list[list[int]]:
     """Return the nodes that each drone searches, in order.
 
@@ -102,7 +108,8 @@ def solve(
         ways: (N, N + K, N + K) moves of each drone between any two nodes, the starts of the N
             drones first.
         gains: (K,) expected finds of a search of each of the K other nodes.
-        time: Steps that a route may take; a search takes one.
+        time: Steps that a route may take; a search takes one, but in passing.
+        in_passing: Whether drones look at the cells that they enter.
     """
     drones, end = len(ways), len(ways[0])
     manager = pywrapcp.RoutingIndexManager(end + 1, drones, list(range(drones)), [end] * drones)
@@ -110,7 +117,7 @@ def solve(
     # The search of a node counts as part of the way from it. Routes end at their last node.
     durations = np.zeros((drones, end + 1, end + 1), int)
     durations[:, :end, :end] = ways
-    durations[:, drones:end] += 1
+    durations[:, drones:end] += not in_passing
     transits = [routing.RegisterTransitMatrix(of_drone) for of_drone in durations.tolist()]
     routing.AddDimensionWithVehicleTransits(transits, 0, time, True, "time")
     times = routing.GetDimensionOrDie("time")

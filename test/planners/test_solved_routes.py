@@ -14,7 +14,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from dsse_ros.planners import planner_for
+from dsse_ros.planners import load_planner, planner_for
+from dsse_ros.scenario.definition import SearchDefinition
 from dsse_ros.search import parallel_env
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -82,3 +83,21 @@ def test_no_drone_collides_and_the_same_seed_gives_the_same_mission() -> None:
         played.append(actions)
     assert played[0] == played[1]
     assert len(played[0]) >= 25
+
+
+def test_drones_that_look_in_passing_do_not_stop_where_a_look_is_sure() -> None:
+    env = parallel_env(
+        rules="v2", sensor="flown_over", grid_size=15, person_initial_position=(7, 7),
+        dispersion_inc=0.1, vector=(0.0, 0.0), drones_positions=[(0, 7)], timestep_limit=60,
+    )  # fmt: skip
+    pytest.importorskip("ortools")
+    planner = load_planner("route")(SearchDefinition(env.rules, env.scenario), seed=0)
+    # Nobody is found.
+    blind = parallel_env(env.scenario.override(probability_of_detection=0.0), rules=env.rules)
+    observations, infos = blind.reset(seed=1)
+    done = []
+    while blind.agents:
+        actions = planner(observations, infos)
+        done.append(actions["drone0"])
+        observations, _, _, _, infos = blind.step(actions)
+    assert done.count(env.rules.action_set.search) <= 2
