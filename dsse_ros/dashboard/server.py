@@ -26,11 +26,8 @@ from dsse_ros.scenario.fields import FieldError
 _OF_PORT = (errno.EADDRINUSE, errno.EACCES)
 _STOP_S = 0.5
 """Wall time for connections to end."""
-_RECONNECT_S = 10.0
-"""Wall time in which a page that has lost its connection continues without a reload, so that what
-an operator is about to confirm stays open."""
-_KEPT_MESSAGES = 500
-"""Messages kept for such a page; those of `_RECONNECT_S` are fewer."""
+_KEPT_MESSAGES = 20
+"""Wall time for a page to reconnect; a reconnected page gets everything again."""
 
 
 class PageServer:
@@ -61,7 +58,7 @@ class PageServer:
         self.url = f"http://{named}:{port}/" + ("" if settings.token_file else f"?token={token}")
         app = FastAPI(lifespan=self._lifespan, docs_url=None, redoc_url=None, openapi_url=None)
 
-        @ui.page("/", title="dsse_ros", language="en-US", reconnect_timeout=_RECONNECT_S)
+        @ui.page("/", title="dsse_ros", language="en-US")
         def page(mission: str | None = None, theme: str = "") -> None:
             shown = MissionPage(self.missions, inbox, settings.frame_rate, domain)
             shown.choose(mission, theme)
