@@ -2,6 +2,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // The clicks on commands: each is sent at once and with its time, or the page says that it was not.
 
+const LATE_MS = 5000;
+
 export default {
   template: `<div class="trouble" role="alert">{{ text }}</div>`,
   data: () => ({ text: "" }),
@@ -29,8 +31,14 @@ export default {
       // When this is mounted, there is no socket yet.
       if (!this.listens) window.socket.on("disconnect", () => this.onDisconnect());
       this.listens = true;
-      this.unconfirmed.set(++this.count, label);
-      emit({ number: this.count, at: this.clock?.() ?? null });
+      const number = ++this.count;
+      this.unconfirmed.set(number, label);
+      setTimeout(() => this.onLate(number), LATE_MS);
+      emit({ number, at: this.clock?.() ?? null });
+    },
+    onLate(number) {
+      const label = this.unconfirmed.get(number);
+      if (label) this.text = `There is no answer: ${label} may not have been sent. Load the page again.`;
     },
     onDisconnect() {
       if (!this.unconfirmed.size) return;

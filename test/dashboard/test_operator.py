@@ -146,6 +146,19 @@ def test_a_click_that_is_long_on_its_way_is_answered_and_not_sent(
     assert cleared(bridge) == before
 
 
+def test_a_click_that_nobody_gets_is_named(page: Any, bridge: Bridge) -> None:
+    before = cleared(bridge)
+    other = page.context.new_page()
+    other.goto(page.url)
+    enabled(other, "Arm all").click()
+    enabled(other, "Arm all vehicles")
+    other.evaluate("() => { window.socket.emit = () => {}; }")
+    button(other, "Arm all vehicles").click()
+    other.get_by_text("There is no answer: Arm all vehicles may not have been sent.").wait_for()
+    other.close()
+    assert cleared(bridge) == before
+
+
 def test_a_click_without_a_connection_is_not_kept_for_later(
     page: Any, rig: Rig, url: str, bridge: Bridge
 ) -> None:
