@@ -121,6 +121,7 @@ class BeamSearch:
         times = action_times_of_kinds(forecast.scenario, forecast.rules)
         self._kinds = _moves_of_kinds(self._swarm, looks, forecast.side, times)
         self._first = np.stack([kind.first for kind in self._kinds])
+        self._times = np.stack([(kind.extra, kind.rest) for kind in self._kinds], axis=1)
         self._most_looks = max(int(np.diff(self._first, axis=1).max()), 1)
         self._sure = not (self._kinds[0].pods < 1.0).any()
         self._measure = forecast.rules.action_set.distance
@@ -216,7 +217,9 @@ class BeamSearch:
 
         def value(candidate: PlannedPath) -> float:
             together[drone], lengths[drone] = candidate.path, candidate.length
-            count = plan_kernels.looks_of_plans(together, lengths, kinds, moves, self._first, looks)
+            count = plan_kernels.looks_of_plans(
+                together, lengths, kinds, moves, self._first, self._times, looks
+            )
             steps, columns, rows = looks[:, np.argsort(looks[0, :count], kind="stable")]
             to_come = LooksToCome(steps, columns, moves.pods[rows])
             expected = belief.expect(to_come, horizon, options.gamma)

@@ -94,29 +94,30 @@ def move_between(steps, cell, after):
 
 
 @kernel
-def looks_of_plans(paths, lengths, kinds, moves, first, looks):
+def looks_of_plans(paths, lengths, kinds, moves, first, times, looks):
     """Write the looks of plans, drone by drone, and return their number.
 
     Args:
         paths: (N, H + 1) int64.
         lengths: (N,) int64, number of planned steps of each path.
         kinds: (N,) int64, kinds of the drones.
-        moves: Of the kind whose times all plans have.
+        moves: Of any kind.
         first: (K, A + 1) int64, as in `Moves`, by kind.
+        times: (2, K, A) float64, `extra` and `rest` as in `Moves`, by kind.
         looks: (3, Q) int64 out: the step of each look, its column and its number.
     """
     when, columns, rows = looks[0], looks[1], looks[2]
     count, horizon = 0, paths.shape[1] - 1
     for n in range(len(paths)):
-        late = 0.0
+        extra, rest, late = times[0, kinds[n]], times[1, kinds[n]], 0.0
         for h in range(lengths[n]):
             a = move_between(moves.steps, paths[n, h], paths[n, h + 1])
             if a < 0:
                 continue
-            step = h + int(late + moves.extra[a])
-            late += moves.extra[a] + moves.rest[a]
+            step = h + int(late + extra[a])
             if step >= horizon:
-                continue
+                break
+            late += extra[a] + rest[a]
             for k in range(first[kinds[n], a], first[kinds[n], a + 1]):
                 there = cell_seen(moves, paths[n, h + 1], k)
                 if there >= 0:
@@ -141,9 +142,12 @@ def credit_plan(moves, scenarios, path, length, gamma, credit):
     worth, late, horizon = 1.0, 0.0, len(scenarios.starts)
     for h in range(length):
         a = move_between(moves.steps, path[h], path[h + 1])
-        step = h if a < 0 else h + int(late + moves.extra[a])
-        if a >= 0 and step < horizon:
+        if a >= 0:
+            step = h + int(late + moves.extra[a])
+            if step >= horizon:
+                break
             found = worth * gamma ** (late + moves.extra[a])
+            late += moves.extra[a] + moves.rest[a]
             for k in range(moves.first[a], moves.first[a + 1]):
                 there = cell_seen(moves, path[h + 1], k)
                 if there < 0:
@@ -152,8 +156,6 @@ def credit_plan(moves, scenarios, path, length, gamma, credit):
                     s = scenarios.members[step, j]
                     if detects(moves, scenarios, step, k, s):
                         credit[s] = max(credit[s], found)
-        if a >= 0:
-            late += moves.extra[a] + moves.rest[a]
         worth *= gamma
 
 

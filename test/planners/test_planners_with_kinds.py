@@ -15,6 +15,7 @@ from test_batch import alone
 from dsse_ros.planners import PERSON_PLANNERS, PLANNERS, planner_for
 from dsse_ros.planners.batch import play_missions
 from dsse_ros.planners.masking import keep_apart
+from dsse_ros.planners.plan_kernels import Moves, looks_of_plans
 from dsse_ros.planners.play import play
 from dsse_ros.scenario.actions import DIAGONAL, ActionSet
 from dsse_ros.search import SearchEnv, parallel_env
@@ -177,3 +178,20 @@ def test_nobody_goes_where_another_drone_is_or_is_under_way_to() -> None:
     assert keep_apart(chosen, present, infos, actions) == {
         "drone0": 4, "drone1": 0, "drone2": 4, "drone3": 2,
     }  # fmt: skip
+
+
+def test_the_looks_of_plans_come_at_the_times_of_each_kind() -> None:
+    side, horizon = 12, 4
+    moves = Moves(
+        np.array([0, 1]), np.ones(2, bool), np.array([0, 1, 2]), np.zeros((2, 2), np.int64),
+        np.ones((2, 1)), np.ones((side, side)), np.zeros(2), np.zeros(2),
+    )  # fmt: skip
+    # Two drones fly to the east; a move takes the second kind three steps.
+    paths = np.add.outer(side * np.array([4, 6]) + 3, np.arange(horizon + 1))
+    looks = np.empty((3, 2 * horizon), np.int64)
+    times = np.array([[[0.0, 0.0], [0.0, 2.0]], [[0.0, 0.0], [0.0, 0.0]]])
+    lengths, kinds = np.full(2, horizon), np.array([0, 1])
+    count = looks_of_plans(paths, lengths, kinds, moves, np.tile(moves.first, (2, 1)), times, looks)
+    steps, columns = looks[:2, :count].tolist()
+    assert steps == [0, 1, 2, 3, 2]
+    assert columns == [*paths[0, 1:].tolist(), paths[1, 1]]
