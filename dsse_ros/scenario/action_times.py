@@ -36,11 +36,6 @@ class ActionTimes(NamedTuple):
     after: list[float]
     binding: bool
 
-    @property
-    def longest(self) -> float:
-        """Steps of the longest action."""
-        return max(map(sum, zip(self.takes, self.after, strict=True)))
-
 
 def action_times(
     scenario: ResolvedScenario, rules: Rules, kind: Searcher | None = None
@@ -68,7 +63,8 @@ def action_times(
         shares.append(share if kind is None or kind.can_do(name) else 0.0)
         takes.append(steps)
         after.append(left)
-    binding = slower or (rules.timed_actions and max(takes) > 1.0)
+    longest = max(map(sum, zip(takes, after, strict=True)))
+    binding = slower or (rules.timed_actions and longest > 1.0)
     return ActionTimes(shares, takes, after, binding)
 
 

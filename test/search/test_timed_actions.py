@@ -100,6 +100,17 @@ def test_a_search_from_below_looks_when_it_is_down_and_takes_the_climb_too() -> 
     assert step == ceil((45.0 + 5.0 + 30.0) / step_s)
 
 
+def test_a_climb_binds_a_drone_whose_search_fits_into_a_step() -> None:
+    env = started(
+        searchers=("low",), altitude=40.0, cell_size=130.0,
+        actions=("left", "right", "up", "down", "search"),
+    )  # fmt: skip
+    times = action_times(env.scenario, env.rules, env.scenario.kinds[0])
+    search = env.rules.action_set.search
+    assert times.takes[search] == 1.0 < times.takes[search] + times.after[search]
+    assert [steps_of(env, "search") for _ in range(3)] == [2, 1, 1]
+
+
 def test_nobody_is_found_before_the_drone_has_looked() -> None:
     env = started(searchers=("low",), person_initial_position=(20, 20), vector=(0.0, 0.0))
     search, step = env.rules.action_set.search, 0
