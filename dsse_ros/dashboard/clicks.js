@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // The clicks on commands: each is sent at once and with its time, or the page says that it was not.
 
+// As MAX_AGE_S in commands.py.
 const LATE_MS = 5000;
 
 export default {

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dsse_ros.compiled.overloads import Specialized
-from dsse_ros.scenario.action_times import action_times, action_times_of_drones
+from dsse_ros.scenario.action_times import action_times_of_kinds
 from dsse_ros.scenario.fault_fields import faults_of
 from dsse_ros.scenario.rules import Rules
 from dsse_ros.scenario.scenario import ResolvedScenario
@@ -37,13 +37,12 @@ def abilities_of(scenario: ResolvedScenario, rules: Rules, looks: Looks) -> NDAr
     """Return the abilities of the drones, (N,) of `fault_kernels.ABILITIES`."""
     kinds, count = scenario.kinds, len(rules.actions)
     of_kinds = np.zeros(len(kinds), ABILITIES)
-    for k, kind in enumerate(kinds):
-        times = action_times(scenario, rules, kind)
+    for k, times in enumerate(action_times_of_kinds(scenario, rules)):
         of_kinds["share"][k, :count] = times.shares
         of_kinds["takes"][k, :count] = times.takes
         of_kinds["after"][k, :count] = times.after
         of_kinds["binding"][k] = times.binding
-        of_kinds["endurance"][k] = endurance_steps(kind, scenario.step_duration_s)
+        of_kinds["endurance"][k] = endurance_steps(kinds[k], scenario.step_duration_s)
     rates = false_alarms(scenario, looks)
     of_kinds["false_alarms"][:, : rates.shape[1]] = rates
     return of_kinds[list(scenario.kind_of)]
@@ -111,7 +110,7 @@ class Faults:
         self.has_battery = scenario.battery_move > 0
         self.is_noisy = scenario.position_noise > 0
         self._actions = rules.action_set
-        self._shares = [times.shares for times in action_times_of_drones(scenario, rules)]
+        self._shares = abilities["share"][:, : len(rules.actions)].tolist()
         self._homes: list[tuple[int, int]] = []
 
     @classmethod
