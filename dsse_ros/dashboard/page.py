@@ -105,14 +105,15 @@ class MissionPage:
 
     def _build_status(self) -> None:
         """Build what stays in view however far the page is scrolled."""
-        with ui.element("section").classes("status").props("aria-label='State'") as status:
+        status = ui.element("section").classes("status").props("tabindex=0 aria-label='State'")
+        self._clicks.move(status)
+        with status:
             self._waiting = ui.label().classes("waiting").props("role=status")
             self._headline = ui.label().classes("headline")
             with ui.element("div").classes("reports"):
                 self._state = ui.label().props("role=status")
                 self._answer = ui.label().classes("note").props("role=status")
                 self._trouble = ui.label().classes("trouble").props("role=alert")
-        self._clicks.move(status)
 
     def _build_map(self) -> None:
         with ui.element("section").classes("map").props("aria-label='Map and time line'"):
@@ -388,8 +389,6 @@ class MissionPage:
         ):
             if select.options != options or select.value != value:
                 select.set_options(options, value=value)
-        # One mission, which is shown, leaves nothing to choose.
-        self._mission.set_visibility(len(missions) > 1 or mission is None)
 
     def _show_line(self, points: list[tuple[int, float]], step: int | None) -> None:
         options = self._chart.options

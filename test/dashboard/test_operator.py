@@ -235,6 +235,38 @@ def test_the_buttons_fit_on_any_width_and_do_not_lie_on_each_other(
     page.set_viewport_size({"width": 1400, "height": 900})
 
 
+TEXTS = ".status > *, .status .reports > *, .about, h1, .place, .vehicles .note, .key > div"
+"""What the page says, which changes at any moment."""
+PLACES = """
+(text) => {
+  for (const one of document.querySelectorAll(TEXTS)) {
+    if (one.matches(".status *")) one.hidden = !text;
+    if (!one.children.length) one.textContent = text;
+  }
+  const buttons = [...document.querySelectorAll(".bar button, .vehicles button, .replay button")];
+  return buttons.map((one) => {
+    const { x, y, width, height } = one.getBoundingClientRect();
+    return [x, y, width, height].map(Math.round).join(" ");
+  });
+}
+""".replace("TEXTS", repr(TEXTS))
+
+
+@pytest.mark.parametrize("width", WIDTHS)
+def test_no_text_moves_a_button_from_under_a_click(page: Any, bridge: Bridge, width: int) -> None:
+    other = page.context.new_page()
+    other.set_viewport_size({"width": width, "height": 900})
+    other.goto(page.url)
+    enabled(other, "Hold all")
+    # Nothing comes from the page any more.
+    other.evaluate("() => { window.socket.disconnect(); scrollTo(0, 0); }")
+    places = [other.evaluate(PLACES, text) for text in ("", "a text ", "a long text " * 50)]
+    assert places[0] == places[1]
+    assert places[0] == places[2]
+    assert len(places[0]) > 14
+    other.close()
+
+
 @pytest.mark.usefixtures("in_flight")
 def test_vehicles_are_recalled_without_a_simulation_too(
     page: Any, bridge: Bridge, sim: Sim

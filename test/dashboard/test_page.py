@@ -145,8 +145,6 @@ def test_the_map_changes_as_steps_run(sim: Sim, shown: Open) -> None:
     # The number is there before the image is decoded.
     shown.until(f"{CANVAS}.toDataURL() != '{image}'")
     assert re.search(r"step \d+ of 100000, .*3 of 3 drones in flight, POS \d", shown.headline())
-    # With one mission there is nothing to choose.
-    shown.page.get_by_role("combobox", name="Mission").wait_for(state="hidden")
 
 
 def test_pause_holds_the_mission_and_step_does_one(sim: Sim, shown: Open) -> None:
