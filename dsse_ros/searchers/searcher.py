@@ -1,6 +1,6 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""The contract of a searcher: speed, altitude, endurance, sensor and moves of a kind of drone."""
+"""The contract of a searcher: how a kind of drone flies, and with which sensor."""
 
 from __future__ import annotations
 
@@ -13,6 +13,9 @@ from dsse_ros.sensors.sensor import SEARCH
 class Searcher:
     """A kind of drone; None means the scenario's value.
 
+    In a search on cells the values from `min_speed` on have no effect, in a search in metres those
+    of `moves` and of a search from another altitude have none.
+
     Attributes:
         doc: Description of the kind, as a phrase without a subject.
         speed: Airspeed, m/s; without wind also the ground speed.
@@ -24,6 +27,9 @@ class Searcher:
         descent_speed: Speed at which it comes down to search, m/s.
         climb_speed: Speed at which it climbs afterwards, m/s.
         search_time: Time for which a search looks from `search_altitude`, s.
+        min_speed: Lowest airspeed, m/s; that of an aircraft that cannot hover is above 0.
+        turn_radius: Radius of the tightest turn, m; 0 turns on the spot.
+        acceleration: Greatest change of the velocity, m/s^2; None changes it at once.
     """
 
     doc: str
@@ -36,6 +42,9 @@ class Searcher:
     descent_speed: float = 2.0
     climb_speed: float = 3.0
     search_time: float = 5.0
+    min_speed: float = 0.0
+    turn_radius: float = 0.0
+    acceleration: float | None = None
 
     def can_do(self, action: str) -> bool:
         """Return whether the kind can do an action, by its name."""

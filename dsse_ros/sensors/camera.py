@@ -15,7 +15,7 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
-from dsse_ros.sensors.lateral_range import beside, strip
+from dsse_ros.sensors.lateral_range import LateralRange, beside, strip
 from dsse_ros.sensors.sensor import SEARCH, Look, Sensor, looks_with
 from dsse_ros.sensors.sweep_width import WEATHER_FACTORS
 
@@ -54,14 +54,25 @@ def looks(scenario: Any, searcher: Any, action: str, heading: tuple[int, int]) -
             f"cell_size must be at least {width_m / MAX_WIDTH:g} m for a footprint of "
             f"{width_m:g} m, got {scenario.cell_size:g}"
         )
-    pod = image_pod(scenario.object_size / width_m * scenario.image_width)
-    pod *= WEATHER_FACTORS[scenario.weather]["small"]
     in_view_s = width_m / searcher.speed if action != SEARCH else scenario.step_duration_s
-    pod *= min(in_view_s / scenario.dwell_time, 1.0) if scenario.dwell_time > 0 else 1.0
+    pod = _pod(scenario, width_m, in_view_s)
     seen = beside(heading if any(heading) else (1, 0), width / 2 + 0.75, strip(width))
     if action == SEARCH:
         seen = {(x, y): a * b for (_, x), a in seen.items() for (_, y), b in seen.items()}
     return looks_with({cell: part * pod for cell, part in seen.items()}, scenario)
 
 
-CAMERA = Sensor("sees the cells in the footprint of its camera", looks)
+def lateral(scenario: Any, searcher: Any) -> LateralRange:
+    """Return the POD of a strip as wide as the footprint."""
+    width_m = footprint_m(searcher.altitude, scenario.field_of_view)
+    return LateralRange(width_m / 2, _pod(scenario, width_m, width_m / searcher.speed))
+
+
+def _pod(scenario: Any, width_m: float, in_view_s: float) -> float:
+    """Return the POD of an object that is in the footprint for a time."""
+    pod = image_pod(scenario.object_size / width_m * scenario.image_width)
+    pod *= WEATHER_FACTORS[scenario.weather]["small"]
+    return pod * (min(in_view_s / scenario.dwell_time, 1.0) if scenario.dwell_time > 0 else 1.0)
+
+
+CAMERA = Sensor("sees the cells in the footprint of its camera", looks, lateral)

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from dsse_ros.sensors import own_cell
+from dsse_ros.sensors.lateral_range import LateralRange
 from dsse_ros.sensors.sensor import SEARCH, Look, Sensor
 
 
@@ -16,4 +17,11 @@ def looks(scenario: Any, searcher: Any, _action: str, heading: tuple[int, int]) 
     return own_cell.looks(scenario, searcher, SEARCH, heading)
 
 
-FLOWN_OVER = Sensor("sees its cell when it searches, and the cell that a move enters", looks)
+def lateral(scenario: Any, _searcher: Any) -> LateralRange:
+    """Return the POD of a strip as wide as a cell."""
+    return LateralRange(scenario.cell_size / 2, scenario.probability_of_detection)
+
+
+FLOWN_OVER = Sensor(
+    "sees its cell when it searches, and the cell that a move enters", looks, lateral
+)

@@ -11,9 +11,29 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+
+
+class LateralRange(NamedTuple):
+    """How a sensor sees what a drone passes, in metres.
+
+    With a sweep width this is the inverse cube law, else definite range.
+
+    Attributes:
+        reach_m: Distance within which a pass detects.
+        pod: POD of such a pass.
+        sweep_width_m: Sweep width of the inverse cube law.
+        speed_mps: Speed for which it holds.
+    """
+
+    reach_m: float = 0.0
+    pod: float = 0.0
+    sweep_width_m: float = 0.0
+    speed_mps: float = 0.0
+
 
 Pods = dict[tuple[int, int], float]
 """POD by offset (dx, dy) from the drone after its step."""

@@ -7,6 +7,8 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
+from dsse_ros.sensors.lateral_range import LateralRange
+
 SEARCH = "search"
 """Name of the action that searches; all others are moves."""
 
@@ -43,16 +45,23 @@ def looks_with(pods: Mapping[tuple[int, int], float], scenario: Any) -> list[Loo
     ]
 
 
+LateralRangeOf = Callable[[Any, Any], LateralRange]
+"""lateral(scenario, searcher) returns how a kind of drone sees what it passes; see `LooksOf`."""
+
+
 class Sensor(NamedTuple):
     """A sensor.
 
     Attributes:
         doc: What the sensor sees, as a phrase without a subject.
         looks: Function that returns the looks of an action.
+        lateral: Function that returns its lateral range curve, for a search in metres; None if it
+            sees nothing in passing.
     """
 
     doc: str
     looks: LooksOf
+    lateral: LateralRangeOf | None = None
 
 
 MAX_LOOKS = 64

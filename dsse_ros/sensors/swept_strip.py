@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from functools import lru_cache
 from typing import Any
 
-from dsse_ros.sensors.lateral_range import LAWS, Pods, in_place
+from dsse_ros.sensors.lateral_range import LAWS, LateralRange, Pods, in_place
 from dsse_ros.sensors.sensor import SEARCH, Look, Sensor, looks_with
 from dsse_ros.sensors.sweep_width import sweep_width_m
 
@@ -38,6 +38,20 @@ def looks(scenario: Any, searcher: Any, action: str, heading: tuple[int, int]) -
     return looks_with(_pods(scenario.detection_law, width, heading), scenario)
 
 
+def lateral(scenario: Any, searcher: Any) -> LateralRange:
+    """Return the inverse cube law.
+
+    Raises:
+        ValueError: If the tables do not have the sweep width, or the scenario has another law.
+    """
+    if scenario.detection_law != "inverse_cube":
+        raise ValueError(
+            f"detection_law must be inverse_cube with space metres, got {scenario.detection_law!r}"
+        )
+    width_m = width_of(scenario, searcher)
+    return LateralRange(sweep_width_m=width_m, speed_mps=searcher.speed)
+
+
 def width_of(scenario: Any, searcher: Any) -> float:
     """Return the sweep width of a kind of drone in a scenario, in metres.
 
@@ -58,4 +72,6 @@ def _pods(law: str, width: float, heading: tuple[int, int]) -> Pods:
     return LAWS[law](width, heading)
 
 
-SWEPT_STRIP = Sensor("sees to both sides of its path, by the sweep width of its object", looks)
+SWEPT_STRIP = Sensor(
+    "sees to both sides of its path, by the sweep width of its object", looks, lateral
+)

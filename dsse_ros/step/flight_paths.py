@@ -1,0 +1,166 @@
+# Copyright 2026 dsse_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+# mypy: disable-error-code="no-untyped-def"
+"""The path of a drone in a step, in metres, compiled.
+
+Positions are metres to the east and to the south of the grid's north-west corner. Headings are
+radians clockwise from north. Heading and speed are those through the air: the wind carries the
+whole path along. An action is a turn, -1 to 1 as a share of the largest turn of a step, and a
+speed, -1 to 1 from the lowest to that of cruise.
+
+A drone with a turn radius turns on an arc and flies straight on. One without changes its velocity
+at its acceleration, along and across its path, or at once.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dsse_ros.compiled.jit import inlined, part
+from dsse_ros.searchers.searcher import Searcher
+
+FLYERS = np.dtype(
+    [
+        ("cruise", "f8"),  # airspeed, m/s
+        ("slowest", "f8"),  # lowest airspeed, m/s
+        ("radius", "f8"),  # of the tightest turn, m; 0: any
+        ("acceleration", "f8"),  # m/s^2; 0: at once
+    ],
+    align=True,
+)
+FLIGHTS = np.dtype(
+    [("east", "f8"), ("south", "f8"), ("heading", "f8"), ("speed", "f8")],
+    align=True,
+)
+"""The state of a drone."""
+
+SAGITTA_M = 1.0
+"""Distance of a path from the straight pieces that stand for it."""
+MOST_PIECES = 16
+_WITH_ACCELERATION = 4
+"""Pieces of a path whose velocity changes."""
+
+
+class Wind(NamedTuple):
+    """The velocity of the wind, m/s, to the east and to the south, and the time of a step, s."""
+
+    east: float
+    south: float
+    step_s: float
+
+
+def flyers_of(kinds: Iterable[Searcher]) -> NDArray[np.void]:
+    """Return how each kind of drone flies, (K,) of `FLYERS`."""
+    return np.array(
+        [
+            (kind.speed, kind.min_speed, kind.turn_radius, kind.acceleration or 0.0)
+            for kind in kinds
+        ],
+        FLYERS,
+    )
+
+
+def pieces_of(flyers: NDArray[np.void], step_s: float) -> int:
+    """Return the number of straight pieces that stand for the path of a step."""
+    most = 1
+    for flyer in flyers:
+        if flyer["radius"] > 0.0:
+            turn = min(flyer["cruise"] * step_s / flyer["radius"], math.pi)
+            of_piece = 2 * math.acos(max(1.0 - SAGITTA_M / flyer["radius"], -1.0))
+            most = max(most, min(math.ceil(turn / of_piece), MOST_PIECES))
+        if flyer["acceleration"] > 0.0:
+            most = max(most, _WITH_ACCELERATION)
+    return most
+
+
+@inlined
+def share_of(value):
+    """Return an action's number within -1 and 1; one that is not finite is 0."""
+    return min(max(value, -1.0), 1.0) if math.isfinite(value) else 0.0
+
+
+@inlined
+def largest_turn(flyer, speed, step_s):
+    """Return the largest turn of a step at a speed, in radians."""
+    if flyer.radius <= 0.0:
+        return math.pi
+    return min(speed * step_s / flyer.radius, math.pi)
+
+
+@part
+def write_path(flyer, wind, flight, turn, speed, path):
+    """Fly a step: write its path and the state after it.
+
+    Args:
+        flyer: One of `FLYERS`.
+        wind: A `Wind`.
+        flight: One of `FLIGHTS`, in and out.
+        turn: To the right, in radians.
+        speed: Airspeed at the end, m/s.
+        path: (K + 1, 2) float64 out, positions at equal times, the first one the present.
+    """
+    if flyer.radius > 0.0:
+        write_arc(flyer, wind, flight, turn, speed, path)
+    else:
+        write_corner(flyer, wind, flight, turn, speed, path)
+    flight.east, flight.south = path[-1, 0], path[-1, 1]
+
+
+@inlined
+def write_arc(flyer, wind, flight, turn, speed, path):
+    """Write the path of a drone with a turn radius, and its heading and speed after it."""
+    x, y, heading = flight.east, flight.south, flight.heading
+    radius, side = flyer.radius, 1.0 if turn >= 0.0 else -1.0
+    change = speed - flight.speed
+    ramp_s = abs(change) / flyer.acceleration if flyer.acceleration > 0.0 else 0.0
+    center_x = x + side * radius * math.cos(heading)
+    center_y = y + side * radius * math.sin(heading)
+    after, pieces = heading, len(path) - 1
+    path[0, 0], path[0, 1] = x, y
+    for k in range(1, pieces + 1):
+        t = wind.step_s * k / pieces
+        early = min(t, ramp_s)
+        flown = speed * (t - early) + flight.speed * early
+        if early > 0.0:
+            flown += change * early * early / (2.0 * ramp_s)
+        arc = min(radius * abs(turn), flown)
+        after = heading + side * arc / radius
+        east, south = math.sin(after), -math.cos(after)
+        path[k, 0] = center_x + side * radius * south + (flown - arc) * east + wind.east * t
+        path[k, 1] = center_y - side * radius * east + (flown - arc) * south + wind.south * t
+    flight.heading = after
+    flight.speed += change * (min(wind.step_s / ramp_s, 1.0) if ramp_s > 0.0 else 1.0)
+
+
+@inlined
+def write_corner(flyer, wind, flight, turn, speed, path):
+    """Write the path of a drone without a turn radius, and its heading and speed after it."""
+    heading = flight.heading + turn
+    east, south = speed * math.sin(heading), -speed * math.cos(heading)
+    from_east = flight.speed * math.sin(flight.heading)
+    from_south = -flight.speed * math.cos(flight.heading)
+    change_x, change_y = east - from_east, south - from_south
+    ramp_s = 0.0
+    if flyer.acceleration > 0.0:
+        ramp_s = math.hypot(change_x, change_y) / flyer.acceleration
+    x, y, pieces = flight.east, flight.south, len(path) - 1
+    path[0, 0], path[0, 1] = x, y
+    for k in range(1, pieces + 1):
+        t = wind.step_s * k / pieces
+        early = min(t, ramp_s)
+        path[k, 0] = x + from_east * early + east * (t - early) + wind.east * t
+        path[k, 1] = y + from_south * early + south * (t - early) + wind.south * t
+        if early > 0.0:
+            path[k, 0] += change_x * early * early / (2.0 * ramp_s)
+            path[k, 1] += change_y * early * early / (2.0 * ramp_s)
+    if ramp_s > wind.step_s:
+        share = wind.step_s / ramp_s
+        east, south = from_east + share * change_x, from_south + share * change_y
+        speed = math.hypot(east, south)
+        heading = math.atan2(east, -south)
+    flight.heading, flight.speed = heading, speed

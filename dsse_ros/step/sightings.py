@@ -1,0 +1,129 @@
+# Copyright 2026 dsse_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+# mypy: disable-error-code="no-untyped-def"
+"""How likely a drone misses a person whom it passes, compiled: lateral range laws on paths.
+
+A path is `pieces` straight pieces, flown at equal times while the person drifts on a straight line.
+Positions are metres. A law depends only on the motion of the person relative to the drone.
+
+With definite range, a person who comes within the reach is detected with the POD, once per pass;
+what is in view as the mission begins has been passed once. With the inverse cube law (Koopman,
+"Search and Screening", 1946) a person at the distance r is detected at the rate W^2 v / (8 pi r^3),
+W the sweep width at the speed v: on a straight track this is 1 - exp(-W^2 / (4 pi x^2)) at the
+lateral range x. The exposure of a path is the sum of those of its pieces.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dsse_ros.compiled.jit import inlined, part
+from dsse_ros.sensors.lateral_range import LateralRange
+
+DEFINITE, INVERSE_CUBE = range(2)
+EYES = np.dtype(
+    [
+        ("law", "i8"),
+        ("reach", "f8"),  # greatest distance at which a person is seen, m
+        ("pod", "f8"),  # definite range: POD of a pass
+        ("rate", "f8"),  # inverse cube: rate of detection times r^3, m^3/s
+    ],
+    align=True,
+)
+"""What a kind of drone sees."""
+
+NEGLIGIBLE = 1e-4
+"""Exposure of a step below which the inverse cube law counts as blind."""
+_NEAREST_M = 1e-3
+_STILL_M = 1e-6
+
+
+def eyes_of(ranges: Iterable[LateralRange], step_s: float) -> NDArray[np.void]:
+    """Return what each kind of drone sees, (K,) of `EYES`."""
+    eyes = []
+    for one in ranges:
+        if one.sweep_width_m:
+            rate = one.sweep_width_m**2 * one.speed_mps / (8 * math.pi)
+            eyes.append((INVERSE_CUBE, (rate * step_s / NEGLIGIBLE) ** (1 / 3), 0.0, rate))
+        else:
+            eyes.append((DEFINITE, one.reach_m, one.pod, 0.0))
+    return np.array(eyes, EYES)
+
+
+@part
+def missed(eye, path, step_s, person, multiplier, first):
+    """Return the probability that a drone does not detect a person in a step.
+
+    Args:
+        eye: One of `EYES`.
+        path: (K + 1, 2) float64, positions of the drone at equal times.
+        step_s: Time of the step.
+        person: Position of the person before and after the step, (x, y, x, y).
+        multiplier: Of the POD, or of the exposure.
+        first: Whether the mission begins with this step.
+    """
+    pieces = len(path) - 1
+    x, y = person[0] - path[0, 0], person[1] - path[0, 1]
+    drift_x, drift_y = (person[2] - person[0]) / pieces, (person[3] - person[1]) / pieces
+    squared, passes, exposure = eye.reach * eye.reach, 0, 0.0
+    if first and x * x + y * y <= squared:
+        passes = 1
+    for k in range(pieces):
+        dx = drift_x - (path[k + 1, 0] - path[k, 0])
+        dy = drift_y - (path[k + 1, 1] - path[k, 1])
+        if eye.law == DEFINITE:
+            passes += enters(x, y, dx, dy, squared)
+        elif x * x + y * y <= squared:
+            exposure += nearness(x, y, dx, dy)
+        x += dx
+        y += dy
+    if eye.law == DEFINITE:
+        return (1.0 - min(eye.pod * multiplier, 1.0)) ** passes if passes > 0 else 1.0
+    return math.exp(-eye.rate * step_s / pieces * multiplier * exposure)
+
+
+@inlined
+def enters(x, y, dx, dy, squared):
+    """Return whether a point (x, y) that moves by (dx, dy) comes into a circle from outside.
+
+    Args:
+        x: Of the point, from the centre of the circle.
+        y: The same.
+        dx: Motion of the point.
+        dy: The same.
+        squared: Square of the radius.
+    """
+    if x * x + y * y <= squared:
+        return False
+    along, length = -(x * dx + y * dy), dx * dx + dy * dy
+    if along <= 0.0:
+        return False
+    if along < length:
+        across = x * dy - y * dx
+        return across * across <= squared * length
+    x, y = x + dx, y + dy
+    return x * x + y * y <= squared
+
+
+@inlined
+def nearness(x, y, dx, dy):
+    """Return the mean of 1 / r^3 of a point (x, y) that moves by (dx, dy), r from the origin."""
+    length = math.hypot(dx, dy)
+    if length < _STILL_M:
+        return 1.0 / max(math.hypot(x, y), _NEAREST_M) ** 3
+    first = (x * dx + y * dy) / length
+    last = first + length
+    across = (x * dy - y * dx) / length
+    lateral = max(across * across, _NEAREST_M * _NEAREST_M)
+    if first * last <= 0.0:
+        ends = last / math.sqrt(lateral + last * last) - first / math.sqrt(lateral + first * first)
+        return ends / lateral / length
+    # The difference of two numbers near 1, written without it.
+    near, far = min(abs(first), abs(last)), max(abs(first), abs(last))
+    at_near, at_far = math.sqrt(lateral + near * near), math.sqrt(lateral + far * far)
+    ends = (far * far - near * near) / (at_near * at_far * (far * at_near + near * at_far))
+    return ends / length
