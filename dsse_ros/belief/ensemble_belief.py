@@ -10,22 +10,43 @@ its only error is that M particles approximate the model.
 from __future__ import annotations
 
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from dsse_ros.belief import particle_kernels
+from dsse_ros.belief import particle_kernels, passing_kernels
 from dsse_ros.belief.base import BeliefBase, ForecastBase
 from dsse_ros.belief.belief_kernels import MARGIN, NEGLIGIBLE
 from dsse_ros.belief.future_kernels import index
 from dsse_ros.belief.look_kernels import LooksDone
 from dsse_ros.belief.particle_kernels import Links, Particles
+from dsse_ros.belief.passing_kernels import Passing, Places, seen_of
 from dsse_ros.belief.protocol import Expected, Futures, LooksToCome, TargetChain
 from dsse_ros.scenario.actions import Cell
 from dsse_ros.scenario.probable_cells import most_probable
 from dsse_ros.scenario.rules import Rules
 from dsse_ros.scenario.scenario import Scenario
 from dsse_ros.step.cell_tracks import particle_positions, tracks_of
+
+
+class PathsFlown(NamedTuple):
+    """The paths of N drones in a step, see `passing_kernels.Passing`.
+
+    Attributes:
+        eyes: (K,) of `sightings.EYES`.
+        kinds: (N,) int64.
+        paths: (N, K + 1, 2) float64, metres to the east and to the south of the grid's north-west
+            corner, at equal times of the step.
+        flown: (N,) bool, the drones that flew.
+        found: (N,) bool, the drones that found somebody.
+    """
+
+    eyes: NDArray[np.void]
+    kinds: NDArray[np.int64]
+    paths: NDArray[np.float64]
+    flown: NDArray[np.bool_]
+    found: NDArray[np.bool_]
 
 
 class EnsembleForecast(ForecastBase):
@@ -105,6 +126,12 @@ class EnsembleForecast(ForecastBase):
         """Return the particles by step of the sea."""
         return Particles(self.area, self.cells, self.weights)
 
+    def places(self, examples: NDArray[np.int64]) -> Places:
+        """Return the particles in metres, with the classes of these persons; space metres only."""
+        positions, multipliers = self.tracks.particles_m, self.scenario.person_pod_multipliers
+        assert positions is not None
+        return Places(self.particles(), positions, np.array(multipliers)[examples])
+
     def links(self) -> Links:
         """Return scratch memory for the particles that looks see."""
         heads = np.zeros(self.scenario.grid_size**2 + 1, np.int32)
@@ -145,6 +172,18 @@ class EnsembleBelief(BeliefBase):
         super().reset()
         shares = np.bincount(self.class_of) / len(self.class_of)
         self.density[:] = shares[:, None] * self.forecast.weights
+
+    def update_in_passing(self, flights: PathsFlown) -> None:
+        """Update with the paths of a step, in metres, before `advance`."""
+        places = self.forecast.places(self.examples)
+        passing = Passing(
+            flights.eyes, flights.kinds, flights.paths, self.forecast.scenario.step_duration_s,
+            self.step == 0, flights.flown, flights.found,
+        )  # fmt: skip
+        self.pos = passing_kernels.learn_paths(
+            self.forecast.constants, places, self.forecast.row(self._sea_step), self.density,
+            self._persons(), passing, seen_of(places, len(flights.paths)),
+        )  # fmt: skip
 
     @property
     def _sea_step(self) -> int:

@@ -10,13 +10,19 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from dsse_ros.belief import belief_kernels, follow_kernels, particle_kernels
+from dsse_ros.belief import (
+    belief_kernels,
+    follow_kernels,
+    particle_kernels,
+    passing_kernels,
+)
 from dsse_ros.belief.belief import Belief, Forecast
 from dsse_ros.belief.beliefs import is_ensemble
 from dsse_ros.belief.ensemble_belief import EnsembleBelief, EnsembleForecast
 from dsse_ros.belief.follow_kernels import Beliefs, Scratch, Tables
 from dsse_ros.belief.look_kernels import Followed
 from dsse_ros.belief.particle_kernels import ParticleTables
+from dsse_ros.belief.passing_kernels import PassingTables, seen_of
 from dsse_ros.belief.search_outcomes import OF_CLASS
 from dsse_ros.compiled.overloads import Specialized
 from dsse_ros.scenario.fields import FieldError
@@ -72,6 +78,8 @@ def follower_of(scenario: ResolvedScenario, rules: Rules, num_worlds: int) -> Fo
     Raises:
         FieldError: If a forecast shared by a batch of worlds would be too large.
     """
+    if rules.in_metres:
+        return FlightFollower(scenario, rules)
     if is_ensemble(rules):
         return EnsembleFollower(scenario, rules)
     return MotionFollower(scenario, rules, num_worlds)
@@ -80,7 +88,7 @@ def follower_of(scenario: ResolvedScenario, rules: Rules, num_worlds: int) -> Fo
 def _scratch(follower: Follower, followed: Followed, motion: int) -> Scratch:
     """Return memory for a thread; `motion` is the length of `Scratch.motion`."""
     crew = followed.batch.crew
-    most = crew.drones.shape[1] * int(np.diff(crew.looks, axis=1).max())
+    most = crew.drones.shape[1] * int(np.diff(crew.looks, axis=1).max(initial=0))
     return Scratch(
         np.empty((OF_CLASS, len(follower.examples))), np.empty(len(follower.class_of)),
         np.empty((most, 2), np.int64), np.empty(most, np.int64), np.empty(motion),
@@ -228,3 +236,20 @@ class EnsembleFollower:
     def _tables(self, pods: NDArray[np.float64]) -> ParticleTables:
         particles = self._forecast.particles()
         return ParticleTables(particles, pods, self.class_of, self._forecast.first_step)
+
+
+class FlightFollower(EnsembleFollower):
+    """Follows worlds whose drones fly in metres; a `Follower`."""
+
+    def __init__(self, scenario: ResolvedScenario, rules: Rules) -> None:
+        super().__init__(scenario, rules)
+        self._follow = Specialized(passing_kernels.follow_paths)
+
+    def follow(
+        self, followed: Followed, pods: NDArray[np.float64], beliefs: Beliefs, first: int, last: int
+    ) -> None:
+        """See `Follower`."""
+        places = self._forecast.places(self.examples)
+        tables = PassingTables(places, self.class_of, self._forecast.first_step)
+        seen = seen_of(places, followed.live.shape[1])
+        self._follow(followed, tables, beliefs, _scratch(self, followed, 0), seen, first, last)

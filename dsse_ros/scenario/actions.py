@@ -37,7 +37,7 @@ DIAGONAL = ("up_left", "up_right", "down_left", "down_right")
 
 
 class ActionSet:
-    """Actions by number, and the routes over the grid that their moves allow.
+    """Actions by number, and the routes over the grid that their moves allow; none in metres.
 
     Routes use diagonal moves if all four are possible, or if a straight one is not. An action with
     an unknown name stays in its cell and is never chosen.
@@ -52,7 +52,7 @@ class ActionSet:
         names: The names.
         area: As given.
         moves: Move (dx, dy) of each action in cells, to the east and to the south.
-        search: Number of the action `search`.
+        search: Number of the action `search`; -1 without actions.
         steps: Moves that routes use, straight ones first.
         diagonal: Whether routes may change both coordinates at each move.
 
@@ -68,9 +68,10 @@ class ActionSet:
     ) -> None:
         self.names = tuple(names)
         self.area = area
-        self._check(SEARCH)
+        if self.names:
+            self._check(SEARCH)
         self.moves = tuple(ACTION_VECTORS.get(name, (0, 0)) for name in self.names)
-        self.search = self.names.index(SEARCH)
+        self.search = self.names.index(SEARCH) if self.names else -1
         self._able = tuple(able is None or name in (*able, SEARCH) for name in self.names)
         known = {name for name, can in zip(self.names, self._able, strict=True) if can}
         straight = [name for name in STRAIGHT if name in known]
@@ -78,7 +79,8 @@ class ActionSet:
         crosses = able is None or len(straight) == len(STRAIGHT)
         self.diagonal = crosses and len(diagonal) == len(DIAGONAL)
         usable = straight if crosses and not self.diagonal else [*straight, *diagonal]
-        self._number = {ACTION_VECTORS[name]: self.names.index(name) for name in (*usable, SEARCH)}
+        able_to = (*usable, SEARCH) if self.names else ()
+        self._number = {ACTION_VECTORS[name]: self.names.index(name) for name in able_to}
         self.steps = tuple(ACTION_VECTORS[name] for name in usable)
         self._paths = None if area is None else ShortestPaths(area, self.steps)
 

@@ -18,6 +18,7 @@ from dsse_ros.scenario.actions import ACTION_VECTORS, DIAGONAL, STRAIGHT, Action
 from dsse_ros.scenario.fields import FieldError, check_all, check_known, field, shown, specs
 from dsse_ros.sensors.registry import SENSORS
 from dsse_ros.sensors.sensor import SEARCH
+from dsse_ros.targets.ensemble import Ensemble
 from dsse_ros.targets.registry import TARGET_MODELS
 
 _PLUS = (*STRAIGHT, SEARCH)
@@ -28,7 +29,16 @@ _STAR = (*STRAIGHT, *DIAGONAL, SEARCH)
 class ActionRules:
     """Actions of the drones and effect of a search."""
 
-    actions: tuple[str, ...] = field("names", "Names of the actions, by number.")
+    space: str = field(
+        "str",
+        "Where drones fly: from cell to cell by numbered actions, or freely in metres by a turn "
+        "and a speed.",
+        "cells",
+        choices=("cells", "metres"),
+    )
+    actions: tuple[str, ...] = field(
+        "names", "Names of the actions, by number; none in metres."
+    )
     timed_actions: bool = field(
         "bool",
         "Whether an action takes its time: a move its length over the drone's speed, a search what "
@@ -188,6 +198,18 @@ class PersonRules:
     found_persons_stay: bool = field("bool", "Whether a found person can be found again.", False)
 
 
+_IN_METRES: dict[str, tuple[object, ...]] = {
+    "actions": ((),),
+    "timed_actions": (False,),
+    "noop_actions": (False,),
+    "collisions": (False,),
+    "leave_policy": ("terminate", "stay"),
+    "task": ("find",),
+    "one_find_per_search": (False,),
+}
+"""Values that fields can have in metres."""
+
+
 # A dataclass puts the fields of its last base first.
 @dataclass(frozen=True, kw_only=True)
 class Rules(PersonRules, SeaRules, TerminationRules, CoverageRules, RewardRules, ActionRules):
@@ -217,7 +239,9 @@ class Rules(PersonRules, SeaRules, TerminationRules, CoverageRules, RewardRules,
         for name in self.actions:
             if name not in ACTION_VECTORS:
                 check_known("the actions", [name], ACTION_VECTORS)
-        if SEARCH not in self.actions or len(set(self.actions)) != len(self.actions):
+        if self.in_metres:
+            self._check_metres()
+        elif SEARCH not in self.actions or len(set(self.actions)) != len(self.actions):
             raise FieldError(
                 f"actions must be different names that include search, got "
                 f"{shown(list(self.actions))}"
@@ -228,6 +252,33 @@ class Rules(PersonRules, SeaRules, TerminationRules, CoverageRules, RewardRules,
                 f"person_steps must be 9 probabilities that sum to 1, got "
                 f"{shown(list(self.person_steps))}"
             )
+
+    def _check_metres(self) -> None:
+        """Raise unless the rules fit drones that fly in metres.
+
+        Raises:
+            FieldError: If they do not.
+        """
+        for name, allowed in _IN_METRES.items():
+            if getattr(self, name) not in allowed:
+                shown_values = " or ".join(shown(value) for value in allowed)
+                raise FieldError(
+                    f"{name} must be {shown_values} with space metres, got "
+                    f"{shown(getattr(self, name))}"
+                )
+        if not isinstance(TARGET_MODELS[self.person_motion], Ensemble):
+            known = ", ".join(
+                name for name, model in TARGET_MODELS.items() if isinstance(model, Ensemble)
+            )
+            raise FieldError(
+                f"person_motion must be one of {known} with space metres, got "
+                f"{shown(self.person_motion)}"
+            )
+
+    @property
+    def in_metres(self) -> bool:
+        """Whether drones fly in metres."""
+        return self.space == "metres"
 
     @property
     def covers(self) -> bool:
@@ -367,6 +418,16 @@ _SEA = _PAPER.override(
     person_motion="leeway",
 )
 
+_FLIGHT = _SEA.override(
+    profile="flight",
+    space="metres",
+    actions=(),
+    timed_actions=False,
+    collisions=False,
+    leave_policy="stay",
+    leave_grid=0,
+)
+
 GROUPS: dict[str, type] = {
     "Actions": ActionRules,
     "Rewards": RewardRules,
@@ -377,7 +438,9 @@ GROUPS: dict[str, type] = {
 }
 """The fields of the rules by topic, without the defaults of the scenario."""
 
-PROFILES: dict[str, Rules] = {rules.profile: rules for rules in (_PAPER, _V1, _V2, _COVERAGE, _SEA)}
+PROFILES: dict[str, Rules] = {
+    rules.profile: rules for rules in (_PAPER, _V1, _V2, _COVERAGE, _SEA, _FLIGHT)
+}
 """The profiles by name."""
 
 AUTO = "auto"

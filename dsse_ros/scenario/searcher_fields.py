@@ -102,11 +102,15 @@ def _check_kind(name: str, kind: Searcher, actions: Collection[str], *, has_batt
     where = f"searchers: {name!r}"
     for what in (
         "speed", "altitude", "endurance_min", "search_altitude", "descent_speed", "climb_speed",
-        "search_time",
+        "search_time", "acceleration",
     ):  # fmt: skip
         value = getattr(kind, what)
         if value is not None and not (math.isfinite(value) and value > 0):
             raise FieldError(f"{where}: {what} must be a number > 0, got {shown(value)}")
+    for what in ("min_speed", "turn_radius"):
+        value = getattr(kind, what)
+        if not (math.isfinite(value) and value >= 0):
+            raise FieldError(f"{where}: {what} must be a number >= 0, got {shown(value)}")
     if kind.sensor is not None and kind.sensor not in SENSORS:
         raise FieldError(
             f"{where}: sensor must be one of {', '.join(SENSORS)}, got {shown(kind.sensor)}"

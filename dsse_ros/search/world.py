@@ -22,6 +22,7 @@ from dsse_ros.scenario.scenario import Scenario
 from dsse_ros.search.coverage import Coverage
 from dsse_ros.search.ensemble import WorldEnsemble
 from dsse_ros.search.faults import Faults
+from dsse_ros.search.flights import Flights
 from dsse_ros.search.rebound import Rebound
 from dsse_ros.search.snapshot import Snapshot, SnapshotError
 from dsse_ros.step import kernels
@@ -69,6 +70,7 @@ class World(Rebound):
         batch: All of these for the kernels.
         coverage: State of the coverage task, which has no persons; None in a search for persons.
         ensemble: The persons' ensemble; None if they move step by step.
+        flight: The flights in metres; None if drones move from cell to cell.
         maps: (B, G, G) float32, the probability of cell [row, col].
         rewards: (B, N) float64, rewards of the last step, a view on `drones`.
         terminated, truncated: (B, N) bool, flags since the last reset, views on `drones`; when
@@ -114,7 +116,11 @@ class World(Rebound):
         self.area, self.runs = area_of(resolved)
         self._looked_for = resolved.person_pod_multipliers
         self.ensemble = WorldEnsemble.of(resolved, rules, num_worlds)
-        self.faults = Faults.of(resolved, rules, num_worlds, self.looks)
+        self.flight = Flights(resolved, num_worlds) if rules.in_metres else None
+        self.faults = (
+            None if rules.in_metres else Faults.of(resolved, rules, num_worlds, self.looks)
+        )
+        self._no_actions = np.full(self.drones.shape, HOLD, _ACTION)
         self._threads = threads
         self._rebind()
         self.seed()
@@ -140,6 +146,7 @@ class World(Rebound):
         task = kernels.Task(
             None if self.coverage is None else self.coverage.arrays,
             None if self.ensemble is None else self.ensemble.arrays,
+            None if self.flight is None else self.flight.task(self.ensemble),
         )
         self.batch = kernels.Batch(self.constants, self.worlds, sea, crew, task)
         self._scratch = [self._make_scratch() for _ in range(self._threads)]
@@ -242,7 +249,7 @@ class World(Rebound):
 
     def step(
         self,
-        actions: NDArray[np.int8],
+        actions: NDArray[Any],
         maps: NDArray[np.float32] | None = None,
         report: Callable[[int, int], None] | None = None,
     ) -> None:
@@ -251,7 +258,7 @@ class World(Rebound):
         Args:
             actions: (B, N) int8, action numbers of the rules or `HOLD`; those of terminated or
                 truncated drones have no effect. With faults drones may do something else, see
-                `Faults.applied`.
+                `Faults.applied`. In metres (B, N, 2) float64, turns and speeds, see `flight_paths`.
             maps: Memory for `maps`, C-contiguous, by default new memory.
             report: Called as report(first, last) after the step of worlds first..last - 1, in the
                 thread that stepped them.
@@ -259,6 +266,9 @@ class World(Rebound):
         Raises:
             ValueError: If `maps` has another shape, data type or memory layout.
         """
+        if self.flight is not None:
+            self.flight.actions[:] = actions
+            actions = self._no_actions
         actions = np.ascontiguousarray(actions, _ACTION)
         if maps is None:
             maps = np.empty(self._map_shape, np.float32)
@@ -289,7 +299,7 @@ class World(Rebound):
 
     def _make_kernels(self) -> list[Callable[..., None]]:
         """Return one kernel per thread, each with its own scratch memory."""
-        others = (np.empty(self.drones.shape, _ACTION), self.maps, 0, self.num_worlds)
+        others = (self._no_actions, self.maps, 0, self.num_worlds)
         step = overload_of(kernels.step_worlds, self.batch, self._scratch[0], *others)
         steps: list[Callable[..., None]] = [
             partial(step, self.batch, scratch) for scratch in self._scratch
@@ -301,7 +311,7 @@ class World(Rebound):
         self,
         shares: deque[tuple[int, int]],
         kernel: Callable[..., None],
-        actions: NDArray[np.int8],
+        actions: NDArray[Any],
         report: Callable[[int, int], None] | None,
     ) -> None:
         """Step shares of the worlds until none are left."""
@@ -494,6 +504,7 @@ class World(Rebound):
             **({} if covered is None else {"left": covered.left, "coverage": covered.records}),
             **({} if self.ensemble is None else {"track": self.ensemble.track}),
             **({} if self.faults is None else {"conditions": self.faults.conditions}),
+            **({} if self.flight is None else {"flights": self.flight.flights}),
         }
 
     @cached_property

@@ -7,6 +7,7 @@ from __future__ import annotations
 import threading
 import weakref
 from dataclasses import dataclass, replace
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +18,8 @@ from dsse_ros.scenario.scenario import ResolvedScenario
 from dsse_ros.step.ensemble_kernels import FAR
 from dsse_ros.targets.ensemble import Ensemble, WeightedTracks, check_tracks
 from dsse_ros.targets.registry import TARGET_MODELS
+
+_T = TypeVar("_T", bound=np.generic)
 
 LARGEST_BYTES = 1 << 30
 """Memory limit of an ensemble."""
@@ -38,6 +41,9 @@ class CellTracks:
         weights: (M',) float64, weights of the particles.
         maps: (T, G, G) float32 as [y, x], the probability of each cell by the particles. They leave
             out probability outside the grid or the area and are not scaled to sum to 1.
+        truth_m: (T, M, 2) float32, the positions of `truth` in metres to the east and to the south
+            of the grid's north-west corner, a view of (M, T, 2); only with space metres.
+        particles_m: (T, M', 2) float32, those of `particles`; only with space metres.
     """
 
     truth: NDArray[np.int16]
@@ -45,6 +51,8 @@ class CellTracks:
     particles: NDArray[np.int16]
     weights: NDArray[np.float64]
     maps: NDArray[np.float32]
+    truth_m: NDArray[np.float32] | None = None
+    particles_m: NDArray[np.float32] | None = None
 
     def __deepcopy__(self, memo: object) -> CellTracks:
         """Return the tracks themselves: nothing changes them."""
@@ -53,7 +61,7 @@ class CellTracks:
     @property
     def nbytes(self) -> int:
         """Bytes of the arrays."""
-        return sum(array.nbytes for array in vars(self).values())
+        return sum(array.nbytes for array in vars(self).values() if array is not None)
 
 
 _TRUTH, _BELIEF, _PLANNING = 0, 1, 3
@@ -103,9 +111,11 @@ def _cached(
         _keep(found)
         return found
     if planning:
-        particles, weights = _drawn(model, scenario, last_step_of(scenario, rules), _PLANNING)
+        drawn = _drawn(model, scenario, rules, _PLANNING)
         searched = _cached(model, scenario, rules, planning=False)
-        new = replace(searched, particles=particles, weights=weights)
+        new = replace(
+            searched, particles=drawn.cells, weights=drawn.weights, particles_m=drawn.positions_m
+        )
     else:
         new = _made(model, scenario, rules)
     _alive.append((key, weakref.ref(new)))
@@ -129,19 +139,27 @@ def last_step_of(scenario: ResolvedScenario, rules: Rules) -> int:
 def _made(model: Ensemble, scenario: ResolvedScenario, rules: Rules) -> CellTracks:
     steps, g = last_step_of(scenario, rules), scenario.grid_size
     counts = model.count(scenario.truth), model.count(scenario)
-    if (steps + 1) * (4 * sum(counts) + 4 * g * g) > LARGEST_BYTES:
+    of_particle = 12 if rules.in_metres else 4
+    if (steps + 1) * (of_particle * sum(counts) + 4 * g * g) > LARGEST_BYTES:
         raise FieldError(
             f"tracks and maps of person_motion {rules.person_motion} must be at most "
             f"{LARGEST_BYTES >> 20} MiB, got {max(counts)} particles, {steps} steps and a grid of "
             f"{g}"
         )
-    truth, truth_weights = _drawn(model, scenario.truth, steps, _TRUTH)
-    particles, weights = _drawn(model, scenario, steps, _BELIEF)
+    truth = _drawn(model, scenario.truth, rules, _TRUTH)
+    belief = _drawn(model, scenario, rules, _BELIEF)
     maps = np.empty((steps + 1, g, g), np.float32)
     for step in range(steps + 1):
-        maps[step] = poc_of_cells(particles[step], weights, g, scenario.area_mask)
-    truth = np.ascontiguousarray(truth.transpose(1, 0, 2)).transpose(1, 0, 2)
-    return CellTracks(truth, np.cumsum(truth_weights), particles, weights, maps)
+        maps[step] = poc_of_cells(belief.cells[step], belief.weights, g, scenario.area_mask)
+    return CellTracks(
+        _by_track(truth.cells), np.cumsum(truth.weights), belief.cells, belief.weights, maps,
+        None if truth.positions_m is None else _by_track(truth.positions_m), belief.positions_m,
+    )  # fmt: skip
+
+
+def _by_track(steps: NDArray[_T]) -> NDArray[_T]:
+    """Return a view (T, M, 2) on a copy with the steps of a track side by side."""
+    return np.ascontiguousarray(steps.transpose(1, 0, 2)).transpose(1, 0, 2)
 
 
 def _generator(scenario: ResolvedScenario, child: int) -> np.random.Generator:
@@ -173,15 +191,21 @@ def particle_positions(
     return flipped
 
 
-def _drawn(
-    model: Ensemble, scenario: ResolvedScenario, steps: int, child: int
-) -> tuple[NDArray[np.int16], NDArray[np.float64]]:
-    """Return cells and weights of tracks.
+class _Drawn(NamedTuple):
+    """Tracks of particles: (T, M, 2) cells, (M,) weights and, with space metres, positions."""
+
+    cells: NDArray[np.int16]
+    weights: NDArray[np.float64]
+    positions_m: NDArray[np.float32] | None
+
+
+def _drawn(model: Ensemble, scenario: ResolvedScenario, rules: Rules, child: int) -> _Drawn:
+    """Return tracks.
 
     Raises:
         ValueError: If the ensemble breaks its contract.
     """
-    rng = _generator(scenario, child)
+    rng, steps = _generator(scenario, child), last_step_of(scenario, rules)
     tracks = WeightedTracks(*model.tracks(scenario, steps, rng, scenario.particles))
     check_tracks(tracks, steps)
     cells = np.empty(tracks.positions.shape, np.int16)
@@ -190,8 +214,14 @@ def _drawn(
         place = np.floor(positions / scenario.cell_size)
         place[~np.isfinite(place).all(axis=1)] = -FAR
         of_step[:] = np.clip(place, -FAR, FAR)
+    positions_m = None
+    if rules.in_metres:
+        nowhere = -FAR * scenario.cell_size
+        positions_m = np.nan_to_num(
+            tracks.positions.astype(np.float32), nan=nowhere, posinf=nowhere, neginf=nowhere
+        )
     # Copy the weights: the compiled functions do not accept read-only arrays.
-    return cells, np.array(tracks.weights, np.float64)
+    return _Drawn(cells, np.array(tracks.weights, np.float64), positions_m)
 
 
 def poc_of_cells(

@@ -18,6 +18,7 @@ from dsse_ros.compiled.jit import inlined, kernel, part
 from dsse_ros.compiled.streaming import ALIGNMENT, LANES
 from dsse_ros.step.coverage_kernels import CoverageTask, coverage_of, write_left
 from dsse_ros.step.ensemble_kernels import SeaEnsemble, ensemble_of, write_present
+from dsse_ros.step.flight import FlightTask, flight_of
 from dsse_ros.step.recipe import end_of, start_world, step_world
 from dsse_ros.targets.sea_map import Sea, disperse, is_inside, write_map
 
@@ -93,10 +94,12 @@ class Task(NamedTuple):
     Attributes:
         coverage: The cells to cover; None in a search for persons.
         ensemble: The tracks that the persons follow; None if they move step by step.
+        flight: The flights in metres; None if drones move from cell to cell.
     """
 
     coverage: CoverageTask | None
     ensemble: SeaEnsemble | None
+    flight: FlightTask | None
 
 
 class Scratch(NamedTuple):
@@ -181,7 +184,9 @@ def crew_of(crew, b):
 @inlined
 def task_of(task, b):
     """Return the task of world b."""
-    return Task(coverage_of(task.coverage, b), ensemble_of(task.ensemble, b))
+    return Task(
+        coverage_of(task.coverage, b), ensemble_of(task.ensemble, b), flight_of(task.flight, b)
+    )
 
 
 @inlined
@@ -217,7 +222,9 @@ def step_worlds(batch, scratch, actions, maps, first, last):
         if constants.auto_reset and world.done:
             start_world(constants, world, sea, crew, task, scratch)
         else:
-            step_world(constants, world, sea, crew, task, scratch, actions[b], task.coverage)
+            step_world(
+                constants, world, sea, crew, task, scratch, actions[b], task.coverage, task.flight
+            )
         write_observed(
             constants, world, sea, scratch, stream, maps[b], task.coverage, task.ensemble
         )

@@ -5,7 +5,8 @@
 
 Arguments are as in `sea_map`; `crew` is the `kernels.Crew` and `task` the `kernels.Task` of one
 world, `scratch` the `kernels.Scratch` of a thread. A function that does something else in the
-coverage task, or with an ensemble, takes this field of the task as an argument of its own.
+coverage task, with an ensemble or in metres, takes this field of the task as an argument of its
+own.
 """
 
 from __future__ import annotations
@@ -20,6 +21,7 @@ from dsse_ros.compiled.jit import inlined, part
 from dsse_ros.step.collisions import can_collide, has_collided, next_stamp, occupy
 from dsse_ros.step.coverage_kernels import cells_to_cover, cover, put_back
 from dsse_ros.step.ensemble_kernels import ensemble_step, probability_in, put_on_tracks
+from dsse_ros.step.flight import detect_in_passing, fly, start_flights, stay
 from dsse_ros.targets.person_kernels import draw_own_drift, persons_step, scatter_persons
 from dsse_ros.targets.sea_map import (
     cell_probability,
@@ -64,12 +66,12 @@ def turn_of(constants):
 
 
 @inlined
-def step_world(constants, world, sea, crew, task, scratch, actions, coverage):
+def step_world(constants, world, sea, crew, task, scratch, actions, coverage, flight):
     """Advance one world by one step.
 
     Drones act in index order against the map of the last observation, and the sea drifts. Drones
     that share a cell collide when all have moved. `actions` are (N,) int8; a number that is not an
-    action does nothing.
+    action does nothing. In metres `flight` has them.
     """
     drones, turn = crew.drones, turn_of(constants)
     eventful = begin(constants, world, drones, crew.persons)
@@ -78,13 +80,18 @@ def step_world(constants, world, sea, crew, task, scratch, actions, coverage):
     for n in range(len(drones)):
         drone, action = drones[n], actions[n]
         drone.found = False
+        if flight is not None:
+            stay(flight, n)
         if not drone.alive:
             drone.reward = 0.0
             # A withdrawn drone has no flag yet.
             eventful |= not (drone.terminated or drone.truncated)
             continue
         event, amount = MOVED, 0.0
-        if acts and 0 <= action < turn.num_actions:
+        if flight is not None:
+            if acts:
+                event, amount = fly_and_look(constants, world, sea, crew, task, n, flight)
+        elif acts and 0 <= action < turn.num_actions:
             event, amount = move(turn, world, sea, drone, action, coverage)
             if coverage is None and (event == SEARCHED or turn.moves_look):
                 event, amount = look(constants, world, sea, crew, task, n, action, event)
@@ -150,6 +157,19 @@ def move(turn, world, sea, drone, action, coverage):
         return LEFT, 0.0
     probability = cover(turn, world, coverage, x, y)
     return COVERED if probability > 0.0 else MOVED, probability
+
+
+@inlined
+def fly_and_look(constants, world, sea, crew, task, n, flight):
+    """Fly a drone for a step; return the event and the persons found on the way."""
+    drone = crew.drones[n]
+    inside = fly(constants, crew, flight, n)
+    finds = detect_in_passing(constants, world, sea, crew, flight, task.ensemble, n)
+    drone.found = finds > 0
+    drone.terminated = constants.leave_terminates and not inside
+    if finds > 0:
+        return FOUND, np.float64(finds)
+    return (MOVED if inside else LEFT), 0.0
 
 
 @inlined
@@ -352,6 +372,7 @@ def start_world(constants, world, sea, crew, task, scratch):
         drone.episode_return = drone.reward = 0.0
         drone.alive = True
         drone.terminated = drone.truncated = drone.found = False
+    start_flights(world, crew, task.flight)
     start_task(constants, world, sea, crew.persons, scratch, task.coverage, task.ensemble)
 
 

@@ -1,0 +1,224 @@
+# Copyright 2026 dsse_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+# mypy: disable-error-code="no-untyped-def"
+"""The compiled filter of an ensemble in metres: the paths of drones change the weights.
+
+A drone that passes a particle misses a person there with the probability of `sightings.missed`. A
+path counts for each person separately, so that a find and a path without one give the same
+knowledge of those still missing. Weights are those of `particle_kernels`.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dsse_ros.belief.follow_kernels import forget, persons_of
+from dsse_ros.belief.particle_kernels import Particles, close_weights
+from dsse_ros.belief.search_outcomes import (
+    APART,
+    MIXED,
+    TOTAL,
+    conclude,
+    mean_found,
+    open_classes,
+)
+from dsse_ros.compiled.jit import kernel, part
+from dsse_ros.step.recipe import acts_at
+from dsse_ros.step.sightings import missed
+from dsse_ros.targets.sea_map import is_open
+
+
+class Passing(NamedTuple):
+    """The paths of the drones of a mission in a step.
+
+    Attributes:
+        eyes: (K,) of `sightings.EYES`.
+        kinds: (N,) int64, kind of each drone.
+        paths: (N, K + 1, 2) float64, metres, see `flight.FlightTask`.
+        step_s: Time of the step.
+        first: Whether the mission begins with this step.
+        flown: (N,) bool, the drones that were in the search.
+        found: (N,) bool, the drones that found somebody.
+    """
+
+    eyes: NDArray[np.void]
+    kinds: NDArray[np.int64]
+    paths: NDArray[np.float64]
+    step_s: float
+    first: bool
+    flown: NDArray[np.bool_]
+    found: NDArray[np.bool_]
+
+
+class Places(NamedTuple):
+    """The particles of an ensemble in metres, by step of the sea.
+
+    Attributes:
+        particles: Their cells, see `Particles`.
+        positions: (T, M, 2) float32, metres; after the last step nothing moves.
+        multipliers: (C,) float64, multiplier of the POD of each detection class.
+    """
+
+    particles: Particles
+    positions: NDArray[np.float32]
+    multipliers: NDArray[np.float64]
+
+
+class Seen(NamedTuple):
+    """Scratch memory for the particles that a drone passes.
+
+    Attributes:
+        numbers: (M,) int32, their numbers.
+        missed: (C, M) float64, probability of missing a person of each class there.
+        certain: (C,) float64, ones.
+        found: (N,) bool, see `Passing`.
+    """
+
+    numbers: NDArray[np.int32]
+    missed: NDArray[np.float64]
+    certain: NDArray[np.float64]
+    found: NDArray[np.bool_]
+
+
+def seen_of(places: Places, num_drones: int) -> Seen:
+    """Return scratch memory for the particles that N drones pass."""
+    particles, classes = places.positions.shape[1], len(places.multipliers)
+    return Seen(
+        np.empty(particles, np.int32), np.empty((classes, particles)), np.ones(classes),
+        np.empty(num_drones, np.bool_),
+    )  # fmt: skip
+
+
+@part
+def list_passed(constants, places, row, passing, n, seen):
+    """Write the particles that drone n passes; return their number."""
+    path, eye = passing.paths[n], passing.eyes[passing.kinds[n]]
+    particles, last = places.particles, len(places.positions) - 1
+    cells = particles.cells[row]
+    before, after = places.positions[row], places.positions[min(row + 1, last)]
+    west, east, north, south = path[0, 0], path[0, 0], path[0, 1], path[0, 1]
+    for k in range(1, len(path)):
+        west, east = min(west, path[k, 0]), max(east, path[k, 0])
+        north, south = min(north, path[k, 1]), max(south, path[k, 1])
+    reach, count = eye.reach, 0
+    for i in range(len(before)):
+        x, y, to_x, to_y = before[i, 0], before[i, 1], after[i, 0], after[i, 1]
+        if max(x, to_x) < west - reach or min(x, to_x) > east + reach:
+            continue
+        if max(y, to_y) < north - reach or min(y, to_y) > south + reach:
+            continue
+        if not is_open(
+            particles.area, constants.grid_size, np.int64(cells[i, 0]), np.int64(cells[i, 1])
+        ):
+            continue
+        sees = False
+        for m in range(len(places.multipliers)):
+            miss = missed(
+                eye, path, passing.step_s, (x, y, to_x, to_y), places.multipliers[m], passing.first
+            )
+            seen.missed[m, count] = miss
+            sees = sees or miss < 1.0
+        if sees:
+            seen.numbers[count] = i
+            count += 1
+    return count
+
+
+@part
+def learn_path(constants, places, row, weights, persons, passing, n, seen):
+    """Update the weights with the path of drone n and what it found."""
+    count = list_passed(constants, places, row, passing, n, seen)
+    numbers = persons.numbers
+    for m in range(len(weights)):
+        here = 0.0
+        for q in range(count):
+            here += weights[m, seen.numbers[q]] * (1.0 - seen.missed[m, q])
+        numbers[APART, m] = 0.0
+        numbers[MIXED, m] = here / numbers[TOTAL, m] if numbers[TOTAL, m] > 0.0 else 0.0
+    if not conclude(constants, seen.certain, persons, passing.found[n]):
+        return
+    if len(persons.missing) == 1:
+        # A single person counts as missing until the mission is over.
+        persons.missing[0] = 1.0
+    for m in range(len(weights)):
+        for q in range(count):
+            weights[m, seen.numbers[q]] *= seen.missed[m, q]
+
+
+@kernel
+def learn_paths(constants, places, row, weights, persons, passing, seen):
+    """Update the weights with the paths of a step; return the new POS.
+
+    Args:
+        constants: (1,) of `constants.CONSTANTS`.
+        places: The particles.
+        row: Step of the sea.
+        weights: (C, M) float64, in and out.
+        persons: As in `search_outcomes`, in and out.
+        passing: The paths.
+        seen: Scratch.
+    """
+    open_classes(persons)
+    for turn in range(2):
+        for n in range(len(passing.paths)):
+            if passing.flown[n] and passing.found[n] == (turn == 1):
+                learn_path(constants[0], places, row, weights, persons, passing, n, seen)
+    close_weights(weights, persons, places.particles.prior)
+    return mean_found(persons)
+
+
+class PassingTables(NamedTuple):
+    """Tables computed once for all missions of a scenario.
+
+    Attributes:
+        places: The particles.
+        class_of: (n,) int64, see `search_outcomes`.
+        first_step: Steps of the sea before a mission's first observation.
+    """
+
+    places: Places
+    class_of: NDArray[np.int64]
+    first_step: int
+
+
+@kernel
+def follow_paths(followed, tables, beliefs, scratch, seen, first, last):
+    """Update the beliefs of the worlds first..last - 1 after a step.
+
+    Args:
+        followed: A `look_kernels.Followed`.
+        tables: Of the scenario.
+        beliefs: A `follow_kernels.Beliefs`, in and out.
+        scratch: A `follow_kernels.Scratch`.
+        seen: Scratch.
+        first: Number of the first world.
+        last: Number of the last world, plus one.
+    """
+    constants, prior = followed.batch.constants, tables.places.particles.prior
+    flight, crew = followed.batch.task.flight, followed.batch.crew
+    for b in range(first, last):
+        weights = beliefs.beliefs[b]
+        persons = persons_of(beliefs, tables.class_of, scratch, b)
+        if constants[0].auto_reset and followed.done[b]:
+            open_classes(persons)
+            for m in range(len(weights)):
+                for k in range(len(prior)):
+                    weights[m, k] = persons.numbers[TOTAL, m] * prior[k]
+            forget(beliefs, b)
+            continue
+        t = followed.batch.worlds[b].t - 1
+        if not acts_at(constants[0], t):
+            continue
+        for n in range(len(seen.found)):
+            seen.found[n] = crew.drones[b, n].found
+        row = min(tables.first_step + t, len(tables.places.positions) - 1)
+        passing = Passing(
+            flight.eyes, crew.kinds, flight.paths[b], flight.wind.step_s, t == 0,
+            followed.live[b], seen.found,
+        )  # fmt: skip
+        beliefs.pos[b] = learn_paths(
+            constants, tables.places, row, weights, persons, passing, seen
+        )

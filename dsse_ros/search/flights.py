@@ -1,0 +1,100 @@
+# Copyright 2026 dsse_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""The flights of the drones of B worlds, in metres."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dsse_ros.scenario.fault_fields import FAULTS, faults_of
+from dsse_ros.scenario.fields import FieldError
+from dsse_ros.scenario.scenario import ResolvedScenario
+from dsse_ros.search.ensemble import WorldEnsemble
+from dsse_ros.sensors.lateral_range import LateralRange
+from dsse_ros.sensors.registry import SENSORS
+from dsse_ros.step.flight import FlightTask
+from dsse_ros.step.flight_paths import FLIGHTS, Wind, flyers_of, pieces_of
+from dsse_ros.step.sightings import eyes_of
+
+
+class Flights:
+    """Positions, headings and speeds of the drones, and their paths in the last step.
+
+    Args:
+        scenario: The scenario.
+        num_worlds: B.
+
+    Attributes:
+        flights: (B, N) of `flight_paths.FLIGHTS`.
+        paths: (B, N, K + 1, 2) float64, metres to the east and to the south of the grid's
+            north-west corner: positions of the drones at equal times of the last step.
+        actions: (B, N, 2) float64, turns and speeds of the next step, see `flight_paths`.
+        flyers, eyes, wind: See `FlightTask`.
+
+    Raises:
+        FieldError: If the scenario is not for a search in metres.
+    """
+
+    def __init__(self, scenario: ResolvedScenario, num_worlds: int) -> None:
+        self.flyers, self.wind = flyers_of(scenario.kinds), wind_of(scenario)
+        self.eyes = eyes_of(lateral_ranges(scenario), scenario.step_duration_s)
+        self._cell_m = scenario.cell_size
+        shape = num_worlds, scenario.num_drones
+        self.flights = np.zeros(shape, FLIGHTS)
+        self.actions = np.zeros((*shape, 2))
+        self.paths = np.zeros((*shape, pieces_of(self.flyers, self.wind.step_s) + 1, 2))
+        faults = [name for name in faults_of(scenario) if name != "wind"]
+        if faults:
+            raise FieldError(
+                f"{FAULTS[faults[0]].switches[0]} must be 0 with space metres, where only wind "
+                f"makes drones deviate"
+            )
+
+    def task(self, ensemble: WorldEnsemble | None) -> FlightTask:
+        """Return the flights for the kernels."""
+        assert ensemble is not None
+        truth = ensemble.tracks.truth_m
+        assert truth is not None
+        return FlightTask(
+            self.flyers, self.eyes, self.wind, self._cell_m, truth.transpose(1, 0, 2),
+            self.flights, self.paths, self.actions,
+        )  # fmt: skip
+
+
+def wind_of(scenario: ResolvedScenario) -> Wind:
+    """Return the wind of a scenario."""
+    toward = math.radians(scenario.wind_toward)
+    east, north = math.sin(toward), math.cos(toward)
+    return Wind(
+        scenario.wind_speed * east, -scenario.wind_speed * north, scenario.step_duration_s
+    )
+
+
+def lateral_ranges(scenario: ResolvedScenario) -> list[LateralRange]:
+    """Return how each kind of drone sees what it passes.
+
+    Raises:
+        FieldError: If a sensor sees nothing in passing, or cannot see in this scenario.
+    """
+    ranges = []
+    for kind in scenario.kinds:
+        assert kind.sensor is not None
+        lateral = SENSORS[kind.sensor].lateral
+        if lateral is None:
+            known = ", ".join(name for name, one in SENSORS.items() if one.lateral is not None)
+            raise FieldError(
+                f"sensor must be one of {known} with space metres, got {kind.sensor!r}"
+            )
+        try:
+            ranges.append(lateral(scenario, kind))
+        except ValueError as error:
+            raise FieldError(f"sensor: {kind.sensor}: {error}") from None
+    return ranges
+
+
+def headings(flights: NDArray[np.void]) -> NDArray[np.float64]:
+    """Return the headings as unit vectors to the east and to the south, (..., 2)."""
+    return np.stack([np.sin(flights["heading"]), -np.cos(flights["heading"])], axis=-1)
