@@ -100,10 +100,8 @@ class SearchEnv(Rebound, AgentSpaces, ParallelEnv[str, AgentObservation, int]):
         self.possible_agents = [f"drone{i}" for i in range(self.world.num_drones)]
         self.agents: list[str] = []
         # All agents share one space, because its bounds are as large as the map.
-        self.observation_spaces = dict.fromkeys(self.possible_agents, observation_space(g, rules))
-        self.action_spaces = {
-            agent: spaces.Discrete(len(rules.actions)) for agent in self.possible_agents
-        }
+        self.observation_spaces = dict.fromkeys(self.possible_agents, self._observation_space())
+        self.action_spaces = {agent: self._action_space() for agent in self.possible_agents}
         # The share of the time used exceeds 1 in the steps after the limit.
         limit = self.world.scenario.timestep_limit
         used = (rules.last_step(limit) + 1) / limit
@@ -115,10 +113,16 @@ class SearchEnv(Rebound, AgentSpaces, ParallelEnv[str, AgentObservation, int]):
         self._history: MissionHistory | None = None
         self._rebind()
 
+    def _observation_space(self) -> spaces.Space[Any]:
+        return observation_space(self.world.grid_size, self.rules)
+
+    def _action_space(self) -> spaces.Space[Any]:
+        return spaces.Discrete(len(self.rules.actions))
+
     def _bind(self) -> None:
         """Create the views on the world's arrays, and whatever must not be copied."""
         world = self.world
-        self._masks = world.mask_table
+        self._masks = [] if self.rules.in_metres else world.mask_table
         self._actions = np.zeros((1, world.num_drones), np.int8)
         self._action_bytes = self._actions[0].data.cast("B")
         # Views on the world's arrays; x and y are the first fields of a drone's record.
@@ -380,10 +384,15 @@ class SearchEnv(Rebound, AgentSpaces, ParallelEnv[str, AgentObservation, int]):
             masks: Iterable[NDArray[np.int8]] = [self._masks[y][x] for x, y in cells.tolist()]
         else:
             masks = self.action_masks()[live]
+        columns = self._info_columns(live)
+        return observations, agent_infos(agents, self._num_missing[0] == 0, masks, columns)
+
+    def _info_columns(self, live: list[int]) -> dict[str, Iterable[Any]]:
+        """Return the infos of drones by key, besides `Found` and `action_mask`."""
         columns = self.world.info_columns(0, live)
         if self._beliefs is not None:
             columns["pos"] = [float(self._beliefs.pos[0])] * len(live)
-        return observations, agent_infos(agents, self._num_missing[0] == 0, masks, columns)
+        return columns
 
     def _take(self, actions: Mapping[str, int]) -> None:
         """Check the live agents' actions and store them for the next step."""
@@ -445,7 +454,7 @@ def parallel_env(
     observe: str = "map",
     **fields: Any,
 ) -> SearchEnv:
-    """Return the search as a PettingZoo parallel environment.
+    """Return the search as a PettingZoo parallel environment; in metres a `FlightEnv`.
 
     Args:
         scenario: A `Scenario`, a mapping of its fields, the path of a YAML file, or None for the
@@ -484,4 +493,9 @@ def parallel_env(
         drone_speed=drone_speed,
         **fields,
     )
+    if chosen[1].in_metres:
+        # It extends this module.
+        from dsse_ros.search.flight_env import FlightEnv
+
+        return FlightEnv(*chosen, render_mode, observe=observe)
     return SearchEnv(*chosen, render_mode, observe=observe)

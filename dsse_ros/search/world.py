@@ -120,7 +120,6 @@ class World(Rebound):
         self.faults = (
             None if rules.in_metres else Faults.of(resolved, rules, num_worlds, self.looks)
         )
-        self._no_actions = np.full(self.drones.shape, HOLD, _ACTION)
         self._threads = threads
         self._rebind()
         self.seed()
@@ -249,7 +248,7 @@ class World(Rebound):
 
     def step(
         self,
-        actions: NDArray[Any],
+        actions: NDArray[np.int8],
         maps: NDArray[np.float32] | None = None,
         report: Callable[[int, int], None] | None = None,
     ) -> None:
@@ -258,7 +257,7 @@ class World(Rebound):
         Args:
             actions: (B, N) int8, action numbers of the rules or `HOLD`; those of terminated or
                 truncated drones have no effect. With faults drones may do something else, see
-                `Faults.applied`. In metres (B, N, 2) float64, turns and speeds, see `flight_paths`.
+                `Faults.applied`. In metres drones do those of `flight` instead.
             maps: Memory for `maps`, C-contiguous, by default new memory.
             report: Called as report(first, last) after the step of worlds first..last - 1, in the
                 thread that stepped them.
@@ -266,9 +265,6 @@ class World(Rebound):
         Raises:
             ValueError: If `maps` has another shape, data type or memory layout.
         """
-        if self.flight is not None:
-            self.flight.actions[:] = actions
-            actions = self._no_actions
         actions = np.ascontiguousarray(actions, _ACTION)
         if maps is None:
             maps = np.empty(self._map_shape, np.float32)
@@ -299,7 +295,7 @@ class World(Rebound):
 
     def _make_kernels(self) -> list[Callable[..., None]]:
         """Return one kernel per thread, each with its own scratch memory."""
-        others = (self._no_actions, self.maps, 0, self.num_worlds)
+        others = (np.empty(self.drones.shape, _ACTION), self.maps, 0, self.num_worlds)
         step = overload_of(kernels.step_worlds, self.batch, self._scratch[0], *others)
         steps: list[Callable[..., None]] = [
             partial(step, self.batch, scratch) for scratch in self._scratch
@@ -311,7 +307,7 @@ class World(Rebound):
         self,
         shares: deque[tuple[int, int]],
         kernel: Callable[..., None],
-        actions: NDArray[Any],
+        actions: NDArray[np.int8],
         report: Callable[[int, int], None] | None,
     ) -> None:
         """Step shares of the worlds until none are left."""

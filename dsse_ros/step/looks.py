@@ -81,6 +81,8 @@ class Looks(NamedTuple):
             (Q,) drones, (Q,) numbers of looks, (Q, 2) cells (col, row), on the grid or off it.
         """
         acts = (actions >= 0) & (actions < self.first.shape[1] - 1)
+        if not acts.any():
+            return np.empty(0, np.int64), np.empty(0, np.int64), np.empty((0, 2), np.int64)
         action = np.where(acts, actions, 0).astype(np.int64)
         begin = self.first[self.kind, action]
         counts = np.where(acts, self.first[self.kind, action + 1] - begin, 0)
