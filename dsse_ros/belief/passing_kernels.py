@@ -219,6 +219,4 @@ def follow_paths(followed, tables, beliefs, scratch, seen, first, last):
             flight.eyes, crew.kinds, flight.paths[b], flight.wind.step_s, t == 0,
             followed.live[b], seen.found,
         )  # fmt: skip
-        beliefs.pos[b] = learn_paths(
-            constants, tables.places, row, weights, persons, passing, seen
-        )
+        beliefs.pos[b] = learn_paths(constants, tables.places, row, weights, persons, passing, seen)

@@ -36,9 +36,7 @@ class ActionRules:
         "cells",
         choices=("cells", "metres"),
     )
-    actions: tuple[str, ...] = field(
-        "names", "Names of the actions, by number; none in metres."
-    )
+    actions: tuple[str, ...] = field("names", "Names of the actions, by number; none in metres.")
     timed_actions: bool = field(
         "bool",
         "Whether an action takes its time: a move its length over the drone's speed, a search what "

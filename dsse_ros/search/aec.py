@@ -90,9 +90,11 @@ def raw_env(*args: Any, **kwargs: Any) -> AECEnv[str, Any, int | None]:
 
 def aec_env(*args: Any, **kwargs: Any) -> AECEnv[str, Any, int | None]:
     """Return the search as an AEC environment that checks its use; arguments of `parallel_env`."""
-    return wrappers.OrderEnforcingWrapper(
-        wrappers.AssertOutOfBoundsWrapper(raw_env(*args, **kwargs))
-    )
+    made = raw_env(*args, **kwargs)
+    # PettingZoo's wrapper is for numbered actions; an environment in metres checks its own.
+    if all(isinstance(made.action_space(agent), spaces.Discrete) for agent in made.possible_agents):
+        made = wrappers.AssertOutOfBoundsWrapper(made)
+    return wrappers.OrderEnforcingWrapper(made)
 
 
 env = aec_env

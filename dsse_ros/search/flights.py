@@ -63,14 +63,18 @@ class Flights:
             self.flights, self.paths, self.actions,
         )  # fmt: skip
 
+    def in_cells(self) -> NDArray[np.float64]:
+        """Return the positions (B, N, 2) in cells, with the centre of cell (0, 0) at (0, 0)."""
+        places = np.stack([self.flights["east"], self.flights["south"]], axis=-1)
+        cells: NDArray[np.float64] = places / self._cell_m - 0.5
+        return cells
+
 
 def wind_of(scenario: ResolvedScenario) -> Wind:
     """Return the wind of a scenario."""
     toward = math.radians(scenario.wind_toward)
     east, north = math.sin(toward), math.cos(toward)
-    return Wind(
-        scenario.wind_speed * east, -scenario.wind_speed * north, scenario.step_duration_s
-    )
+    return Wind(scenario.wind_speed * east, -scenario.wind_speed * north, scenario.step_duration_s)
 
 
 def lateral_ranges(scenario: ResolvedScenario) -> list[LateralRange]:

@@ -4,6 +4,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -31,6 +33,7 @@ class MissionHistory:
     def __init__(self, world: World) -> None:
         self._world = world
         self._cells = [self._now()]
+        self._paths: list[NDArray[np.float64]] = []
         self._doing = np.full(world.num_drones, HOLD)
         side = world.grid_size
         self.searches, self.waits = np.zeros((2, side, side), np.int32)
@@ -57,6 +60,9 @@ class MissionHistory:
         if world.faults is not None:
             self._doing = np.where(self._doing == HOLD, HOLD, world.faults.applied[0])
         self._cells.append(self._now())
+        if world.flight is not None:
+            self._paths.append(world.flight.paths[0].copy())
+            return
         searching = self._doing == world.rules.action_set.search
         if world.coverage is not None:
             drones = np.flatnonzero(searching | (self._cells[-1] != self._cells[-2]).any(axis=1))
@@ -73,11 +79,28 @@ class MissionHistory:
             np.add.at(count, (cells[:, 1], cells[:, 0]), 1)
 
     @property
-    def tracks(self) -> NDArray[np.int64]:
-        """(N, K, 2) cells of each drone, from its start to its present cell."""
+    def tracks(self) -> NDArray[Any]:
+        """(N, K, 2) cells of each drone, from its start to its present cell.
+
+        In metres they are float64, the centre of cell (0, 0) at (0, 0).
+        """
         return np.stack(self._cells, axis=1)
 
-    def _now(self) -> NDArray[np.int64]:
+    @property
+    def flown(self) -> tuple[NDArray[np.float64], ...]:
+        """The paths in metres, (K, 2) each, to the east and to the north of the south-west corner.
+
+        None if drones move from cell to cell.
+        """
+        if not self._paths:
+            return ()
+        side_m = self._world.grid_size * self._world.scenario.cell_size
+        paths = np.concatenate(self._paths, axis=1)
+        return tuple(np.stack([paths[..., 0], side_m - paths[..., 1]], axis=-1))
+
+    def _now(self) -> NDArray[Any]:
+        if self._world.flight is not None:
+            return self._world.flight.in_cells()[0]
         drones = self._world.drones[0]
         return np.stack([drones["x"], drones["y"]], axis=1)
 
@@ -101,6 +124,7 @@ def view_of(
     return MissionView(
         probability=probability,
         tracks=past.tracks,
+        flown=past.flown,
         # Drones stay in the air when the last find or the time limit ends the mission.
         alive=world.drones["alive"][0] | world.truncated[0] | (now["num_missing"] == 0),
         persons=np.stack([persons["x"], persons["y"]], axis=1),

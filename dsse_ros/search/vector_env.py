@@ -297,6 +297,16 @@ class VectorEnv:
         over: NDArray[np.bool_] = infos["over"] & ~infos["Found"]
         return over & (infos["step"] > self.rules.last_step(self.scenario.timestep_limit))
 
+    def single_spaces(self) -> tuple[spaces.Dict, spaces.Space[Any]]:
+        """Return the spaces of the observations and of the joint action of one world."""
+        g, n, margin = self.world.grid_size, self.world.num_drones, self.rules.margin
+        cells = spaces.Box(-margin, g - 1 + margin, (n, 2), np.int64)
+        probability = spaces.Box(0.0, 1.0, (g, g), np.float32)
+        return (
+            spaces.Dict(positions=cells, probability=probability),
+            spaces.MultiDiscrete([len(self.rules.actions)] * n),
+        )
+
     def close(self) -> None:
         """End the threads; a later step starts them again."""
         self.world.close()
@@ -412,13 +422,17 @@ def vector_env(
     observe: str = "map",
     **fields: Any,
 ) -> VectorEnv:
-    """Return many searches at once; scenario, rules and fields as in `parallel_env`.
+    """Return many searches at once, in metres a `FlightVectorEnv`; fields as in `parallel_env`.
 
     Raises:
         FieldError: If a field is unknown or a value is not allowed.
     """
     chosen = scenario_and_rules(scenario, rules, **fields)
-    return VectorEnv(num_envs, *chosen, lazy=lazy, copy=copy, threads=threads, observe=observe)
+    kind: type[VectorEnv] = VectorEnv
+    if chosen[1].in_metres:
+        # It extends this module.
+        from dsse_ros.search.flight_vector_env import FlightVectorEnv as kind
+    return kind(num_envs, *chosen, lazy=lazy, copy=copy, threads=threads, observe=observe)
 
 
 class JointVectorEnv(gymnasium.vector.VectorEnv[Any, Any, Any]):
@@ -442,13 +456,7 @@ class JointVectorEnv(gymnasium.vector.VectorEnv[Any, Any, Any]):
         if env.lazy:
             raise FieldError("lazy must be false, so that observations are arrays, got true")
         self.num_envs = env.num_envs
-        g, n = env.world.grid_size, env.world.num_drones
-        margin = env.rules.margin
-        cells = spaces.Box(-margin, g - 1 + margin, (n, 2), np.int64)
-        self.single_observation_space = spaces.Dict(
-            positions=cells, probability=spaces.Box(0.0, 1.0, (g, g), np.float32)
-        )
-        self.single_action_space = spaces.MultiDiscrete([len(env.rules.actions)] * n)
+        self.single_observation_space, self.single_action_space = env.single_spaces()
         batch = gymnasium.vector.utils.batch_space
         self.observation_space = batch(self.single_observation_space, self.num_envs)
         self.action_space = batch(self.single_action_space, self.num_envs)

@@ -42,14 +42,14 @@ class MissionView:
         origin: WGS84 latitude and longitude in degrees of the grid's south-west corner and its
             height in metres; None if the place is unknown.
         step_s: Time of one step in seconds, None if unknown.
-        flown: For each drone, the positions (M, 2) of the vehicle that flew its track, in metres
-            east and north of the grid's south-west corner; empty without vehicles.
+        flown: For each drone, the positions (M, 2) of the vehicle that flew its track, or its own
+            in metres: east and north of the grid's south-west corner; empty without both.
         sea: Wind, current, shore and sightings.
         ending: How the search ended, see `ending`; empty while it goes on.
     """
 
     probability: NDArray[np.float32]
-    tracks: NDArray[np.integer[Any]]
+    tracks: NDArray[Any]
     alive: NDArray[np.bool_]
     persons: NDArray[np.integer[Any]]
     found: NDArray[np.bool_]
@@ -130,8 +130,8 @@ def to_ansi(view: MissionView) -> str:
         for row, col in np.argwhere(~view.area).tolist():
             rows[row][col] = "/"
 
-    def put(cell: NDArray[np.integer[Any]], mark: str) -> None:
-        col, row = int(cell[0]), int(cell[1])
+    def put(cell: NDArray[Any], mark: str) -> None:
+        col, row = round(float(cell[0])), round(float(cell[1]))
         if 0 <= row < len(rows) and 0 <= col < len(rows):
             rows[row][col] = mark
 
