@@ -70,9 +70,10 @@ def pieces_of(flyers: NDArray[np.void], step_s: float) -> int:
     most = 1
     for flyer in flyers:
         if flyer["radius"] > 0.0:
-            turn = min(flyer["cruise"] * step_s / flyer["radius"], math.pi)
+            # Pieces take equal times, on the arc and after it.
+            arc = flyer["cruise"] * step_s / flyer["radius"]
             of_piece = 2 * math.acos(max(1.0 - SAGITTA_M / flyer["radius"], -1.0))
-            most = max(most, min(math.ceil(turn / of_piece), MOST_PIECES))
+            most = max(most, min(math.ceil(arc / of_piece), MOST_PIECES))
         if flyer["acceleration"] > 0.0:
             most = max(most, _WITH_ACCELERATION)
     return most

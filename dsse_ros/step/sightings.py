@@ -77,7 +77,7 @@ def missed(eye, path, step_s, person, multiplier, first):
         dy = drift_y - (path[k + 1, 1] - path[k, 1])
         if eye.law == DEFINITE:
             passes += enters(x, y, dx, dy, squared)
-        elif x * x + y * y <= squared:
+        elif math.hypot(x, y) <= eye.reach + math.hypot(dx, dy):
             exposure += nearness(x, y, dx, dy)
         x += dx
         y += dy

@@ -112,7 +112,7 @@ def refusal(attempt: Any) -> str | None:
         text = str(error)
         assert len(text.splitlines()) == 1, text
         # The longest line lists every field there is.
-        assert 10 < len(text) < 1500, text
+        assert 10 < len(text) < 1600, text
         return text
     return None
 
@@ -266,7 +266,7 @@ def test_any_action_is_obeyed_or_refused_with_nothing_changed(value: Any) -> Non
         assert env.agents == ["drone0", "drone1"]
 
 
-@pytest.mark.parametrize("rules", PROFILES)
+@pytest.mark.parametrize("rules", [name for name, of in PROFILES.items() if of.actions])
 @pytest.mark.parametrize(
     "actions", [{}, {"drone0": 1}, {"drone1": 1}, {"drone_0": 1}, None, 5, [1, 1], "left"]
 )

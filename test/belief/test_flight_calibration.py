@@ -1,0 +1,110 @@
+# Copyright 2026 dsse_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""POS of a search in metres is the share of persons that missions find."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from dsse_ros.belief.beliefs import forecast_for
+from dsse_ros.belief.ensemble_belief import EnsembleBelief, PathsFlown
+from dsse_ros.scenario.scenario import Scenario
+from dsse_ros.search import HOLD, World, profile
+from dsse_ros.search.flights import Flights
+
+FLIGHT = profile("flight")
+SENSORS: dict[str, dict[str, Any]] = {
+    "definite range": {"sensor": "flown_over", "probability_of_detection": 0.8},
+    "inverse cube": {"sensor": "sweep_width"},
+    "camera": {"sensor": "camera", "object_size": 0.2},
+}
+MISSIONS, PLANS, STEPS, DRONES, PARTICLES = 56, 12, 150, 3, 2000
+UNTIL = np.linspace(0.1, 0.9, PLANS)
+"""POS at which each plan ends."""
+
+
+def scenario_of(sensor: str, persons: int, seed: int) -> Scenario:
+    return Scenario(
+        incident={
+            "object": "PIW-1", "search_start": "2026-01-17T14:00Z",
+            "wind": {"from": 270, "speed": 5.0},
+            "seen": [{"lat": -24.0, "lon": -46.0, "time": "2026-01-17T13:00Z", "radius": 300}],
+        },
+        particles=PARTICLES, num_drones=DRONES, person_amount=persons, timestep_limit=STEPS,
+        ensemble_seed=seed, **SENSORS[sensor],
+    )  # fmt: skip
+
+
+def headed(flights: Flights, belief: EnsembleBelief) -> NDArray[np.float64]:
+    """Return actions of the drones towards likely cells, a different one for each."""
+    worth, actions = belief.poc(), np.ones((DRONES, 2))
+    side = np.arange(len(worth)) * 130.0 + 65.0
+    for n, state in enumerate(flights.flights[0]):
+        away = np.hypot(side[None, :] - state["east"], side[:, None] - state["south"])
+        row, col = np.unravel_index(np.argmax(worth * 0.9 ** (away / 130.0)), worth.shape)
+        worth[row, col] = 0.0
+        bearing = math.atan2(side[col] - state["east"], state["south"] - side[row])
+        turn = math.remainder(bearing - state["heading"], 2 * math.pi)
+        actions[n, 0] = turn / math.pi
+    return actions
+
+
+def plan(sensor: str, number: int) -> tuple[float, list[NDArray[np.float64]]]:
+    """Return the POS of a plan, and its actions (N, 2) by step."""
+    scenario = scenario_of(sensor, 1, number)
+    # Nobody is found.
+    blind = World(scenario.override(person_pod_multipliers=(0.0,)), FLIGHT, 1, write_maps=False)
+    blind.reset()
+    assert blind.flight is not None
+    planned, belief = (
+        forecast_for(scenario, FLIGHT, planning=planning).belief() for planning in (True, False)
+    )
+    assert isinstance(planned, EnsembleBelief) and isinstance(belief, EnsembleBelief)
+    plan = []
+    while belief.pos < UNTIL[number] and belief.step < STEPS:
+        plan.append(headed(blind.flight, planned))
+        blind.flight.actions[:] = plan[-1]
+        blind.step(np.full((1, DRONES), HOLD, np.int8))
+        flown = PathsFlown(
+            blind.flight.eyes, blind.looks.kind, blind.flight.paths[0], np.ones(DRONES, bool),
+            np.zeros(DRONES, bool),
+        )  # fmt: skip
+        for one in (planned, belief):
+            one.update_in_passing(flown)
+            one.advance()
+    return belief.pos, plan
+
+
+def found(sensor: str, persons: int, number: int, plan: list[NDArray[np.float64]]) -> int:
+    """Return the persons found by missions with a plan."""
+    world = World(scenario_of(sensor, persons, number), FLIGHT, MISSIONS, write_maps=False)
+    world.seed(number * MISSIONS)
+    world.reset()
+    assert world.flight is not None
+    for actions in plan:
+        world.flight.actions[:] = actions
+        world.step(np.full((MISSIONS, DRONES), HOLD, np.int8))
+    return int(world.persons["found"].sum())
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("sensor", SENSORS)
+def test_pos_is_the_share_of_persons_found(sensor: str) -> None:
+    plans = [plan(sensor, number) for number in range(PLANS)]
+    pos = np.array([of_plan for of_plan, _ in plans])
+    bins = np.minimum(pos * 10, 9).astype(int)
+    assert len(set(bins.tolist())) >= 7
+    for persons in (1, 4):
+        finds = [found(sensor, persons, n, actions) for n, (_, actions) in enumerate(plans)]
+        count = MISSIONS * persons
+        # The persons' tracks and the particles are two draws from one model.
+        of_draws = count**2 * 2 * pos * (1 - pos) / PARTICLES
+        errors = count * pos * (1 - pos) + of_draws
+        for each in set(bins.tolist()):
+            off = (np.array(finds) - count * pos)[bins == each].sum()
+            assert abs(off) < 3.3 * math.sqrt(errors[bins == each].sum()), (persons, each)

@@ -1,0 +1,101 @@
+# Copyright 2026 dsse_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""Lateral range laws on paths, against small steps and against the formulas of search theory."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+from numba import njit
+from numpy.typing import NDArray
+
+from dsse_ros.sensors.lateral_range import LateralRange
+from dsse_ros.sensors.search_theory import inverse_cube_pod
+from dsse_ros.step.sightings import eyes_of, missed
+
+STEP_S, SPEED = 13.0, 10.0
+STRIP = LateralRange(reach_m=65.0, pod=0.8)
+CUBE = LateralRange(sweep_width_m=100.0, speed_mps=SPEED)
+
+
+@njit
+def missed_by(
+    eyes: Any, path: Any, step_s: float, person: Any, multiplier: float, first: bool
+) -> float:
+    return float(missed(eyes[0], path, step_s, person, multiplier, first))
+
+
+def miss(
+    law: LateralRange, path: NDArray[np.float64], person: tuple[float, ...], *,
+    multiplier: float = 1.0, first: bool = False, step_s: float = STEP_S,
+) -> float:  # fmt: skip
+    return missed_by(eyes_of([law], step_s), path, step_s, person, multiplier, first)
+
+
+def distances(
+    path: NDArray[np.float64], person: tuple[float, ...], count: int
+) -> NDArray[np.float64]:
+    """Return the distance of the person from the drone at `count` equal times of the step."""
+    t = np.linspace(0.0, 1.0, count)
+    at = np.linspace(0.0, 1.0, len(path))
+    x = person[0] + t * (person[2] - person[0]) - np.interp(t, at, path[:, 0])
+    y = person[1] + t * (person[3] - person[1]) - np.interp(t, at, path[:, 1])
+    return np.hypot(x, y)
+
+
+place = st.floats(-200, 200)
+paths = st.lists(st.tuples(place, place), min_size=2, max_size=6).map(np.array)
+persons = st.tuples(place, place, place, place)
+
+
+@settings(max_examples=300, deadline=None)
+@given(paths, persons, st.booleans())
+def test_definite_range_detects_once_per_pass(
+    path: NDArray[np.float64], person: tuple[float, ...], first: bool
+) -> None:
+    # A tenth of a second of the step would not see a graze.
+    away = distances(path, person, 13 * 10 * 100 + 1)
+    turning = np.concatenate([away[[0, -1]], away[1:-1][np.diff(np.sign(np.diff(away))) != 0]])
+    assume(np.abs(turning - STRIP.reach_m).min() > 0.1)
+    inside = away <= STRIP.reach_m
+    passes = int((inside[1:] & ~inside[:-1]).sum()) + int(first and inside[0])
+    assert miss(STRIP, path, person, first=first) == pytest.approx((1 - 0.8) ** passes)
+    assert miss(STRIP, path, person, multiplier=0.5) == pytest.approx(
+        0.6 ** (passes - int(first and inside[0]))
+    )
+
+
+@settings(max_examples=100, deadline=None)
+@given(paths, persons)
+def test_the_inverse_cube_law_adds_up_what_each_moment_sees(
+    path: NDArray[np.float64], person: tuple[float, ...]
+) -> None:
+    away = distances(path, person, 200_001)
+    assume(away.min() > 2.0)
+    rate = CUBE.sweep_width_m**2 * SPEED / (8 * math.pi) / away**3
+    exposure = float(((rate[1:] + rate[:-1]) / 2).mean() * STEP_S)
+    assert -math.log(miss(CUBE, path, person)) == pytest.approx(exposure, rel=1e-3, abs=1e-9)
+
+
+@settings(max_examples=50, deadline=None)
+@given(st.floats(5, 300))
+def test_a_long_straight_track_has_the_lateral_range_curve_of_the_law(x: float) -> None:
+    path = np.array([[-1e6, 0.0], [1e6, 0.0]])
+    law = math.exp(-(CUBE.sweep_width_m**2) / (4 * math.pi * x**2))
+    assert miss(CUBE, path, (0.0, x, 0.0, x), step_s=2e6 / SPEED) == pytest.approx(law, rel=1e-6)
+
+
+@pytest.mark.parametrize("coverage", [0.5, 1.0, 1.5])
+def test_parallel_tracks_have_the_pod_of_their_coverage(coverage: float) -> None:
+    spacing = CUBE.sweep_width_m / coverage
+    away = (np.arange(2000) + 0.5) / 2000 * spacing
+    share = np.ones(len(away))
+    for track in range(-60, 61):
+        path = np.array([[-1e5, track * spacing], [1e5, track * spacing]])
+        share *= [miss(CUBE, path, (0.0, x, 0.0, x), step_s=2e5 / SPEED) for x in away]
+    assert 1.0 - share.mean() == pytest.approx(inverse_cube_pod(coverage), abs=0.01)
