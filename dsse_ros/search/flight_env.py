@@ -63,6 +63,8 @@ class FlightEnv(SearchEnv):
     to the south of the grid's north-west corner.
     """
 
+    _in_metres = True
+
     def _observation_space(self) -> spaces.Space[Any]:
         return state_space(self.world.grid_size)
 

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dsse_ros.scenario.fault_fields import FAULTS, faults_of
-from dsse_ros.scenario.fields import FieldError
+from dsse_ros.scenario.fields import FieldError, shown
 from dsse_ros.scenario.scenario import ResolvedScenario
 from dsse_ros.search.ensemble import WorldEnsemble
 from dsse_ros.sensors.lateral_range import LateralRange
@@ -46,6 +46,7 @@ class Flights:
         self.flights = np.zeros(shape, FLIGHTS)
         self.actions = np.zeros((*shape, 2))
         self.paths = np.zeros((*shape, pieces_of(self.flyers, self.wind.step_s) + 1, 2))
+        _check_kinds(scenario)
         faults = [name for name in faults_of(scenario) if name != "wind"]
         if faults:
             raise FieldError(
@@ -68,6 +69,27 @@ class Flights:
         places = np.stack([self.flights["east"], self.flights["south"]], axis=-1)
         cells: NDArray[np.float64] = places / self._cell_m - 0.5
         return cells
+
+
+def _check_kinds(scenario: ResolvedScenario) -> None:
+    """Raise unless the kinds of drones can fly in metres.
+
+    Raises:
+        FieldError: If one cannot.
+    """
+    for name, kind in zip(dict.fromkeys(scenario.searchers), scenario.kinds, strict=True):
+        assert kind.speed is not None
+        if kind.min_speed > kind.speed:
+            raise FieldError(
+                f"searchers: {name!r}: min_speed must be at most its speed, {kind.speed:g} m/s, "
+                f"got {kind.min_speed:g}"
+            )
+        for field in ("endurance_min", "moves", "search_altitude"):
+            if getattr(kind, field) is not None:
+                raise FieldError(
+                    f"searchers: {name!r}: {field} must be None with space metres, got "
+                    f"{shown(getattr(kind, field))}"
+                )
 
 
 def wind_of(scenario: ResolvedScenario) -> Wind:

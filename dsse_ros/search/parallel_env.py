@@ -69,6 +69,7 @@ class SearchEnv(Rebound, AgentSpaces, ParallelEnv[str, AgentObservation, int]):
         FieldError: If the scenario does not fit the rules, or an argument is unknown.
     """
 
+    _in_metres = False
     metadata = {
         "name": "dsse_search_v1",
         "render_modes": ["ansi", "rgb_array", "human"],
@@ -88,6 +89,10 @@ class SearchEnv(Rebound, AgentSpaces, ParallelEnv[str, AgentObservation, int]):
         if render_mode is not None and not (isinstance(render_mode, str) and render_mode in modes):
             known = ", ".join(modes)
             raise FieldError(f"render_mode must be one of {known}, got {shown(render_mode)}")
+        if rules.in_metres and not self._in_metres:
+            raise FieldError(
+                "space must be cells, got 'metres'; parallel_env and vector_env fly in metres"
+            )
         self.render_mode = render_mode
         self.rules = rules
         self.observed = OBSERVED.check("observe", observe)

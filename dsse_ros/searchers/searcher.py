@@ -13,8 +13,8 @@ from dsse_ros.sensors.sensor import SEARCH
 class Searcher:
     """A kind of drone; None means the scenario's value.
 
-    In a search on cells the values from `min_speed` on have no effect, in a search in metres those
-    of `moves` and of a search from another altitude have none.
+    In a search on cells the values from `min_speed` on have no effect; one in metres refuses
+    `moves`, an endurance and another altitude for searches.
 
     Attributes:
         doc: Description of the kind, as a phrase without a subject.

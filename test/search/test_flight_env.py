@@ -97,9 +97,8 @@ def test_a_withdrawn_drone_stays_and_the_others_go_on() -> None:
     env = started(probability_of_detection=0.0)
     assert env.withdraw(1) and not env.withdraw(1)
     where = env.world.flight.flights[0, 1].copy()  # type: ignore[union-attr]
-    *_, terminated, _, _ = env.step(
-        dict.fromkeys(("drone0", "drone2"), np.zeros(2)) | {"drone1": 9}
-    )
+    actions: dict[str, Any] = {"drone0": np.zeros(2), "drone1": "ignored", "drone2": np.zeros(2)}
+    *_, terminated, _, _ = env.step(actions)
     assert terminated == {"drone0": False, "drone1": True, "drone2": False}
     assert env.agents == ["drone0", "drone2"]
     assert env.world.flight.flights[0, 1] == where  # type: ignore[union-attr]

@@ -27,6 +27,7 @@ from dsse_ros.step.flight_paths import (
 
 STEP_S = 13.0
 FINE = 20_000
+CALM = Wind(0.0, 0.0, STEP_S)
 
 
 @njit
@@ -40,7 +41,7 @@ def flown(
     speed: float,
     *,
     start: tuple[float, float] = (0.3, 10.0),
-    wind: Wind = Wind(0.0, 0.0, STEP_S),
+    wind: Wind = CALM,
 ) -> tuple[NDArray[np.float64], NDArray[np.void]]:
     """Return the path and the state after a step from heading and speed `start`."""
     flyers, flights = flyers_of([kind]), np.zeros(1, FLIGHTS)
