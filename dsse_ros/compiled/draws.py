@@ -10,6 +10,12 @@ import numpy as np
 from dsse_ros.compiled.jit import part
 
 
+def word_of_seed(seed: int) -> np.uint64:
+    """Return the state that a seed, an integer >= 0, gives the generator of a world."""
+    word: np.uint64 = np.random.SeedSequence(seed).generate_state(1, np.uint64)[0]
+    return word
+
+
 @part
 def draw_bits(world):
     """Return the next 64 random bits of a world."""

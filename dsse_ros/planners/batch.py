@@ -27,8 +27,8 @@ from dsse_ros.scenario.options import check_seed
 from dsse_ros.scenario.rules import Rules
 from dsse_ros.scenario.scenario import Scenario, ScenarioSource, scenario_and_rules
 from dsse_ros.scenario.swarm import number_of
+from dsse_ros.search.agent_actions import action_of
 from dsse_ros.search.observation import AgentObservation, Observation, Started, agent_infos
-from dsse_ros.search.parallel_env import action_of
 from dsse_ros.search.world import HOLD, World
 
 

@@ -119,12 +119,16 @@ class Faults:
     ) -> Faults | None:
         """Return the faults of a scenario, or None if it has none and its drones have no limits.
 
+        In metres there are none, see `Flights`.
+
         Args:
             scenario: The scenario.
             rules: The rules.
             num_worlds: B.
             looks: The looks of the drones.
         """
+        if rules.in_metres:
+            return None
         abilities = abilities_of(scenario, rules, looks)
         limited = has_limits(abilities, len(rules.actions)) or bool(looks.false_alarms.any())
         if not (limited or faults_of(scenario)):

@@ -4,7 +4,6 @@
 
 from __future__ import annotations
 
-import operator
 from collections.abc import Iterable, Mapping
 from itertools import repeat
 from typing import Any
@@ -24,6 +23,7 @@ from dsse_ros.scenario.scenario import (
     ScenarioSource,
     scenario_and_rules,
 )
+from dsse_ros.search.agent_actions import action_of
 from dsse_ros.search.agent_spaces import AgentSpaces
 from dsse_ros.search.mission_history import MissionHistory, view_of
 from dsse_ros.search.observation import (
@@ -419,27 +419,6 @@ class SearchEnv(Rebound, AgentSpaces, ParallelEnv[str, AgentObservation, int]):
             self._action_bytes[:] = numbers
         else:
             self._actions[0, self._live] = np.frombuffer(numbers, np.int8)
-
-
-def action_of(rules: Rules, agent: str, actions: Mapping[str, int]) -> int:
-    """Return an agent's action number; `HOLD` for what the rules count as nothing.
-
-    Raises:
-        FieldError: If the action is missing or the rules do not allow it.
-    """
-    if agent not in actions:
-        raise FieldError(f"actions: {agent} is missing; one action per live agent")
-    value = actions[agent]
-    try:
-        # If unknown actions do nothing, any value that equals a number counts, as in DSSE 0.1.13.
-        known = range(len(rules.actions))
-        return known.index(value if rules.noop_actions else operator.index(value))
-    except (TypeError, ValueError):
-        if rules.noop_actions:
-            return HOLD
-    raise FieldError(
-        f"action of {agent} must be one of {rules.action_set}, got {shown(value)}"
-    ) from None
 
 
 def parallel_env(

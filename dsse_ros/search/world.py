@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from dsse_ros.compiled.draws import word_of_seed
 from dsse_ros.compiled.overloads import overload_of
 from dsse_ros.scenario.identity import identity_of
 from dsse_ros.scenario.rules import Rules
@@ -41,12 +42,6 @@ SHARES = 4
 """Shares of the worlds per thread: a thread that finishes early takes another one."""
 SHARE_BYTES = 1 << 18
 """Bytes of drones in a share with a report, so that they stay in the core's own cache."""
-
-
-def word_of_seed(seed: int) -> np.uint64:
-    """Return the state that a seed, an integer >= 0, gives the generator of a world."""
-    word: np.uint64 = np.random.SeedSequence(seed).generate_state(1, np.uint64)[0]
-    return word
 
 
 class World(Rebound):
@@ -117,9 +112,7 @@ class World(Rebound):
         self._looked_for = resolved.person_pod_multipliers
         self.ensemble = WorldEnsemble.of(resolved, rules, num_worlds)
         self.flight = Flights(resolved, num_worlds) if rules.in_metres else None
-        self.faults = (
-            None if rules.in_metres else Faults.of(resolved, rules, num_worlds, self.looks)
-        )
+        self.faults = Faults.of(resolved, rules, num_worlds, self.looks)
         self._threads = threads
         self._rebind()
         self.seed()

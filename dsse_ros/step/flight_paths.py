@@ -16,13 +16,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dsse_ros.compiled.jit import inlined, part
-from dsse_ros.searchers.searcher import Searcher
 
 FLYERS = np.dtype(
     [
@@ -54,8 +53,8 @@ class Wind(NamedTuple):
     step_s: float
 
 
-def flyers_of(kinds: Iterable[Searcher]) -> NDArray[np.void]:
-    """Return how each kind of drone flies, (K,) of `FLYERS`."""
+def flyers_of(kinds: Iterable[Any]) -> NDArray[np.void]:
+    """Return how each kind of drone, a `Searcher`, flies, (K,) of `FLYERS`."""
     return np.array(
         [
             (kind.speed, kind.min_speed, kind.turn_radius, kind.acceleration or 0.0)
