@@ -27,11 +27,11 @@ from autopilot.running import Running, running_autopilot  # noqa: E402
 
 LEFT, RIGHT, UP, DOWN, SEARCH = range(5)
 SPEEDUP = 20.0
-FRAME = GridFrame(6, 130.0, -24.04, -46.17, 0.0, 120.0)
+FRAME = GridFrame(6, 130.0, -24.04, -46.17, 0.0, 60.0)
 SEARCHED: dict[str, Any] = {
     "grid_size": 6,
     "cell_size": 130.0,
-    "altitude": 120.0,
+    "altitude": 60.0,
     "origin_lat": -24.04,
     "origin_lon": -46.17,
     "person_initial_position": [5, 0],

@@ -175,7 +175,7 @@ def test_each_vehicle_flies_in_a_layer_of_its_own(rig: Rig) -> None:
         )
         bridge = Bridge(rig, vehicles)
         sim.joint(UP, UP, UP)
-        for i, alt_m in enumerate((120.0, 115.0, 110.0)):
+        for i, alt_m in enumerate((60.0, 55.0, 50.0)):
             bridge.until(i, arrived="true")
             assert abs(bridge.poses[i].last.pose.position.z - alt_m) < 3.5
 
@@ -183,8 +183,8 @@ def test_each_vehicle_flies_in_a_layer_of_its_own(rig: Rig) -> None:
 def test_layers_that_do_not_fit_between_the_altitudes_are_not_flown(rig: Rig) -> None:
     with autopilots((), ()) as vehicles:
         rig.sim(SEARCHED | {"drones_positions": [0, 5, 1, 5]})
-        bridge = Bridge(rig, vehicles, altitude_step=30.0, min_altitude=100.0)
-        trouble = "altitude_step must be at most 20 m for 2 vehicles from 120 m down to 100 m"
+        bridge = Bridge(rig, vehicles, altitude_step=30.0, min_altitude=40.0)
+        trouble = "altitude_step must be at most 20 m for 2 vehicles from 60 m down to 40 m"
         rig.until(lambda: trouble in bridge.state(0).get("message", ""), trouble)
         assert take_off_orders(bridge) == 0
 
@@ -304,7 +304,7 @@ def test_px4_flies_cells_and_searches_too(rig: Rig) -> None:
         state = bridge.until(0, arrived="true", flying="false", armed="false")
         assert state["lost"] == ""
         heights = [pose.pose.position.z for pose in bridge.poses[0]]
-        assert max(heights) >= 117.0
+        assert max(heights) >= 57.0
         assert min(away_m(pose, (0, 5)) for pose in bridge.poses[0]) <= 10.0
 
 
