@@ -28,10 +28,12 @@ misfits(constants, np.zeros(1, WORLDS), None, np.array([[1, 2]]), np.array([[1.0
 print(out)
 """
 RUN_FAULTS = """
-from dsse_ros.search import vector_env
-env = vector_env(1, num_drones=1, battery_move=1.0)
-env.reset(seed=1)
-print(env.world.faults.fleet.conditions["battery"][0])
+import numpy as np
+from dsse_ros.search import Scenario, World, profile
+from dsse_ros.step.fault_kernels import start_conditions
+world = World(Scenario(num_drones=1, battery_move=1.0), profile("paper"), 1)
+start_conditions(world.batch, world.faults.fleet, np.ones(1, np.bool_))
+print(world.faults.fleet.conditions["battery"][0])
 """
 TWICE = """
 from dsse_ros.compiled.jit import compiled

@@ -444,6 +444,8 @@ def test_a_planner_that_compiles_says_so_and_that_it_is_ready_as_it_commands(
     sim = rig.sim(fields, namespace="/compiled")
     answers = rig.listen(Int32MultiArray, "/compiled/joint_action")
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
+    # What is compiled for this run alone is not worth optimising.
+    monkeypatch.setenv("NUMBA_OPT", "0")
     process = rig.start("planner_node", {"planner": "belief"}, "-r", "__ns:=/compiled")
 
     def commanded() -> bool:
