@@ -74,7 +74,7 @@ def test_missions_are_those_of_the_environment_in_all_that_is_counted(
     if rules == "coverage" and name == "belief_greedy":
         pytest.skip("it looks for persons")
     fields = {**PAPER, "num_drones": 3, "rules": rules, **LOSSES[faults]}
-    env, seeds = parallel_env(**fields), range(60)
+    env, seeds = parallel_env(**fields), range(20)
     missions = play_missions(len(seeds), name, seed=seeds, **fields)
     for m, seed in enumerate(seeds):
         found, steps, lost, path, meetings = measured(env, planner_for(env, name, seed=seed), seed)

@@ -6,6 +6,7 @@ import sys
 from pathlib import Path
 
 HERE = Path(__file__).resolve().parent
-sys.path[:0] = [str(HERE), str(HERE.parent / "search"), str(HERE.parent / "dashboard")]
+TESTS = HERE.parent
+sys.path[:0] = [str(HERE), *(str(TESTS / name) for name in ("search", "dashboard", "nodes"))]
 
 from browsers import browser  # noqa: E402, F401

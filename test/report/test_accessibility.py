@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -61,17 +62,22 @@ def _yaml() -> str:
     return yaml.safe_dump({**fields, "drones_positions": [[3, 4], [4, 3], [5, 5]]})
 
 
+@pytest.fixture(scope="module", params=["report", "campaign"])
+def page(request: pytest.FixtureRequest, pages: dict[str, Path], browser: Any) -> Iterator[Any]:
+    """Each of the pages, opened once."""
+    context = browser.new_context(bypass_csp=True)
+    opened = context.new_page()
+    opened.goto(pages[request.param].as_uri())
+    yield opened
+    context.close()
+
+
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 @pytest.mark.parametrize("width", [390, 768, 1440])
-@pytest.mark.parametrize("name", ["report", "campaign"])
-def test_all_fits_and_axe_finds_nothing(
-    name: str, width: int, scheme: str, pages: dict[str, Path], browser: Any
-) -> None:
-    context = browser.new_context(
-        viewport={"width": width, "height": 900}, color_scheme=scheme, bypass_csp=True
-    )
-    page = context.new_page()
-    page.goto(pages[name].as_uri())
+def test_all_fits_and_axe_finds_nothing(page: Any, width: int, scheme: str) -> None:
+    page.emulate_media(color_scheme=scheme)
+    page.set_viewport_size({"width": width, "height": 900})
+    assert page.evaluate("innerWidth") == width
     assert page.evaluate("document.documentElement.scrollWidth") <= width
     cut = "[...document.querySelectorAll('figure')].filter((f) => f.scrollWidth > f.clientWidth)"
     assert page.evaluate(f"{cut}.length") == 0
@@ -87,4 +93,3 @@ def test_all_fits_and_axe_finds_nothing(
             box = one.bounding_box()
             assert box["x"] >= 0 and box["x"] + box["width"] <= width
     assert violations(page) == []
-    context.close()

@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import functools
 import json
 import pickle
 import re
@@ -16,6 +17,7 @@ import pytest
 from areas import CELL_M, ORIGIN, geojson_of, random_mask, scenario_of
 from numpy.typing import NDArray
 
+from dsse_ros.scenario import area as area_module
 from dsse_ros.scenario.area import Area, area_mask, runs_of
 from dsse_ros.search import (
     PROFILES,
@@ -316,8 +318,11 @@ def test_persons_have_room_in_the_area_or_are_refused() -> None:
         parallel_env(given, rules="v2", person_amount=4)
 
 
-def test_land_is_left_out_where_the_land_mask_is_installed() -> None:
+@pytest.mark.slow
+def test_land_is_left_out_where_the_land_mask_is_installed(monkeypatch: pytest.MonkeyPatch) -> None:
     pytest.importorskip("roaring_landmask")
+    # It takes seconds to load, and too much memory to be kept by a search.
+    monkeypatch.setattr(area_module, "_land_mask", functools.cache(area_module._land_mask))
     sea, mountains = (-24.04, -46.36), (-23.80, -46.40)
     env = parallel_env(land=True, grid_size=40, origin_lat=sea[0], origin_lon=sea[1], cell_size=130)
     mask = env.scenario.area_mask
