@@ -259,7 +259,7 @@ def test_a_killed_node_is_an_error_within_ten_seconds_and_a_new_one_is_noticed(r
     env = DsseRosEnv("/killed", timeout_s=TIMEOUT_S, domain_id=rig.domain)
     try:
         env.reset(seed=1)
-        sim.process.kill()
+        sim.kill()
         env.timeout_s = 2.0
         began_s = time.monotonic()
         with pytest.raises(
@@ -272,7 +272,7 @@ def test_a_killed_node_is_an_error_within_ten_seconds_and_a_new_one_is_noticed(r
         env.timeout_s = TIMEOUT_S
         sim = rig.sim(parameters("paper"), namespace="/killed")
         env.reset(seed=1)
-        sim.process.kill()
+        sim.kill()
         # Who has an action under way when a node starts again gets no step of another search.
         rig.sim(parameters("paper"), namespace="/killed")
         with pytest.raises(SearchLostError, match="was restarted"):
