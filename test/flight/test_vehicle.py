@@ -82,7 +82,7 @@ def test_it_flies_all_orders_over_a_real_link(name: Any, link: Any) -> None:
     # A busy machine may keep the setpoints from being sent for a while.
     patient = ("--param", "COM_OF_LOSS_T=300") if name == "px4" else ()
     with (
-        running_autopilot(name, link=link, speedup=10, ready_s=5.0, options=patient) as autopilot,
+        running_autopilot(name, link=link, speedup=20, ready_s=5.0, options=patient) as autopilot,
         vehicle_of(autopilot, name) as vehicle,
     ):
         assert [fly(vehicle, order) for order in orders] == ["done"] * len(orders)

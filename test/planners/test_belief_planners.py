@@ -70,8 +70,7 @@ def test_rules_scenario_and_observations_are_all_that_a_planner_needs(name: str,
     planners = [
         planner_for(search, name, seed=2, **LITTLE_EFFORT.get(name, {})) for search in (env, public)
     ]
-    for seed in (5, 6):
-        assert play(env, planners[0], seed) == play(env, planners[1], seed)
+    assert play(env, planners[0], 5) == play(env, planners[1], 5)
 
 
 @pytest.mark.slow
