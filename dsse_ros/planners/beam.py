@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from dsse_ros.belief.belief_kernels import MARGIN
 from dsse_ros.compiled.jit import compiled, inlined, part
-from dsse_ros.planners.plan_kernels import Moves, Scenarios, cell_seen, detects
+from dsse_ros.planners.plan_kernels import Moves, Scenarios, cell_seen, detects, step_at
 
 CAP = 4
 """Nodes kept at each step in one cell."""
@@ -198,7 +198,7 @@ def expand(problem, tree, level, tried, h, nodes, discount):
             if min(x, y) < MARGIN or max(x, y) >= side - MARGIN:
                 continue
             late = level.late[node] + moves.extra[a]
-            step = h + int(late)
+            step = step_at(h, late)
             if problem.blocked[min(step, len(problem.blocked) - 1), cell] or not moves.able[a]:
                 continue
             gain, hits = level.gains[node], 0.0
@@ -242,7 +242,7 @@ def take(problem, tried, k, level, h, after, kept):
         after.alive[kept, word] = level.alive[node, word]
     for back in range(h):
         after.finds[kept, back] = level.finds[node, back]
-    step = h + int(level.late[node] + moves.extra[a])
+    step = step_at(h, level.late[node] + moves.extra[a])
     after.late[kept] = level.late[node] + moves.extra[a] + moves.rest[a]
     after.finds[kept, h] = 0.0
     if step >= len(problem.blocked):

@@ -10,12 +10,14 @@ Cells are the columns of a belief, see `belief_kernels`.
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dsse_ros.belief.belief_kernels import MARGIN
+from dsse_ros.compiled.breadth_first import ROUNDING
 from dsse_ros.compiled.jit import inlined, kernel
 
 
@@ -60,6 +62,12 @@ class Scenarios(NamedTuple):
     starts: NDArray[np.int64]
     members: NDArray[np.int64]
     ends: NDArray[np.int64]
+
+
+@inlined
+def step_at(h, late):
+    """Return the step in which a look is made that is late for step h: the one in which it ends."""
+    return h + int(math.ceil(late - ROUNDING))
 
 
 @kernel
@@ -114,7 +122,7 @@ def looks_of_plans(paths, lengths, kinds, moves, first, times, looks):
             a = move_between(moves.steps, paths[n, h], paths[n, h + 1])
             if a < 0:
                 continue
-            step = h + int(late + extra[a])
+            step = step_at(h, late + extra[a])
             if step >= horizon:
                 break
             late += extra[a] + rest[a]
@@ -143,7 +151,7 @@ def credit_plan(moves, scenarios, path, length, gamma, credit):
     for h in range(length):
         a = move_between(moves.steps, path[h], path[h + 1])
         if a >= 0:
-            step = h + int(late + moves.extra[a])
+            step = step_at(h, late + moves.extra[a])
             if step >= horizon:
                 break
             found = worth * gamma ** (late + moves.extra[a])

@@ -4,12 +4,15 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
 import pytest
 from areas import CELL_M, ORIGIN, geojson_of
 from effort import LITTLE_EFFORT
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from test_batch import alone
 
 from dsse_ros.planners import PERSON_PLANNERS, PLANNERS, planner_for
@@ -195,3 +198,25 @@ def test_the_looks_of_plans_come_at_the_times_of_each_kind() -> None:
     steps, columns = looks[:2, :count].tolist()
     assert steps == [0, 1, 2, 3, 2]
     assert columns == [*paths[0, 1:].tolist(), paths[1, 1]]
+
+
+@settings(max_examples=50, deadline=None)
+@given(st.lists(st.booleans(), min_size=1, max_size=20))
+def test_a_plan_looks_in_the_steps_in_which_the_world_does(diagonals: list[bool]) -> None:
+    side, horizon = 64, 40
+    extra = np.array([0.0, 0.0, math.sqrt(2) - 1.0])
+    moves = Moves(
+        np.array([0, 1, side + 1]), np.ones(3, bool), np.arange(4), np.zeros((3, 2), np.int64),
+        np.ones((3, 1)), np.ones((side, side)), extra, np.zeros(3),
+    )  # fmt: skip
+    legs = np.array([side + 1 if diagonal else 1 for diagonal in diagonals])
+    path = np.full((1, horizon + 1), 5 * side + 5)
+    path[0, 1 : len(legs) + 1] += np.cumsum(legs)
+    looks = np.empty((3, horizon), np.int64)
+    count = looks_of_plans(
+        path, np.array([len(legs)]), np.zeros(1, np.int64), moves, moves.first[None],
+        np.stack([extra, np.zeros(3)])[:, None], looks,
+    )  # fmt: skip
+    # A move ends when its time and those before it are over, see test_timed_actions.
+    ends = np.cumsum([math.sqrt(2) if diagonal else 1.0 for diagonal in diagonals])
+    assert looks[0, :count].tolist() == (np.ceil(ends - 1e-6) - 1).astype(int).tolist()
