@@ -131,3 +131,44 @@ def test_stable_baselines_trains(make: Callable[[], Any]) -> None:
     worlds = supersuit.concat_vec_envs_v1(worlds, 2, base_class="stable_baselines3")
     model = learning.PPO("MlpPolicy", worlds, n_steps=16, batch_size=64, n_epochs=1, device="cpu")
     assert model.learn(64).num_timesteps == 64
+
+
+def in_metres() -> FlattenedObservationWrapper:
+    """A search whose actions are continuous."""
+    env = parallel_env(
+        rules="flight", person_motion="constant_drift", grid_size=8, particles=200, num_drones=2,
+        timestep_limit=20,
+    )  # fmt: skip
+    return FlattenedObservationWrapper(env)
+
+
+@pytest.mark.parametrize("algorithm", ["PPO", "SAC"])
+def test_stable_baselines_trains_in_metres(algorithm: str) -> None:
+    supersuit = pytest.importorskip("supersuit")
+    learning = pytest.importorskip("stable_baselines3")
+    worlds = supersuit.pettingzoo_env_to_vec_env_v1(in_metres())
+    worlds = supersuit.concat_vec_envs_v1(worlds, 2, base_class="stable_baselines3")
+    options = {"PPO": {"n_steps": 16, "n_epochs": 1}, "SAC": {"learning_starts": 16}}[algorithm]
+    model = getattr(learning, algorithm)(
+        "MlpPolicy", worlds, batch_size=16, device="cpu", **options
+    )
+    assert model.learn(64).num_timesteps == 64
+
+
+@pytest.mark.filterwarnings("ignore:PettingZoo in TorchRL:UserWarning")
+def test_torchrl_rolls_out_a_continuous_policy() -> None:
+    pytest.importorskip("torchrl")
+    from tensordict.nn import TensorDictModule
+    from torchrl.envs import PettingZooWrapper, check_env_specs
+    from torchrl.modules import MultiAgentMLP
+
+    env = PettingZooWrapper(in_metres(), use_mask=True)
+    check_env_specs(env)
+    observed = env.observation_spec["drone", "observation"]
+    network = MultiAgentMLP(observed.shape[-1], 2, 2, centralized=False, share_params=True)
+    policy = TensorDictModule(
+        lambda seen: network(seen).tanh(), in_keys=[("drone", "observation")],
+        out_keys=[("drone", "action")],
+    )  # fmt: skip
+    rollout = env.rollout(30, policy, break_when_any_done=True)
+    assert rollout["drone", "action"].shape == (len(rollout), 2, 2)
