@@ -21,7 +21,7 @@ from dsse_ros.belief.belief_kernels import MARGIN, NEGLIGIBLE
 from dsse_ros.belief.future_kernels import index
 from dsse_ros.belief.look_kernels import LooksDone
 from dsse_ros.belief.particle_kernels import Links, Particles
-from dsse_ros.belief.passing_kernels import Passing, Places, seen_of
+from dsse_ros.belief.passing_kernels import Passing, Places, moved_of, seen_of
 from dsse_ros.belief.protocol import Expected, Futures, LooksToCome, TargetChain
 from dsse_ros.scenario.actions import Cell
 from dsse_ros.scenario.probable_cells import most_probable
@@ -126,11 +126,16 @@ class EnsembleForecast(ForecastBase):
         """Return the particles by step of the sea."""
         return Particles(self.area, self.cells, self.weights)
 
+    @cached_property
+    def _moved(self) -> NDArray[np.float64]:
+        assert self.tracks.particles_m is not None
+        return moved_of(self.tracks.particles_m)
+
     def places(self, examples: NDArray[np.int64]) -> Places:
         """Return the particles in metres, with the classes of these persons; space metres only."""
         positions, multipliers = self.tracks.particles_m, self.scenario.person_pod_multipliers
         assert positions is not None
-        return Places(self.particles(), positions, np.array(multipliers)[examples])
+        return Places(self.particles(), positions, self._moved, np.array(multipliers)[examples])
 
     def links(self) -> Links:
         """Return scratch memory for the particles that looks see."""

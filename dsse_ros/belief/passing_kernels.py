@@ -10,6 +10,7 @@ knowledge of those still missing. Weights are those of `particle_kernels`.
 
 from __future__ import annotations
 
+import itertools
 from typing import NamedTuple
 
 import numpy as np
@@ -25,9 +26,9 @@ from dsse_ros.belief.search_outcomes import (
     mean_found,
     open_classes,
 )
-from dsse_ros.compiled.jit import kernel, part
+from dsse_ros.compiled.jit import inlined, kernel, part
 from dsse_ros.step.recipe import acts_at
-from dsse_ros.step.sightings import missed
+from dsse_ros.step.sightings import FARTHEST_M, missed
 from dsse_ros.targets.sea_map import is_open
 
 
@@ -59,11 +60,13 @@ class Places(NamedTuple):
     Attributes:
         particles: Their cells, see `Particles`.
         positions: (T, M, 2) float32, metres; after the last step nothing moves.
+        moved: (T,) float64, the greatest distance along an axis of a particle in each step.
         multipliers: (C,) float64, multiplier of the POD of each detection class.
     """
 
     particles: Particles
     positions: NDArray[np.float32]
+    moved: NDArray[np.float64]
     multipliers: NDArray[np.float64]
 
 
@@ -75,12 +78,14 @@ class Seen(NamedTuple):
         missed: (C, M) float64, probability of missing a person of each class there.
         certain: (C,) float64, ones.
         found: (N,) bool, see `Passing`.
+        near: (M,) bool, the particles that a drone may pass.
     """
 
     numbers: NDArray[np.int32]
     missed: NDArray[np.float64]
     certain: NDArray[np.float64]
     found: NDArray[np.bool_]
+    near: NDArray[np.bool_]
 
 
 def seen_of(places: Places, num_drones: int) -> Seen:
@@ -88,8 +93,22 @@ def seen_of(places: Places, num_drones: int) -> Seen:
     particles, classes = places.positions.shape[1], len(places.multipliers)
     return Seen(
         np.empty(particles, np.int32), np.empty((classes, particles)), np.ones(classes),
-        np.empty(num_drones, np.bool_),
+        np.empty(num_drones, np.bool_), np.empty(particles, np.bool_),
     )  # fmt: skip
+
+
+@inlined
+def mark_near(path, reach, before, near):
+    """Mark the particles in the box around a path, in a loop without branches."""
+    west, east, north, south = path[0, 0], path[0, 0], path[0, 1], path[0, 1]
+    for k in range(1, len(path)):
+        west, east = min(west, path[k, 0]), max(east, path[k, 0])
+        north, south = min(north, path[k, 1]), max(south, path[k, 1])
+    x, y = np.float32((west + east) / 2), np.float32((north + south) / 2)
+    wide = np.float32((east - west) / 2 + reach)
+    high = np.float32((south - north) / 2 + reach)
+    for i in range(len(before)):
+        near[i] = (abs(before[i, 0] - x) <= wide) & (abs(before[i, 1] - y) <= high)
 
 
 @part
@@ -99,26 +118,18 @@ def list_passed(constants, places, row, passing, n, seen):
     particles, last = places.particles, len(places.positions) - 1
     cells = particles.cells[row]
     before, after = places.positions[row], places.positions[min(row + 1, last)]
-    west, east, north, south = path[0, 0], path[0, 0], path[0, 1], path[0, 1]
-    for k in range(1, len(path)):
-        west, east = min(west, path[k, 0]), max(east, path[k, 0])
-        north, south = min(north, path[k, 1]), max(south, path[k, 1])
-    reach, count = eye.reach, 0
+    mark_near(path, eye.reach + places.moved[row], before, seen.near)
+    count = 0
     for i in range(len(before)):
-        x, y, to_x, to_y = before[i, 0], before[i, 1], after[i, 0], after[i, 1]
-        if max(x, to_x) < west - reach or min(x, to_x) > east + reach:
+        if not seen.near[i]:
             continue
-        if max(y, to_y) < north - reach or min(y, to_y) > south + reach:
+        x, y = np.int64(cells[i, 0]), np.int64(cells[i, 1])
+        if not is_open(particles.area, constants.grid_size, x, y):
             continue
-        if not is_open(
-            particles.area, constants.grid_size, np.int64(cells[i, 0]), np.int64(cells[i, 1])
-        ):
-            continue
+        place = (before[i, 0], before[i, 1], after[i, 0], after[i, 1])
         sees = False
         for m in range(len(places.multipliers)):
-            miss = missed(
-                eye, path, passing.step_s, (x, y, to_x, to_y), places.multipliers[m], passing.first
-            )
+            miss = missed(eye, path, passing.step_s, place, places.multipliers[m], passing.first)
             seen.missed[m, count] = miss
             sees = sees or miss < 1.0
         if sees:
@@ -220,3 +231,12 @@ def follow_paths(followed, tables, beliefs, scratch, seen, first, last):
             followed.live[b], seen.found,
         )  # fmt: skip
         beliefs.pos[b] = learn_paths(constants, tables.places, row, weights, persons, passing, seen)
+
+
+def moved_of(positions: NDArray[np.float32]) -> NDArray[np.float64]:
+    """Return `Places.moved` of positions (T, M, 2), without those of particles that vanish."""
+    moved = np.zeros(len(positions))
+    for step, (before, after) in enumerate(itertools.pairwise(positions)):
+        away = np.abs(after - before)
+        moved[step] = away[away < FARTHEST_M].max(initial=0.0)
+    return moved

@@ -16,6 +16,7 @@ from dsse_ros.scenario.fields import FieldError
 from dsse_ros.scenario.rules import Rules
 from dsse_ros.scenario.scenario import ResolvedScenario
 from dsse_ros.step.ensemble_kernels import FAR
+from dsse_ros.step.sightings import FARTHEST_M
 from dsse_ros.targets.ensemble import Ensemble, WeightedTracks, check_tracks
 from dsse_ros.targets.registry import TARGET_MODELS
 
@@ -216,7 +217,7 @@ def _drawn(model: Ensemble, scenario: ResolvedScenario, rules: Rules, child: int
         of_step[:] = np.clip(place, -FAR, FAR)
     positions_m = None
     if rules.in_metres:
-        nowhere = -FAR * scenario.cell_size
+        nowhere = -2 * FARTHEST_M
         positions_m = np.nan_to_num(
             tracks.positions.astype(np.float32), nan=nowhere, posinf=nowhere, neginf=nowhere
         )

@@ -38,6 +38,8 @@ EYES = np.dtype(
 
 NEGLIGIBLE = 1e-4
 """Exposure of a step below which the inverse cube law counts as blind."""
+FARTHEST_M = 1e6
+"""A person who moves farther in a step has left for nowhere, and is not seen."""
 _NEAREST_M = 1e-3
 _STILL_M = 1e-6
 
@@ -66,6 +68,8 @@ def missed(eye, path, step_s, person, multiplier, first):
         multiplier: Of the POD, or of the exposure.
         first: Whether the mission begins with this step.
     """
+    if max(abs(person[2] - person[0]), abs(person[3] - person[1])) >= FARTHEST_M:
+        return 1.0
     pieces = len(path) - 1
     x, y = person[0] - path[0, 0], person[1] - path[0, 1]
     drift_x, drift_y = (person[2] - person[0]) / pieces, (person[3] - person[1]) / pieces
