@@ -1,0 +1,382 @@
+# Copyright 2026 dsse_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""Plans of drones in metres: the receding horizon beam search of the planner `belief`.
+
+The drones plan one after the other. Each plans for the persons that the other drones' plans leave
+(sequential allocation). See `flight_futures` for the value of plans, and `flight_beam` for the
+search.
+"""
+
+from __future__ import annotations
+
+import copy
+import math
+import time
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dsse_ros.planners import flight_beam, flight_futures
+from dsse_ros.planners.flight_futures import Futures, Seen
+from dsse_ros.planners.flight_steering import steer
+from dsse_ros.planners.options import BeamOptions
+from dsse_ros.step.flight_paths import Wind, pieces_of
+from dsse_ros.step.sightings import DEFINITE, INVERSE_CUBE
+
+Floats = NDArray[np.float64]
+
+HORIZON = 15
+"""Steps planned."""
+CLOSENESS = 0.8
+"""Factor on the worth of a person left at the end of a plan for each leg to him."""
+BLIND = 0.03
+"""Exposure of a step below which a plan counts an inverse cube law as blind."""
+TURNS = 7
+"""Turns to each side of a drone that can turn around in a step."""
+BEND = 1.35
+"""Power of the spacing of the turns."""
+MOST_PIECES = 3
+"""Straight pieces of a step's path in a plan."""
+MOST_SEEN = {DEFINITE: 64, INVERSE_CUBE: 20}
+"""Greatest number of drawn persons seen on a leg where they are densest, by law: what a plan costs.
+"""
+FEWEST = 256
+"""Fewest persons drawn."""
+
+
+class Fleet(NamedTuple):
+    """The drones of a mission, and where they fly.
+
+    Attributes:
+        flyers: (K,) of `FLYERS`, by kind of drone.
+        eyes: (K,) of `EYES`, by kind.
+        kinds: (N,) int64, the kind of each drone.
+        wind: The wind, and the time of a step.
+        side_m: Side of the grid.
+        area: (G, G) bool [row, col], the cells in which persons are searched for. Drones may fly
+            over the others.
+    """
+
+    flyers: NDArray[np.void]
+    eyes: NDArray[np.void]
+    kinds: NDArray[np.int64]
+    wind: Wind
+    side_m: float
+    area: NDArray[np.bool_]
+
+
+class Planned(NamedTuple):
+    """What the drones do next.
+
+    Attributes:
+        actions: (N, 2) float64, turn and speed as shares from -1 to 1, see `flight_paths`; zeros
+            for a drone without a plan.
+        paths: (N, H K + 1, 2) float64, planned positions at equal times, in metres to the east and
+            to the south of the grid's north-west corner. A drone without a further plan stays.
+    """
+
+    actions: Floats
+    paths: Floats
+
+
+class Craft(NamedTuple):
+    """What plans assume about a kind of drone.
+
+    Attributes:
+        flyers: (1,) of `FLYERS`.
+        eyes: (1,) of `EYES`, see `near`.
+        turns: (A,) float64, see `flight_beam.Problem`.
+    """
+
+    flyers: NDArray[np.void]
+    eyes: NDArray[np.void]
+    turns: Floats
+
+
+def largest_turn_of(flyer: np.void, speed: float, step_s: float) -> float:
+    """Return the largest turn of a step at a speed, in radians, see `flight_paths.largest_turn`."""
+    if flyer["radius"] <= 0.0:
+        return math.pi
+    return min(speed * step_s / float(flyer["radius"]), math.pi)
+
+
+def shares_of(flyer: np.void, turn: float, speed: float, step_s: float) -> tuple[float, float]:
+    """Return the action of a turn in radians and an airspeed, see `flight_paths`."""
+    span = float(flyer["cruise"] - flyer["slowest"])
+    share = 2 * (speed - float(flyer["slowest"])) / span - 1 if span > 0.0 else 1.0
+    largest = largest_turn_of(flyer, speed, step_s)
+    return min(max(turn / largest, -1.0), 1.0) if largest > 0.0 else 0.0, share
+
+
+def turns_of(flyer: np.void, step_s: float) -> Floats:
+    """Return the turns that a plan tries in a step, in radians.
+
+    Args:
+        flyer: One of `FLYERS`.
+        step_s: Time of a step.
+    """
+    largest = largest_turn_of(flyer, float(flyer["cruise"]), step_s)
+    count = max(math.ceil(TURNS * largest / math.pi), 2)
+    right = largest * (np.arange(1, count + 1) / count) ** BEND
+    # A drone without a radius turns around to the right only.
+    left = right[:-1] if flyer["radius"] <= 0.0 else right
+    return np.concatenate([[0.0], right, -left])
+
+
+def near(eyes: NDArray[np.void], multiplier: float, step_s: float) -> NDArray[np.void]:
+    """Return what a plan counts as seen: to the distance where it is `BLIND`."""
+    eyes = eyes.copy()
+    eyes["pod"] = np.minimum(eyes["pod"] * multiplier, 1.0)
+    eyes["rate"] *= multiplier
+    reach = (eyes["rate"] * step_s / BLIND) ** (1 / 3)
+    eyes["reach"] = np.where(eyes["law"] == INVERSE_CUBE, reach, eyes["reach"])
+    return eyes
+
+
+class FlightPlans:
+    """Plans for the drones of one mission.
+
+    Args:
+        fleet: The drones.
+        positions: (T, M, 2) float32, positions of the persons' particles before the first step of
+            the sea and after each one; after the last nothing moves. A particle with a position
+            that is not finite is nowhere.
+        options: Options of the search.
+        multiplier: Mean multiplier of the POD over the persons.
+        seed: Seed of the draws from the particles.
+    """
+
+    def __init__(
+        self,
+        fleet: Fleet,
+        positions: NDArray[np.float32],
+        options: BeamOptions,
+        *,
+        multiplier: float = 1.0,
+        seed: int = 0,
+    ) -> None:
+        step_s = fleet.wind.step_s
+        self._fleet, self._positions, self._options = fleet, positions, options
+        eyes = near(fleet.eyes, multiplier, step_s)
+        self._crafts = [
+            Craft(fleet.flyers[k : k + 1], eyes[k : k + 1], turns_of(flyer, step_s))
+            for k, flyer in enumerate(fleet.flyers)
+        ]
+        self._leg = float(fleet.flyers["cruise"].max()) * step_s
+        self._order = by_place(positions[len(positions) // 2], fleet.side_m)
+        self._rng = np.random.default_rng(seed)
+        self._plans = [np.empty((0, 2)) for _ in fleet.kinds]
+
+    def copy(self) -> FlightPlans:
+        """Return an independent copy in the same state."""
+        twin = copy.copy(self)
+        twin._rng, twin._plans = copy.deepcopy(self._rng), list(self._plans)
+        return twin
+
+    def with_seed(self, seed: int) -> FlightPlans:
+        """Return a copy that draws with this seed."""
+        twin = self.copy()
+        twin._rng = np.random.default_rng(seed)
+        return twin
+
+    def __call__(
+        self,
+        flights: NDArray[np.void],
+        weights: Floats,
+        step: int,
+        left: int,
+        *,
+        live: NDArray[np.bool_] | None = None,
+        deadline_s: float = math.inf,
+    ) -> Planned:
+        """Plan for the drones, which are where the last plans have led them.
+
+        Args:
+            flights: (N,) of `FLIGHTS`.
+            weights: (M,) float64, probability of each particle.
+            step: Step of the sea, index of the positions.
+            left: Steps of the mission that are left.
+            live: (N,) bool, the drones that fly; None for all.
+            deadline_s: When no further drone plans, on the clock of `time.monotonic`.
+        """
+        if self._options.budget_ms is not None:
+            deadline_s = min(deadline_s, time.monotonic() + self._options.budget_ms / 1000)
+        flying = np.ones(len(flights), np.bool_) if live is None else live
+        horizon = max(1, min(self._options.horizon or HORIZON, left))
+        team = Team(self._fleet, self._crafts, self._options, flights)
+        team.start(self._futures(weights, step, horizon))
+        for n in np.flatnonzero(flying).tolist():
+            team.follow(n, self._plans[n][1:])
+        for count, n in enumerate(team.order(flying)):
+            if count and time.monotonic() > deadline_s:
+                break
+            team.plan(n)
+        self._plans = team.plans
+        return Planned(self._actions(), team.paths())
+
+    def _futures(self, weights: Floats, step: int, horizon: int) -> Futures:
+        """Draw persons systematically from the particles on the grid, now or at the end."""
+        fleet = self._fleet
+        rows = np.minimum(step + np.arange(horizon + 1), len(self._positions) - 1)
+        ends = self._positions[rows[[0, -1]]]
+        there = ((ends >= 0.0) & (ends < fleet.side_m)).all(axis=2).any(axis=0)
+        known = np.where(there, weights, 0.0)
+        sums = np.cumsum(known[self._order])
+        count = self._count(known, ends[0])
+        wanted = (np.arange(count) + self._rng.random()) * (sums[-1] / count)
+        drawn, times = np.unique(np.searchsorted(sums, wanted, "right"), return_counts=True)
+        drawn, times = drawn[drawn < len(sums)], times[drawn < len(sums)]
+        positions = self._positions[rows[:, None], self._order[drawn]]
+        finite = np.isfinite(positions).all(axis=(0, 2))
+        return flight_futures.futures_of(
+            np.ascontiguousarray(positions[:, finite]), times[finite] * (sums[-1] / count),
+            fleet.area, fleet.side_m, self._leg / 2,
+        )  # fmt: skip
+
+    def _count(self, weights: Floats, positions: NDArray[np.float32]) -> int:
+        """Return how many persons to draw: fewer where they are so dense that fewer are enough."""
+        known = (weights > 0.0) & np.isfinite(positions).all(axis=1)
+        if not known.any():
+            return 1
+        spread = np.cov(positions[known].T.astype(np.float64), aweights=weights[known], ddof=0)
+        # Of normally distributed persons a leg sees at most its area over this one.
+        area = 2 * math.pi * math.sqrt(max(float(np.linalg.det(spread)), 0.0))
+        wanted = min(
+            MOST_SEEN[int(craft.eyes["law"][0])] * area / (self._leg * 2 * craft.eyes["reach"][0])
+            for craft in self._crafts
+        )
+        return min(max(math.ceil(wanted), FEWEST), self._options.samples)
+
+    def _actions(self) -> Floats:
+        """Return the first actions of the plans."""
+        fleet, actions = self._fleet, np.zeros((len(self._plans), 2))
+        for action, kind, plan in zip(actions, fleet.kinds, self._plans, strict=True):
+            if len(plan):
+                turn, speed = plan[0].tolist()
+                action[:] = shares_of(fleet.flyers[kind], turn, speed, fleet.wind.step_s)
+        return actions
+
+
+def by_place(positions: NDArray[np.float32], side: float) -> NDArray[np.int64]:
+    """Return the particles in an order in which neighbours are close to each other.
+
+    A systematic sample of this order has its share of each place.
+
+    Args:
+        positions: (M, 2).
+        side: Side of the grid.
+    """
+    cells = (np.nan_to_num(np.clip(positions / side, 0.0, 1.0)) * 255).astype(np.int64)
+    code = np.zeros(len(cells), np.int64)
+    for bit in range(8):
+        code |= (cells[:, 0] >> bit & 1) << 2 * bit | (cells[:, 1] >> bit & 1) << 2 * bit + 1
+    return np.argsort(code, kind="stable")
+
+
+class Team:
+    """The plans of all drones in one decision.
+
+    Args:
+        fleet: The drones.
+        crafts: By kind of drone.
+        options: Options of the search.
+        flights: (N,) of `FLIGHTS`.
+
+    Attributes:
+        plans: (H', 2) float64 of each drone, turns in radians and airspeeds of H' <= H steps.
+    """
+
+    def __init__(
+        self,
+        fleet: Fleet,
+        crafts: Sequence[Craft],
+        options: BeamOptions,
+        flights: NDArray[np.void],
+    ) -> None:
+        self._fleet, self._options, self._flights = fleet, options, flights
+        self._crafts = [crafts[kind] for kind in fleet.kinds]
+        self._leg = float(fleet.flyers["cruise"].max()) * fleet.wind.step_s
+        self._pieces = min(pieces_of(fleet.flyers, fleet.wind.step_s), MOST_PIECES)
+        self.plans = [np.empty((0, 2)) for _ in flights]
+
+    def start(self, futures: Futures) -> None:
+        """Begin to plan for persons."""
+        self._futures = futures
+        self._horizon, count = futures.members.shape
+        drones, squares = len(self._flights), math.ceil(self._fleet.side_m / (self._leg / 2))
+        self._seen = Seen(np.empty(count + 1, np.int64), np.empty(count + 1))
+        self._scratch = flight_beam.Scratch(
+            np.empty((self._pieces + 1, 2)), self._seen, np.zeros((squares, squares), np.int64)
+        )
+        self._survivals = np.ones((drones, self._horizon, count))
+        self._worth, self._left = np.empty((self._horizon, count)), np.empty(count)
+        present = np.stack([self._flights["east"], self._flights["south"]], axis=1)
+        self._legs = np.empty((drones, self._horizon, self._pieces + 1, 2))
+        self._legs[:] = present[:, None, None]
+
+    def paths(self) -> Floats:
+        """Return the paths of the plans, (N, H K + 1, 2)."""
+        later = self._legs[:, :, 1:].reshape(len(self._legs), -1, 2)
+        return np.concatenate([self._legs[:, :1, 0], later], axis=1)
+
+    def order(self, flying: NDArray[np.bool_]) -> list[int]:
+        """Return the flying drones in order of their distance to the persons' mean."""
+        count = int(self._futures.starts[0, -1])
+        weights = self._futures.weights[self._futures.members[0, :count]]
+        mean = weights @ self._futures.ways[0, :count, :2] / max(float(weights.sum()), 1e-300)
+        away = np.hypot(self._flights["east"] - mean[0], self._flights["south"] - mean[1])
+        return [n for n in np.argsort(away, kind="stable").tolist() if flying[n]]
+
+    def follow(self, n: int, plan: Floats) -> None:
+        """Let a drone follow a plan."""
+        craft, wind = self._crafts[n], self._fleet.wind
+        self.plans[n] = plan = plan[: self._horizon]
+        flight_beam.write_legs(craft.flyers, wind, self._flights[n : n + 1], plan, self._legs[n])
+        if len(plan):
+            self._legs[n, len(plan) :] = self._legs[n, len(plan) - 1, -1]
+        flight_futures.write_survival(
+            craft.eyes, self._futures, wind, self._legs[n], len(plan), self._seen,
+            self._survivals[n],
+        )  # fmt: skip
+
+    def plan(self, n: int) -> None:
+        """Plan for a drone, given the plans of the others, or keep to its last plan."""
+        problem, last = self._problem(n), self.plans[n]
+        plan, rank = self._best(problem, n, self._options.width)
+        if len(last):
+            longer, again = self._best(problem._replace(given=last), n, 1)
+            if len(longer) >= len(plan) and again > rank:
+                plan = longer
+        self.follow(n, plan)
+
+    def _best(self, problem: flight_beam.Problem, n: int, width: int) -> tuple[Floats, float]:
+        """Return the best plan of a drone, (H', 2), and its rank.
+
+        One near the edge that finds no plan flies to the middle for a step.
+        """
+        plan = np.empty((self._horizon, 2))
+        depth, rank = flight_beam.plan_flight(
+            problem, self._flights[n : n + 1], width, self._scratch, plan
+        )
+        if not depth:
+            craft, middle = self._crafts[n], np.full((1, 2), self._fleet.side_m / 2)
+            plan = steer(
+                craft.flyers, self._fleet.wind, self._fleet.side_m, self._flights[n : n + 1],
+                middle, False, self._scratch.path,
+            )  # fmt: skip
+        return plan[: max(depth, 1)], rank
+
+    def _problem(self, n: int) -> flight_beam.Problem:
+        """Return what a drone plans for."""
+        craft, fleet = self._crafts[n], self._fleet
+        flight_futures.write_worth(
+            self._futures, self._survivals, n, self._options.gamma, self._worth, self._left
+        )
+        field = flight_beam.field_of(self._futures, self._left, fleet.side_m, self._leg, CLOSENESS)
+        return flight_beam.Problem(
+            craft.flyers, craft.eyes, fleet.wind, fleet.side_m, craft.turns,
+            self._futures, self._worth, self._left, field, self._options.kappa,
+            np.empty((0, 2)),
+        )  # fmt: skip
