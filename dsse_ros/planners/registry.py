@@ -120,6 +120,16 @@ OPTIONS: Mapping[str, type[Options]] = MappingProxyType(
 """The class of the options of each planner of this package."""
 
 
+IN_METRES: Mapping[str, str] = MappingProxyType(
+    {
+        "belief": "dsse_ros.planners.flight_planners:FlightBelief",
+        "greedy": "dsse_ros.planners.flight_planners:FlightGreedy",
+        **dict.fromkeys(_ROUTES, "dsse_ros.planners.flight_planners:FlightPattern"),
+    }
+)
+"""The planners of this package in a search in metres, as `LoadedPlanner.factory`."""
+
+
 def _of_task(task: str) -> tuple[str, ...]:
     return tuple(name for name, planner in LOADED_PLANNERS.items() if planner.task == task)
 
@@ -204,8 +214,30 @@ def _loaded(name: str) -> Callable[..., Planner]:
 def _with_options(
     name: str, factory: Callable[..., Planner], search: Search, *, seed: int = 0, **options: Any
 ) -> Planner:
-    """Return a planner of this package."""
-    return factory(search, OPTIONS[name].of(name, options), seed=check_seed(seed))
+    """Return a planner of this package.
+
+    Raises:
+        FieldError: If the search is in metres and the planner is not.
+    """
+    checked, seed = OPTIONS[name].of(name, options), check_seed(seed)
+    if search.rules.in_metres:
+        check_space(name, search.rules)
+        factory = EntryPoint(name, IN_METRES[name], GROUP).load()
+        return factory(search, checked, seed=seed, **({"name": name} if name in _ROUTES else {}))
+    return factory(search, checked, seed=seed)
+
+
+def check_space(name: str, rules: Rules) -> None:
+    """Check that a planner of this package is for the space of the rules.
+
+    Raises:
+        FieldError: If it is not.
+    """
+    if rules.in_metres and name in OPTIONS and name not in IN_METRES:
+        raise FieldError(
+            f"planner must be one of {', '.join(sorted(IN_METRES))} with space metres, got "
+            f"{shown(name)}"
+        )
 
 
 def _of_package(
@@ -308,11 +340,12 @@ def planner_with(
 
 
 def check_task(name: str, rules: Rules) -> None:
-    """Check that a planner of this package is for the task of the rules.
+    """Check that a planner of this package is for the task and the space of the rules.
 
     Raises:
-        FieldError: If it is for another task.
+        FieldError: If it is for another one.
     """
+    check_space(name, rules)
     ours, others = PERSON_PLANNERS, COVERAGE_PLANNERS
     task = "looks for persons"
     if rules.covers:

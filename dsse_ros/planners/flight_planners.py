@@ -1,0 +1,326 @@
+# Copyright 2026 dsse_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""The planners in metres: `belief`, `greedy` and the search patterns.
+
+Their observations and infos are those of `search.flight_env.FlightEnv`.
+"""
+
+from __future__ import annotations
+
+import copy
+import math
+import time
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dsse_ros.belief.ensemble_belief import EnsembleBelief, EnsembleForecast, PathsFlown
+from dsse_ros.planners.flight_follower import TrackFollower
+from dsse_ros.planners.flight_goals import goals_on_map
+from dsse_ros.planners.flight_patterns import Datum, Layout, tracks_along, tracks_of
+from dsse_ros.planners.flight_plans import Fleet, FlightPlans, shares_of
+from dsse_ros.planners.flight_steering import steer
+from dsse_ros.planners.options import BeamOptions, Options, PatternOptions
+from dsse_ros.planners.planner import DrawsNothing, Infos, Search
+from dsse_ros.scenario.scenario import ResolvedScenario
+from dsse_ros.scenario.swarm import number_of
+from dsse_ros.search.flights import lateral_ranges, wind_of
+from dsse_ros.step.flight_paths import FLIGHTS, flyers_of, pieces_of
+from dsse_ros.step.sightings import eyes_of
+
+if TYPE_CHECKING:
+    from typing_extensions import Self
+
+Floats = NDArray[np.float64]
+Observations: TypeAlias = Mapping[str, Any]
+"""A state and a map by live agent, see `FlightEnv`."""
+Actions: TypeAlias = dict[str, NDArray[np.float32]]
+"""A turn and a speed by agent, (2,) each from -1 to 1."""
+
+TOLERANCE = 1 / 8
+"""Greatest distance of a drone that can hover from its track, in track spacings."""
+
+
+def fleet_of(scenario: ResolvedScenario) -> Fleet:
+    """Return the drones of a scenario, and where they fly."""
+    size = scenario.grid_size
+    area = np.ones((size, size), np.bool_)
+    return Fleet(
+        flyers_of(scenario.kinds),
+        eyes_of(lateral_ranges(scenario), scenario.step_duration_s),
+        np.array(scenario.kind_of, np.int64),
+        wind_of(scenario),
+        size * scenario.cell_size,
+        area if scenario.area_mask is None else np.ascontiguousarray(scenario.area_mask),
+    )
+
+
+def flights_of(observations: Observations, fleet: Fleet) -> NDArray[np.void]:
+    """Return the state of each observed drone, (N,) of `FLIGHTS`."""
+    flights = np.zeros(len(observations), FLIGHTS)
+    for flight, (agent, (state, _)) in zip(flights, observations.items(), strict=True):
+        east, south, heading_east, heading_north, speed = np.asarray(state, np.float64)
+        cruise = fleet.flyers[fleet.kinds[number_of(agent)]]["cruise"]
+        flight["east"], flight["south"] = east * fleet.side_m, south * fleet.side_m
+        flight["heading"], flight["speed"] = math.atan2(heading_east, heading_north), speed * cruise
+    return flights
+
+
+class FlightPlanner:
+    """Keeps the steps of a mission and turns what a subclass wants into actions; a `Planner`.
+
+    It restarts if it recognizes a new mission: the step number is not greater than the last one.
+
+    Args:
+        search: The rules and the scenario.
+        seed: Seed of the draws.
+
+    Attributes:
+        drawn: See `Shareable`.
+    """
+
+    drawn = False
+
+    def __init__(self, search: Search, *, seed: int = 0) -> None:
+        self._search, self._seed = search, seed
+        self._step = -1
+
+    def __call__(self, observations: Observations, infos: Infos) -> Actions:
+        """Return the turn and the speed of every observed drone; see `Planner`."""
+        if not observations:
+            return {}
+        info = infos[next(iter(observations))]
+        step = info.get("step", self._search.steps_done)
+        step = self._step + 1 if step is None else int(step)
+        if step <= self._step or self._step < 0:
+            self._scenario = self._search.mission_scenario.resolve(self._search.rules)
+            self._fleet = fleet_of(self._scenario)
+            self._start(observations, step)
+        else:
+            self._learn(observations, infos, step)
+        self._step = step
+        return {
+            agent: np.array(action, np.float32)
+            for agent, action in self._decide(observations, infos).items()
+        }
+
+    def copy(self) -> Self:
+        """Return an independent copy in the same state."""
+        return copy.copy(self)
+
+    def with_seed(self, seed: int) -> Self:
+        """Return a copy that draws with this seed."""
+        twin = self.copy()
+        twin._seed = seed
+        return twin
+
+    @property
+    def _steps_left(self) -> int:
+        return max(self._scenario.timestep_limit - self._step, 1)
+
+    def _start(self, observations: Observations, step: int) -> None:
+        """Begin a mission that is observed for the first time after these steps."""
+
+    def _learn(self, observations: Observations, infos: Infos, step: int) -> None:
+        """Learn from what has happened since the last observation."""
+
+    def _decide(self, observations: Observations, infos: Infos) -> dict[str, Any]:
+        """Return the action of each drone."""
+        raise NotImplementedError
+
+    def _shares(self, observations: Observations, chosen: Floats) -> dict[str, Any]:
+        """Return turns in radians and airspeeds, (N, 2), as actions."""
+        fleet, actions = self._fleet, {}
+        for agent, (turn, speed) in zip(observations, chosen.tolist(), strict=True):
+            flyer = fleet.flyers[fleet.kinds[number_of(agent)]]
+            actions[agent] = shares_of(flyer, turn, speed, fleet.wind.step_s)
+        return actions
+
+    def _flyers(self, observations: Observations) -> NDArray[np.void]:
+        """Return how each drone flies, (N,) of `FLYERS`."""
+        kinds = self._fleet.kinds[[number_of(agent) for agent in observations]]
+        return self._fleet.flyers[kinds]
+
+
+class FlightBelief(FlightPlanner):
+    """The planner `belief` in metres: keeps a belief, and plans on it; see `FlightPlans`.
+
+    Args:
+        search: The rules and the scenario.
+        options: Options of the beam search.
+        seed: Seed of the scenarios drawn.
+
+    Attributes:
+        belief: The belief at the last observation, None before the first.
+        paths: (N, H K + 1, 2) float64, the planned positions of the drones observed last, metres
+            to the east and to the south of the grid's north-west corner.
+    """
+
+    def __init__(self, search: Search, options: BeamOptions, *, seed: int = 0) -> None:
+        super().__init__(search, seed=seed)
+        self._options = options
+        self.belief: EnsembleBelief | None = None
+        self.paths = np.empty((0, 1, 2))
+
+    def copy(self) -> Self:
+        """Return an independent copy in the same state; the forecast is shared."""
+        twin = super().copy()
+        if self.belief is not None:
+            twin.belief, twin._plans = self.belief.copy(), self._plans.copy()
+        return twin
+
+    def with_seed(self, seed: int) -> Self:
+        """Return a copy whose plans draw with this seed."""
+        twin = super().with_seed(seed)
+        if self.belief is not None:
+            twin._plans = self._plans.with_seed(seed)
+        return twin
+
+    def _start(self, observations: Observations, step: int) -> None:
+        forecast = EnsembleForecast(self._scenario, self._search.rules, planning=True)
+        positions = forecast.tracks.particles_m
+        assert positions is not None
+        self.belief = forecast.belief()
+        multiplier = float(np.mean(self._scenario.person_pod_multipliers))
+        self._plans = FlightPlans(
+            self._fleet, positions, self._options, multiplier=multiplier, seed=self._seed
+        )
+        self._skip(step)
+
+    def _skip(self, step: int) -> None:
+        """Let the steps pass in which nobody knows what the drones did."""
+        assert self.belief is not None
+        while self.belief.step < step:
+            self.belief.advance()
+
+    def _learn(self, observations: Observations, infos: Infos, step: int) -> None:
+        assert self.belief is not None
+        if step == self._step + 1:
+            pieces = pieces_of(self._fleet.flyers, self._fleet.wind.step_s)
+            count = len(self._fleet.kinds)
+            paths, flown = np.zeros((count, pieces + 1, 2)), np.zeros(count, np.bool_)
+            found = np.zeros(count, np.bool_)
+            for agent in observations:
+                n, info = number_of(agent), infos[agent]
+                paths[n], flown[n] = info["path"], True
+                found[n] = bool(info.get("finds", info.get("found_person", False)))
+            self.belief.update_in_passing(
+                PathsFlown(self._fleet.eyes, self._fleet.kinds, paths, flown, found)
+            )
+            self.belief.advance()
+        self._skip(step)
+
+    def _decide(self, observations: Observations, infos: Infos) -> dict[str, Any]:
+        assert self.belief is not None
+        fleet, began_s = self._fleet, time.monotonic()
+        limit_s = infos[next(iter(observations))].get("decision_time_s", math.inf)
+        numbers = [number_of(agent) for agent in observations]
+        flights, live = np.zeros(len(fleet.kinds), FLIGHTS), np.zeros(len(fleet.kinds), np.bool_)
+        flights[numbers], live[numbers] = flights_of(observations, fleet), True
+        planned = self._plans(
+            flights,
+            self.belief.of_missing().sum(axis=0),
+            self.belief.forecast.first_step + self.belief.step,
+            self._steps_left,
+            live=live,
+            deadline_s=began_s + limit_s,
+        )
+        self.drawn = True
+        self.paths = planned.paths[numbers]
+        return dict(zip(observations, planned.actions[numbers], strict=True))
+
+
+class FlightGreedy(DrawsNothing, FlightPlanner):
+    """The planner `greedy` in metres: each drone flies to a likely cell near it.
+
+    See `flight_goals` for the cells.
+    """
+
+    def __init__(self, search: Search, options: Options, *, seed: int = 0) -> None:
+        FlightPlanner.__init__(self, search, seed=seed)
+
+    def _decide(self, observations: Observations, infos: Infos) -> dict[str, Any]:
+        flights, flyers = flights_of(observations, self._fleet), self._flyers(observations)
+        _, probability = next(iter(observations.values()))
+        wind = self._fleet.wind
+        goals = goals_on_map(
+            np.where(self._fleet.area, probability, 0.0), flights, self._scenario.cell_size,
+            flyers["cruise"] * wind.step_s,
+        )  # fmt: skip
+        path = np.empty((pieces_of(flyers, wind.step_s) + 1, 2))
+        chosen = steer(flyers, wind, self._fleet.side_m, flights, goals, False, path)
+        return self._shares(observations, chosen)
+
+
+class FlightPattern(DrawsNothing, FlightPlanner):
+    """A search pattern in metres, about a datum that drifts; see `flight_patterns`.
+
+    Args:
+        search: The rules and the scenario.
+        options: Of the pattern; without any, it covers as much as the drones can search.
+        name: A key of `flight_patterns.LAYOUTS`.
+        seed: Makes no difference.
+    """
+
+    def __init__(self, search: Search, options: Options, *, name: str, seed: int = 0) -> None:
+        FlightPlanner.__init__(self, search, seed=seed)
+        self._name, self._options = name, options
+        self._follower: TrackFollower | None = None
+
+    def copy(self) -> Self:
+        """Return an independent copy in the same state."""
+        twin = FlightPlanner.copy(self)
+        if self._follower is not None:
+            twin._follower = self._follower.copy()
+        return twin
+
+    def _start(self, observations: Observations, step: int) -> None:
+        self._numbers = {agent: k for k, agent in enumerate(observations)}
+        self._begun = step
+        flyers, flights = self._flyers(observations), flights_of(observations, self._fleet)
+        starts = np.stack([flights["east"], flights["south"]], axis=1)
+        datum = self._datum(step)
+        spacing = min(
+            one.sweep_width_m or 2 * one.reach_m for one in lateral_ranges(self._scenario)
+        )
+        time_s = (self._scenario.timestep_limit - step) * self._fleet.wind.step_s
+        layout = Layout(
+            len(flights), spacing, float(flyers["cruise"].min()) * time_s, self._fleet.side_m,
+            datum.covariance,
+        )  # fmt: skip
+        pattern = self._options.pattern if isinstance(self._options, PatternOptions) else None
+        if pattern is None:
+            tracks = tracks_of(self._name, datum, layout, starts, flyers["cruise"])
+        else:
+            tracks = tracks_along(pattern, datum, layout, starts, flyers["cruise"])
+        self._follower = TrackFollower(
+            tracks, datum, flyers, self._fleet.wind, self._fleet.side_m, TOLERANCE * spacing
+        )
+
+    def _datum(self, step: int) -> Datum:
+        """Return the mean of the persons' particles, or the given cell, and their drift."""
+        scenario, rules = self._scenario, self._search.rules
+        forecast = EnsembleForecast(scenario, rules, planning=True)
+        positions, weights = forecast.tracks.particles_m, forecast.weights
+        assert positions is not None
+        left = scenario.timestep_limit - step
+        rows = [forecast.row(forecast.first_step + step + k) for k in (0, left // 2, left)]
+        known = np.isfinite(positions[rows]).all(axis=(0, 2)) & (weights > 0.0)
+        share = weights[known] / weights[known].sum()
+        begin, middle, end = positions[rows][:, known].astype(np.float64)
+        drift = share @ (end - begin) / (left * scenario.step_duration_s)
+        mean = share @ begin
+        away = middle - share @ middle
+        if isinstance(self._options, PatternOptions) and self._options.datum is not None:
+            mean = (np.array(self._options.datum) + 0.5) * scenario.cell_size
+        return Datum(mean, drift, (away * share[:, None]).T @ away)
+
+    def _decide(self, observations: Observations, infos: Infos) -> dict[str, Any]:
+        assert self._follower is not None
+        numbers = np.array([self._numbers[agent] for agent in observations])
+        chosen = self._follower(
+            flights_of(observations, self._fleet), self._step - self._begun, numbers
+        )
+        return self._shares(observations, chosen)
