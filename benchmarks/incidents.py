@@ -17,18 +17,19 @@ from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass, field
 from math import ceil, cos, radians, sin
 from multiprocessing import get_context
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.intervals import LEVEL
 from dsse_ros.belief.beliefs import forecast_for
+from dsse_ros.belief.ensemble_belief import EnsembleBelief, PathsFlown
 from dsse_ros.campaign.estimates import of_mean, of_share
 from dsse_ros.drift.flow import utc
 from dsse_ros.drift.leeway import leeway_classes
 from dsse_ros.drift.tracks import displaced
-from dsse_ros.planners import load_planner
+from dsse_ros.planners import load_planner, registry
 from dsse_ros.planners.batch import play_missions
 from dsse_ros.planners.planner import Planner, Search, cells_of
 from dsse_ros.progress import progress, say
@@ -36,7 +37,9 @@ from dsse_ros.scenario.actions import STRAIGHT
 from dsse_ros.scenario.definition import SearchDefinition
 from dsse_ros.scenario.scenario import Scenario
 from dsse_ros.scenario.swarm import number_of
-from dsse_ros.search import Rules, parallel_env, profile
+from dsse_ros.search import HOLD, Rules, World, parallel_env, profile
+from dsse_ros.searchers.registry import SEARCHERS
+from dsse_ros.searchers.searcher import Searcher
 from dsse_ros.sensors.sensor import SEARCH
 from dsse_ros.step.looks import Looked, looks_of
 
@@ -55,6 +58,13 @@ STOPPING = SEA.override(actions=(*STRAIGHT, SEARCH), sensor="own_cell")
 """Rules by which drones stop to search."""
 STOPS = f"{BASELINE}, stopping"
 """Key of the `BASELINE` by these rules."""
+FLIGHT = profile("flight")
+TURN_RADIUS_M = 80.0
+IN_METRES = ", in metres"
+"""Added to the key of a planner by the rules `FLIGHT`."""
+ROUND = f"{BASELINE}{IN_METRES}, radius {TURN_RADIUS_M:g} m"
+"""Key of the `BASELINE` with drones that have this turn radius."""
+SEARCHERS["round"] = Searcher(doc="turns on an arc", turn_radius=TURN_RADIUS_M)
 
 ERRORS = {
     "none": "nothing",
@@ -200,26 +210,106 @@ class Plan:
         return np.cumsum(at)[1:] / missions
 
 
+@dataclass
+class FlightPlan:
+    """What the drones of a planner that finds nobody do in metres.
+
+    Attributes:
+        actions: (N, 2) turns and speeds, step by step.
+        flown: The paths of the drones, step by step.
+    """
+
+    actions: list[Floats] = field(default_factory=list)
+    flown: list[PathsFlown] = field(default_factory=list)
+
+    @classmethod
+    def of(cls, planner: str, scenario: Scenario, rules: Rules, seed: int) -> FlightPlan:
+        """Let a planner plan a search that finds nobody."""
+        plan, resolved = cls(), scenario.resolve(rules)
+        decide = load_planner(planner)(SearchDefinition(rules, resolved), seed=seed)
+        # It sees as in the search but finds nobody.
+        env = parallel_env(scenario.override(person_pod_multipliers=(0.0,)), rules=rules)
+        flight, kinds = env.world.flight, env.world.looks.kind
+        assert flight is not None
+        observations, infos = env.reset(seed=seed)
+        for step in range(rules.last_acting_step(resolved.timestep_limit)):
+            for info in infos.values():
+                info["step"] = step
+            chosen: Any = decide(observations, infos)
+            plan.actions.append(np.array([chosen[agent] for agent in env.possible_agents]))
+            observations, _, _, _, infos = env.step(chosen)
+            everybody = np.ones(len(kinds), np.bool_)
+            plan.flown.append(
+                PathsFlown(flight.eyes, kinds, flight.paths[0].copy(), everybody, ~everybody)
+            )
+        return plan
+
+    def pos(self, scenario: Scenario, rules: Rules) -> Floats:
+        """Return the POS after each step, (L,)."""
+        belief = forecast_for(scenario, rules).belief()
+        assert isinstance(belief, EnsembleBelief)
+        pos = np.empty(len(self.flown))
+        for step, paths in enumerate(self.flown):
+            belief.update_in_passing(paths)
+            belief.advance()
+            pos[step] = belief.pos
+        return pos
+
+    def found(self, scenario: Scenario, rules: Rules, missions: int) -> Floats:
+        """Return the share of missions that have found the person after each step, (L,)."""
+        world = World(scenario, rules, missions, write_maps=False)
+        world.seed(0)
+        world.reset()
+        assert world.flight is not None
+        shares = np.empty(len(self.actions))
+        nothing = np.full(world.drones.shape, HOLD, np.int8)
+        for step, actions in enumerate(self.actions):
+            world.flight.actions[:] = actions
+            world.step(nothing)
+            shares[step] = world.persons["found"].mean()
+        return shares
+
+
+class Row(NamedTuple):
+    """A planner and the search that it flies.
+
+    Attributes:
+        planner: The planner.
+        rules: The rules of the search.
+        fields: Fields of the scenario that differ from those of the incident.
+    """
+
+    planner: str
+    rules: Rules
+    fields: dict[str, Any] = {}
+
+
+def rows_of(planners: Sequence[str]) -> dict[str, Row]:
+    """Return what flies in each incident, by key."""
+    rows = {name: Row(name, SEA) for name in planners} | {STOPS: Row(BASELINE, STOPPING)}
+    in_metres = [name for name in planners if name in registry.IN_METRES]
+    rows |= {f"{name}{IN_METRES}": Row(name, FLIGHT) for name in in_metres}
+    return rows | {ROUND: Row(BASELINE, FLIGHT, {"searchers": ("round",)})}
+
+
 def fly(number: int, planners: Sequence[str]) -> dict[str, Floats]:
     """Search an incident with each planner, `BASELINE` among them.
 
     Returns:
-        (2, 3) by planner and of `STOPS`, POS and share found after each of `MINUTES`; by key of
-        `ERRORS` the same of `BASELINE` if the persons drift otherwise.
+        (2, 3) by key of `rows_of`, POS and share found after each of `MINUTES`; by key of `ERRORS`
+        the same of `BASELINE` if the persons drift otherwise.
     """
     drawn = incident(number)
     step_s = Scenario(**drawn["fields"]).resolve(SEA).step_duration_s
     limit = ceil(60 * MINUTES[-1] / step_s)
     scenario = Scenario(**drawn["fields"], timestep_limit=limit)
     last = [int(60 * minutes / step_s) - 1 for minutes in MINUTES[:-1]] + [limit - 1]
-    rules = {name: SEA for name in planners} | {STOPS: STOPPING}
-    plans = {
-        name: Plan.of(BASELINE if name == STOPS else name, scenario, by, seed=number)
-        for name, by in rules.items()
-    }
-    flown = {}
-    for name, plan in plans.items():
-        pos, found = plan.pos(scenario, rules[name]), plan.found(scenario, rules[name], MISSIONS)
+    flown, plans = {}, {}
+    for name, row in rows_of(planners).items():
+        kind = FlightPlan if row.rules.in_metres else Plan
+        of_row = scenario.override(**row.fields)
+        plan = plans[name] = kind.of(row.planner, of_row, row.rules, seed=number)
+        pos, found = plan.pos(of_row, row.rules), plan.found(of_row, row.rules, MISSIONS)
         flown[name] = np.stack([pos[last], found[last]])
     flown["none"] = flown[BASELINE]
     for error, truth in drawn["truths"].items():
@@ -263,10 +353,10 @@ def run(planners: Sequence[str], workers: int, count: int = COUNT) -> dict[str, 
         for job in progress(as_completed(jobs), "compare, incidents", total=len(jobs)):
             number = jobs[job]
             flown[number] = job.result()
-            found = (f"{name} {flown[number][name][1, -1]:.1%}" for name in planners)
+            found = (f"{name} {flown[number][name][1, -1]:.1%}" for name in rows_of(planners))
             say(f"incident {number}: {', '.join(found)}")
     whole = {name: np.stack([flown[number][name] for number in range(count)]) for name in flown[0]}
     return {
-        "incidents": {name: figures(whole[name], whole[BASELINE]) for name in (*planners, STOPS)},
+        "incidents": {name: figures(whole[name], whole[BASELINE]) for name in rows_of(planners)},
         "wrong_drift": {name: figures(whole[name], whole["none"]) for name in ERRORS},
     }
