@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 
 from dsse_ros.compiled.jit import compiled, inlined, part
 from dsse_ros.planners.flight_futures import Futures, Seen, write_seen
-from dsse_ros.planners.flight_steering import LEAST_ROOM_M, copy_flight, room_after
 from dsse_ros.step.flight_paths import FLIGHTS, Wind, write_path
+from dsse_ros.step.flight_steering import LEAST_ROOM_M, copy_flight, room_after
 
 CAP = 3
 """Nodes kept at each step in one square of half a leg."""

@@ -20,14 +20,14 @@ from dsse_ros.belief.ensemble_belief import EnsembleBelief, EnsembleForecast, Pa
 from dsse_ros.planners.flight_follower import TrackFollower
 from dsse_ros.planners.flight_goals import goals_on_map
 from dsse_ros.planners.flight_patterns import Datum, Layout, tracks_along, tracks_of
-from dsse_ros.planners.flight_plans import Fleet, FlightPlans, shares_of
-from dsse_ros.planners.flight_steering import steer
+from dsse_ros.planners.flight_plans import Fleet, FlightPlans
 from dsse_ros.planners.options import BeamOptions, Options, PatternOptions
 from dsse_ros.planners.planner import DrawsNothing, Infos, Search
 from dsse_ros.scenario.scenario import ResolvedScenario
 from dsse_ros.scenario.swarm import number_of
 from dsse_ros.search.flights import lateral_ranges, wind_of
-from dsse_ros.step.flight_paths import FLIGHTS, flyers_of, pieces_of
+from dsse_ros.step.flight_paths import FLIGHTS, flyers_of, pieces_of, shares_of
+from dsse_ros.step.flight_steering import steer
 from dsse_ros.step.sightings import eyes_of
 
 if TYPE_CHECKING:

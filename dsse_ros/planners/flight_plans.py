@@ -20,9 +20,9 @@ from numpy.typing import NDArray
 
 from dsse_ros.planners import flight_beam, flight_futures
 from dsse_ros.planners.flight_futures import Futures, Seen
-from dsse_ros.planners.flight_steering import steer
 from dsse_ros.planners.options import BeamOptions
-from dsse_ros.step.flight_paths import Wind, pieces_of
+from dsse_ros.step.flight_paths import Wind, largest_turn_of, pieces_of, shares_of
+from dsse_ros.step.flight_steering import steer
 from dsse_ros.step.sightings import DEFINITE, INVERSE_CUBE
 
 Floats = NDArray[np.float64]
@@ -93,21 +93,6 @@ class Craft(NamedTuple):
     flyers: NDArray[np.void]
     eyes: NDArray[np.void]
     turns: Floats
-
-
-def largest_turn_of(flyer: np.void, speed: float, step_s: float) -> float:
-    """Return the largest turn of a step at a speed, in radians, see `flight_paths.largest_turn`."""
-    if flyer["radius"] <= 0.0:
-        return math.pi
-    return min(speed * step_s / float(flyer["radius"]), math.pi)
-
-
-def shares_of(flyer: np.void, turn: float, speed: float, step_s: float) -> tuple[float, float]:
-    """Return the action of a turn in radians and an airspeed, see `flight_paths`."""
-    span = float(flyer["cruise"] - flyer["slowest"])
-    share = 2 * (speed - float(flyer["slowest"])) / span - 1 if span > 0.0 else 1.0
-    largest = largest_turn_of(flyer, speed, step_s)
-    return min(max(turn / largest, -1.0), 1.0) if largest > 0.0 else 0.0, share
 
 
 def turns_of(flyer: np.void, step_s: float) -> Floats:

@@ -12,7 +12,7 @@ from gymnasium import spaces
 from numpy.typing import NDArray
 
 from dsse_ros.scenario.fields import FieldError, shown
-from dsse_ros.search.observation import Started
+from dsse_ros.search.observation import Started, Stepped
 from dsse_ros.search.parallel_env import SearchEnv
 from dsse_ros.search.world import World
 
@@ -86,6 +86,10 @@ class FlightEnv(SearchEnv):
             for info, value in zip(infos.values(), values, strict=True):
                 info[name] = value
         return observations, infos
+
+    def step(self, actions: Mapping[str, Any]) -> Stepped:
+        """Advance the mission by one step, see `SearchEnv.step`; actions are those of the class."""
+        return super().step(actions)
 
     def _take(self, actions: Mapping[str, Any]) -> None:
         """Check the live agents' actions and store them for the next step."""

@@ -78,6 +78,21 @@ def pieces_of(flyers: NDArray[np.void], step_s: float) -> int:
     return most
 
 
+def largest_turn_of(flyer: np.void, speed: float, step_s: float) -> float:
+    """Return the largest turn of a step at a speed, in radians, see `flight_paths.largest_turn`."""
+    if flyer["radius"] <= 0.0:
+        return math.pi
+    return min(speed * step_s / float(flyer["radius"]), math.pi)
+
+
+def shares_of(flyer: np.void, turn: float, speed: float, step_s: float) -> tuple[float, float]:
+    """Return the action of a turn in radians and an airspeed, see `flight_paths`."""
+    span = float(flyer["cruise"] - flyer["slowest"])
+    share = 2 * (speed - float(flyer["slowest"])) / span - 1 if span > 0.0 else 1.0
+    largest = largest_turn_of(flyer, speed, step_s)
+    return min(max(turn / largest, -1.0), 1.0) if largest > 0.0 else 0.0, share
+
+
 @inlined
 def share_of(value):
     """Return an action's number within -1 and 1; one that is not finite is 0."""

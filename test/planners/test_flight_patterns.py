@@ -24,9 +24,9 @@ from dsse_ros.planners.flight_patterns import (
     tracks_along,
     tracks_of,
 )
-from dsse_ros.planners.flight_steering import steer
 from dsse_ros.planners.patterns import SearchPattern
 from dsse_ros.step.flight_paths import FLIGHTS, FLYERS, Wind, pieces_of, write_path
+from dsse_ros.step.flight_steering import steer
 
 Floats = NDArray[np.float64]
 

@@ -16,6 +16,7 @@ from pettingzoo.test import api_test, parallel_api_test
 
 from dsse_ros.search import FieldError, JointVectorEnv, aec_env, parallel_env, profile, vector_env
 from dsse_ros.search.flight_env import FlightEnv
+from dsse_ros.search.flight_waypoints import FlightWaypoints
 
 PLACE: dict[str, Any] = {
     "rules": "flight", "person_motion": "constant_drift", "grid_size": 20, "particles": 500,
@@ -169,3 +170,31 @@ def test_the_profile_is_that_of_the_sea_but_for_space() -> None:
     rules, sea = profile("flight"), profile("sea")
     assert rules.in_metres and not sea.in_metres
     assert (rules.sensor, rules.person_motion) == (sea.sensor, sea.person_motion)
+
+
+@settings(max_examples=20, deadline=None)
+@given(st.tuples(st.floats(0.1, 0.9), st.floats(0.1, 0.9)), st.floats(0, 5), st.floats(0, 360))
+def test_a_drone_flies_to_its_waypoint_and_stays_there(
+    place: tuple[float, float], wind_speed: float, wind_toward: float
+) -> None:
+    env = FlightWaypoints(
+        started(probability_of_detection=0.0, wind_speed=wind_speed, wind_toward=wind_toward)
+    )
+    env.reset(seed=1)
+    for _ in range(60):
+        observations, *_ = env.step(dict.fromkeys(env.agents, np.array(place)))
+    for state, _ in observations.values():
+        assert np.abs(state[:2] - place).max() * 20 * 130.0 < 2.0
+
+
+def test_waypoints_have_the_interface_of_pettingzoo_and_refuse_what_is_off_the_grid() -> None:
+    env = FlightWaypoints(started())
+    parallel_api_test(env, 100)
+    env.reset(seed=1)
+    for wrong in (1.5, np.nan, "x", (0.1, 0.2, 0.3)):
+        with pytest.raises(FieldError, match="action of drone0 must be two numbers from 0 to 1"):
+            env.step(dict.fromkeys(env.agents, wrong))
+    with pytest.raises(FieldError, match="drone0 is missing"):
+        env.step({})
+    with pytest.raises(FieldError, match="env must be a FlightEnv"):
+        FlightWaypoints(parallel_env(grid_size=6))  # type: ignore[arg-type]

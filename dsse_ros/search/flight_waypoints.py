@@ -1,0 +1,89 @@
+# Copyright 2026 dsse_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""Waypoints as actions of a search in metres."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from gymnasium import spaces
+from pettingzoo.utils.wrappers import BaseParallelWrapper
+
+from dsse_ros.scenario.fields import FieldError, shown
+from dsse_ros.scenario.swarm import number_of
+from dsse_ros.search.flight_env import FlightEnv
+from dsse_ros.step.flight_paths import shares_of
+from dsse_ros.step.flight_steering import steer
+
+
+class FlightWaypoints(BaseParallelWrapper[str, Any, Any]):
+    """A `FlightEnv` whose action is a position to fly to, until the next one.
+
+    It is (2,), shares of the grid's side from the west and from the north, 0 to 1. A drone that can
+    slow down is there at the end of a step at the earliest; one with a turn radius flies at cruise.
+
+    Args:
+        env: The environment.
+
+    Raises:
+        FieldError: If it does not fly in metres.
+    """
+
+    def __init__(self, env: FlightEnv) -> None:
+        if not isinstance(env, FlightEnv):
+            raise FieldError(f"env must be a FlightEnv, got {shown(type(env).__name__)}")
+        super().__init__(env)
+        self._env = env
+        self._spaces = {
+            agent: spaces.Box(0.0, 1.0, (2,), np.float32) for agent in env.possible_agents
+        }
+
+    def action_space(self, agent: str) -> spaces.Space[Any]:
+        """Return the agent's action space, always the same object."""
+        return self._spaces[agent]
+
+    def step(self, actions: Mapping[str, Any]) -> Any:
+        """Advance the mission by one step, as `FlightEnv.step`.
+
+        Raises:
+            FieldError: If a position is missing or not on the grid; the mission stays as it is.
+        """
+        world = self._env.world
+        assert world.flight is not None
+        flyers, wind = world.flight.flyers[world.looks.kind], world.flight.wind
+        side_m = world.grid_size * world.scenario.cell_size
+        goals = np.zeros((world.num_drones, 2))
+        for agent in self._env.agents:
+            goals[number_of(agent)] = self._checked(agent, actions)
+        chosen = steer(
+            flyers, wind, side_m, world.flight.flights[0], goals * side_m, True,
+            np.empty((world.flight.paths.shape[2], 2)),
+        )  # fmt: skip
+        shares = {}
+        for agent in self._env.agents:
+            n = number_of(agent)
+            turn, speed = chosen[n].tolist()
+            shares[agent] = shares_of(flyers[n], turn, speed, wind.step_s)
+        return self._env.step(shares)
+
+    def _checked(self, agent: str, actions: Mapping[str, Any]) -> Any:
+        """Return an agent's position, (2,).
+
+        Raises:
+            FieldError: If it is missing or not on the grid.
+        """
+        if not isinstance(actions, Mapping) or agent not in actions:
+            raise FieldError(f"actions: {agent} is missing; one action per live agent")
+        try:
+            place = np.asarray(actions[agent], np.float64)
+        except (TypeError, ValueError):
+            place = np.full(2, np.nan)
+        # This form of the comparison also refuses NaN.
+        if place.shape != (2,) or not ((place >= 0.0) & (place <= 1.0)).all():
+            raise FieldError(
+                f"action of {agent} must be two numbers from 0 to 1, east and south, got "
+                f"{shown(actions[agent])}"
+            )
+        return place
