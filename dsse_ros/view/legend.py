@@ -97,7 +97,7 @@ def legend_entries(
         "drone": (_symbol("o", 10, **drone), "drone with its number" if numbered else "drone"),
         "lost": (_symbol("X", 10, **drone), "drone that is lost"),
         "start": (_symbol("s", 5, **outlined), "start of a drone"),
-        "flown": (_line(theme, linewidth=2.2), "flown by its vehicle"),
+        "flown": (_line(theme, linewidth=2.2), "path flown"),
         "track": (
             _line(theme, marker="o", markersize=4, **outlined),
             f"track, stronger is newer;\ndot every {steps}{minutes}",
