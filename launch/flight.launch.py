@@ -26,7 +26,7 @@ def nodes(context: LaunchContext) -> list[Node]:
     """Return the nodes to start."""
     mode = context.launch_configurations["mode"]
     # In a mission the vehicles start when the search is over.
-    waits = {"wait_for_vehicles": mode == "guided"} if mode else {}
+    waits = {"vehicle_time": "followed" if mode == "guided" else "ignored"} if mode else {}
     of_bridge = {name: name for name in ("mode", "connections", "autopilot", "arm")}
     of_bridge["num_vehicles"] = "num_drones"
     return [

@@ -52,13 +52,24 @@ COVERAGE_FIELDS = (("coverage_rate", "<f8"), ("repeated_coverage", "<f8"), ("pos
 FAULT_FIELDS = (("battery", "<f8"), ("status", "u1"), ("command", "i1"))
 """Fields of a drone in a step of a mission with faults."""
 
+MAX_WORK = 2
+"""Largest number of the work that a drone's vehicle still has to do."""
+
+VEHICLE_FIELDS = (("work", "u1"),)
+"""Fields of a drone in a step of a mission whose actions last as long as the vehicles need."""
+
 _ALL_FOUND = "all_found"
 _MASK = "action_mask"
 
 
 @cache
 def step_report_dtype(
-    num_actions: int, *, coverage: bool = False, faults: bool = False, finds: bool = False
+    num_actions: int,
+    *,
+    coverage: bool = False,
+    faults: bool = False,
+    finds: bool = False,
+    vehicles: bool = False,
 ) -> np.dtype[Any]:
     """Return the layout of one drone's entry: packed, little-endian.
 
@@ -69,7 +80,9 @@ def step_report_dtype(
     repeated_coverage and pos (float64) follow, the same for all drones. With faults further battery
     (float64, percent, NaN where it does not run down), status (uint8, number of the status, at most
     `MAX_STATUS`) and command (int8, the commanded action). With sensors that look at several cells
-    at once finds (uint32 x 2, a bit for each look that found a person).
+    at once finds (uint32 x 2, a bit for each look that found a person). With actions that last as
+    long as the vehicles need, work (uint8, at most `MAX_WORK`): what the vehicle still had to do
+    in the step, 0 nothing, 1 to come back after it had looked, 2 all of it.
 
     Raises:
         ValueError: If the number of actions is not 1 to `MAX_ACTIONS`.
@@ -81,6 +94,7 @@ def step_report_dtype(
         *(COVERAGE_FIELDS if coverage else ()),
         *(FAULT_FIELDS if faults else ()),
         *(FIND_FIELDS if finds else ()),
+        *(VEHICLE_FIELDS if vehicles else ()),
     )
     return np.dtype([*POINT, (_ALL_FOUND, "u1"), mask, *further])
 
@@ -92,6 +106,7 @@ def _dtype_of(num_actions: int, names: Collection[str]) -> np.dtype[Any]:
         coverage={name for name, _ in COVERAGE_FIELDS}.issubset(names),
         faults=any(name in names for name, _ in FAULT_FIELDS),
         finds="finds" in names,
+        vehicles="work" in names,
     )
 
 
@@ -100,8 +115,8 @@ def make_step_report(columns: Mapping[str, ArrayLike]) -> NDArray[Any]:
 
     Args:
         columns: The fields of `step_report_dtype` by name, each for all N drones or one for all,
-            with those of coverage, faults and finds that there are: action_mask (N, A), finds (N,)
-            uint64 bits. Flags are what is true.
+            with those of coverage, faults, finds and vehicles that there are: action_mask (N, A),
+            finds (N,) uint64 bits. Flags are what is true.
 
     Returns:
         (N,) of a `step_report_dtype`.
@@ -164,6 +179,7 @@ def step_report_from_message(message: PointCloud2) -> NDArray[Any]:
     num_actions = next((field.count for field in message.fields if field.name == _MASK), 1)
     names = {field.name for field in message.fields}
     report: NDArray[Any] = points_from_message(message, _dtype_of(num_actions, names))[0]
-    if "status" in names and len(report) and report["status"].max() > MAX_STATUS:
-        raise ValueError(f"status must be 0 to {MAX_STATUS}, got {report['status'].max()}")
+    for name, most in (("status", MAX_STATUS), ("work", MAX_WORK)):
+        if name in names and len(report) and report[name].max() > most:
+            raise ValueError(f"{name} must be 0 to {most}, got {report[name].max()}")
     return report

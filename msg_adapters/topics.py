@@ -165,6 +165,15 @@ TOPICS = {
         use="planners, the bridge, recordings",
         replay=("followed",),
     ),
+    "vehicle_tasks": Topic(
+        type_name="sensor_msgs/msg/PointCloud2",
+        qos="latched",
+        publishers=_SIM,
+        subscribers=_OF_BRIDGE,
+        content="not with `vehicle_time` `ignored`: one point per drone: what its vehicle has to "
+        "do, once its drone has begun an action ([layout](ros.md#vehicle-tasks))",
+        use="the bridge",
+    ),
     "mission_report": Topic(
         type_name="sensor_msgs/msg/PointCloud2",
         qos="latched",
@@ -260,7 +269,16 @@ TOPICS = {
         qos="reliable",
         publishers=_OF_BRIDGE,
         subscribers=("sim_node", "dashboard"),
-        content="position of the drone's vehicle, m in `map`; only with `wait_for_vehicles`",
+        content="position of the drone's vehicle, m in `map`; not with `vehicle_time` `ignored`",
+        use="`mavlink_bridge`",
+    ),
+    "drone<i>/vehicle_time": Topic(
+        type_name="sensor_msgs/msg/TimeReference",
+        qos="reliable",
+        publishers=_OF_BRIDGE,
+        subscribers=_SIM,
+        content="clock of the drone's vehicle: time since its autopilot was started; only with "
+        "`vehicle_time` `followed`",
         use="`mavlink_bridge`",
     ),
     "drone<i>/vehicle_fix": Topic(
@@ -276,7 +294,8 @@ TOPICS = {
         subscribers=("sim_node", "dashboard"),
         # A new simulation must not take the last state that was for another one.
         subscriber_qos={"sim_node": "reliable"},
-        content="its progress, its battery, and whether it is lost; only with `wait_for_vehicles`",
+        content="its progress, its battery, and whether it is lost; not with `vehicle_time` "
+        "`ignored`",
         use="`mavlink_bridge`",
     ),
     "joint_action": Topic(

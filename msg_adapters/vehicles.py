@@ -11,34 +11,39 @@ from dataclasses import dataclass
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PoseStamped
-from sensor_msgs.msg import NavSatFix
+from sensor_msgs.msg import NavSatFix, TimeReference
 from std_msgs.msg import Header
 
 from msg_adapters.diagnostics import Level, diagnostic_array, diagnostic_status
 from msg_adapters.poses import Position, nav_sat_fix, pose_stamped
+from msg_adapters.stamps import to_stamp
 
 LOST = "lost"
-REPORT = "report_stamp_ns"
-ARRIVED = "arrived_stamp_ns"
+TASK = "task"
+LOOKED = "looked_task"
+ARRIVED = "arrived_task"
 BATTERY = "battery"
 RUN_ID = "run_id"
 
 
 @dataclass(frozen=True)
 class Progress:
-    """Progress of a vehicle with its drone's steps.
+    """Progress of a vehicle with the tasks of its drone.
 
     Attributes:
-        report_stamp_ns: Stamp of the step report that it follows; -1 if there is none.
-        arrived_stamp_ns: Stamp of the last step report of which it has done everything; -1 if
-            there is none.
+        task: Number of the task that it follows; -1 if there is none. Without `vehicle_tasks`, the
+            stamp of the step report that it follows, in nanoseconds.
+        looked_task: Number of the task for which it has looked; -1 if there is none. A move looks
+            when it has arrived.
+        arrived_task: Number of the task of which it has done everything; -1 if there is none.
         lost: Why it does not follow its drone any more; empty if it does.
         battery: What is left in its battery, 1 when full; NaN if it is not known.
-        run_id: Run of that step report; 0 if it is not known.
+        run_id: Run of that task; 0 if it is not known.
     """
 
-    report_stamp_ns: int = -1
-    arrived_stamp_ns: int = -1
+    task: int = -1
+    looked_task: int = -1
+    arrived_task: int = -1
     lost: str = ""
     battery: float = math.nan
     run_id: int = 0
@@ -72,6 +77,19 @@ def vehicle_fix(header: Header, fix: tuple[float, float, float]) -> NavSatFix:
     return message
 
 
+def vehicle_time(header: Header, vehicle: str, boot_s: float) -> TimeReference:
+    """Return the clock of a vehicle.
+
+    Args:
+        header: Time of the reading, and the body frame of the vehicle's drone.
+        vehicle: Which vehicle it is.
+        boot_s: Time since its autopilot was started, s, by the autopilot's clock.
+    """
+    return TimeReference(
+        header=header, time_ref=to_stamp(round(boot_s * 1e3) * 10**6), source=vehicle
+    )
+
+
 def vehicle_state_message(
     drone_name: str,
     hardware_id: str,
@@ -94,8 +112,9 @@ def vehicle_state_message(
         values: Whatever else is known.
     """
     own = {
-        REPORT: progress.report_stamp_ns,
-        ARRIVED: progress.arrived_stamp_ns,
+        TASK: progress.task,
+        LOOKED: progress.looked_task,
+        ARRIVED: progress.arrived_task,
         LOST: progress.lost,
         BATTERY: f"{progress.battery:.2f}",
         RUN_ID: progress.run_id,
@@ -114,13 +133,13 @@ def progress_from_message(message: DiagnosticArray, drone_name: str) -> Progress
         if status.name != drone_name:
             continue
         values = {pair.key: pair.value for pair in status.values}
-        report_ns, arrived_ns = (_integer(values.get(key, "")) for key in (REPORT, ARRIVED))
-        if report_ns is None or arrived_ns is None or LOST not in values:
-            needed = f"{REPORT} and {ARRIVED} as integers, and {LOST}"
+        task, looked, arrived = (_integer(values.get(key, "")) for key in (TASK, LOOKED, ARRIVED))
+        if task is None or looked is None or arrived is None or LOST not in values:
+            needed = f"{TASK}, {LOOKED} and {ARRIVED} as integers, and {LOST}"
             raise ValueError(f"values must be {needed}, got {values!r:.60}")
         battery = _share(values.get(BATTERY, ""))
         run_id = _integer(values.get(RUN_ID, "")) or 0
-        return Progress(report_ns, arrived_ns, values[LOST], battery, run_id)
+        return Progress(task, looked, arrived, values[LOST], battery, run_id)
     raise ValueError(f"status: none is named {drone_name!r}")
 
 

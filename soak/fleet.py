@@ -70,7 +70,7 @@ def fleet(run: Run) -> Figures:
                 "drones_positions": [part for cell in cells for part in cell],
                 "probability_of_detection": 0.0,
                 "timestep_limit": steps,
-                "wait_for_vehicles": True,
+                "vehicle_time": "awaited",
                 "seed": 1,
             }
         )

@@ -294,7 +294,7 @@ SEARCH_OF_VEHICLES: dict[str, Any] = {
     "person_initial_position": [5, 0],
     "probability_of_detection": 0.0,
     "seed": 1,
-    "wait_for_vehicles": True,
+    "vehicle_time": "awaited",
 }
 
 ROWS = (

@@ -132,6 +132,11 @@ class FleetController:
         self.search.take_report(stamp_ns, report)
         self.handle_news(now_s)
 
+    def take_tasks(self, tasks: NDArray[Any], now_s: float) -> None:
+        """Take the tasks (N,) of the vehicles, `vehicle_tasks`."""
+        self.search.take_tasks(tasks)
+        self.handle_news(now_s)
+
     def take_mission_report(self, stamp_ns: int, report: NDArray[Any], now_s: float) -> None:
         """Take the report (steps + 1, N) of a finished mission, with its stamp."""
         self.search.take_mission_report(stamp_ns, report)

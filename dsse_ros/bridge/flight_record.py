@@ -31,7 +31,7 @@ class FlightRecord:
         mode: While the bridge flies it, the last mode that the bridge has brought about.
         ordered: Modes to which its last order leads.
         top_amsl_m: Altitude above mean sea level to which it takes off for that search.
-        looked_ns: Stamp of the last step for which it has searched, -1 for none.
+        looked: Number of the last leg for which it has searched, -1 for none.
         home: While the bridge flies it, its home at the take-off; None if it was not reported.
         items: While it flies a mission of the bridge, the number of its items without home; 0 if it
             does not.
@@ -48,7 +48,7 @@ class FlightRecord:
     mode: str = ""
     ordered: tuple[str, ...] = ()
     top_amsl_m: float = 0.0
-    looked_ns: int = -1
+    looked: int = -1
     home: Place | None = None
     items: int = 0
 

@@ -210,7 +210,7 @@ def _parse(values: Mapping[str, Any]) -> FlightRecord:
             "from_modes": tuple(values["from_modes"]),
             "ordered": tuple(values["ordered"]),
             "top_amsl_m": float(values["top_amsl_m"]),
-            "looked_ns": int(values["looked_ns"]),
+            "looked": int(values["looked"]),
             "home": values["home"] and (float(lat_deg), float(lon_deg), float(alt_m)),
             "items": int(values["items"]),
         }

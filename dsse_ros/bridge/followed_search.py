@@ -29,6 +29,8 @@ _KEPT = 4
 
 _Reports = Latest[Identity, tuple[int, NDArray[Any]]]
 """The latest report of each search, with its stamp in nanoseconds."""
+_Tasks = Latest[Identity, NDArray[Any]]
+"""The latest tasks of each search."""
 
 
 class News(Enum):
@@ -56,7 +58,8 @@ class FollowedSearch:
 
     Attributes:
         info: The followed mission; None before the first.
-        legs: Leg of each vehicle for the last step; empty before the first.
+        legs: Leg of each vehicle; empty before the first step. Each is the vehicle's task or, where
+            there are no `vehicle_tasks`, what its drone has done in the last step.
         final_legs: Leg of each vehicle at the end of the mission, set with `tracks`.
         tracks: (steps + 1, N) report of the whole mission; None if it has not come or `whole` is
             False.
@@ -87,6 +90,7 @@ class FollowedSearch:
         self._other: AgentsInfo | None = None
         self._reports = _Reports(_KEPT)
         self._mission_reports = _Reports(_KEPT)
+        self._tasks = _Tasks(_KEPT)
         self._look_at_step = self._look_at_tracks = False
 
     def take_agents(self, info: AgentsInfo) -> None:
@@ -101,6 +105,12 @@ class FollowedSearch:
     def take_report(self, stamp_ns: int, report: NDArray[Any]) -> None:
         """Take the report (N,) of a step, with its stamp."""
         self._look_at_step |= _keep(self._reports, stamp_ns, report)
+
+    def take_tasks(self, tasks: NDArray[Any]) -> None:
+        """Take the tasks (N,) of the vehicles."""
+        if tasks.size:
+            self._tasks.put((int(tasks["run_id"][0]), int(tasks["mission"][0])), tasks)
+            self._look_at_step = True
 
     def take_mission_report(self, stamp_ns: int, report: NDArray[Any]) -> None:
         """Take the report (steps + 1, N) of a finished mission, with its stamp."""
@@ -184,7 +194,12 @@ class FollowedSearch:
             self._mission_reports.pop(_identity(info), None)
             return self._begin(info)
         self._followed_step = step
-        self.legs = _legs(stamp_ns, report, _search_action(info))
+        search = _search_action(info)
+        self.legs = _legs(stamp_ns, report, search)
+        if _identity(info) in self._tasks:
+            tasks = self._tasks[_identity(info)]
+            if len(tasks) == len(self.legs):
+                self.legs = _legs_of_tasks(self.legs, tasks, search)
         if self._over_since_s is None and all(leg.over for leg in self.legs):
             self._over_since_s = now_s
         return News.STEP
@@ -240,4 +255,16 @@ def _legs(stamp_ns: int, report: NDArray[Any], search: int) -> list[Leg]:
     return [
         Leg(stamp_ns, cell, bool(searched[i]), bool(over[i]), crashed[i])
         for i, cell in enumerate(cells)
+    ]
+
+
+def _legs_of_tasks(legs: list[Leg], tasks: NDArray[Any], search: int) -> list[Leg]:
+    """Return the legs of the tasks, which end as those of the last step."""
+    cells = zip(tasks["col"].tolist(), tasks["row"].tolist(), strict=True)
+    searches = (tasks["action"] == search).tolist()
+    return [
+        replace(leg, number=number, cell=cell, searched=searched)
+        for leg, number, cell, searched in zip(
+            legs, tasks["task"].tolist(), cells, searches, strict=True
+        )
     ]

@@ -36,24 +36,24 @@ class LegProgress:
         self.late = False
         self._stage = 0
 
-    def follow(self, leg: Leg, task: Result[Task] | None, looked_ns: int) -> None:
+    def follow(self, leg: Leg, task: Result[Task] | None, looked: int) -> None:
         """Replace the leg and its task.
 
         Args:
             leg: The leg.
             task: The task, or why the vehicle may not do it; None if it is not known yet.
-            looked_ns: Stamp of the step for which the vehicle has searched last.
+            looked: Number of the leg for which the vehicle has searched last.
         """
         before = self.leg
         known = self.has_task or task is None
-        if before and known and (leg.stamp_ns, leg.cell) == (before.stamp_ns, before.cell):
-            # The step was reported again: only the end of the search may be new.
+        if before and known and leg.is_same(before):
+            # Only the end of the search may be new.
             self.leg = leg
             return
         self.leg, self.holding, self.arrived = leg, False, False
         self.task = task.value if isinstance(task, Accepted) else ()
         self.refused = task.reason if isinstance(task, Rejected) else ""
-        self._stage = 1 if looked_ns == leg.stamp_ns and len(self.task) > 1 else 0
+        self._stage = 1 if looked == leg.number and len(self.task) > 1 else 0
         if before is None:
             self.late = leg.over
 
@@ -75,9 +75,14 @@ class LegProgress:
         return bool(self.task or self.refused)
 
     @property
-    def stamp_ns(self) -> int:
-        """Stamp of the leg; 0 without a leg."""
-        return self.leg.stamp_ns if self.leg is not None else 0
+    def number(self) -> int:
+        """Number of the leg; 0 without a leg."""
+        return self.leg.number if self.leg is not None else 0
+
+    @property
+    def looked(self) -> bool:
+        """Whether the vehicle has searched, or has arrived where it looks on the way."""
+        return self.arrived or self._stage > 0
 
 
 class GivenOrder:

@@ -188,7 +188,7 @@ class VehicleCustody:
     def _join(self, search: SearchId) -> None:
         self.record = replace(
             self.record, search=search, top_amsl_m=self.top_amsl_m, flown=False, lost="",
-            looked_ns=-1,
+            looked=-1,
         )  # fmt: skip
 
     # Persons
@@ -226,7 +226,7 @@ class VehicleCustody:
         self._cleared_s = now_s
         self.record = replace(
             self.record, search=search, top_amsl_m=self.top_amsl_m, lost="", arm=arm,
-            from_modes=tuple(modes), looked_ns=-1,
+            from_modes=tuple(modes), looked=-1,
         )  # fmt: skip
 
     def _clear_in_the_air(self, *, search_alive: bool) -> Result[str]:
@@ -321,9 +321,9 @@ class VehicleCustody:
         launched, ordered = self.record.launched or arms, modes_of(order, self._autopilot)
         self.record = replace(self.record, launched=launched, ordered=ordered)
 
-    def look_done(self, stamp_ns: int) -> None:
-        """Record that it has searched for the step of this stamp."""
-        self.record = replace(self.record, looked_ns=stamp_ns)
+    def look_done(self, number: int) -> None:
+        """Record that it has searched for the leg of this number."""
+        self.record = replace(self.record, looked=number)
 
     def rest(self) -> None:
         """Record, as the program ends, that it is ordered to hold."""

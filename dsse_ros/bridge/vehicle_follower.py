@@ -140,7 +140,7 @@ class VehicleFollower:
             leg: The leg.
             task: The task, or why the vehicle may not do it; None if it is not known yet.
         """
-        self.progress.follow(leg, task, self.custody.record.looked_ns)
+        self.progress.follow(leg, task, self.custody.record.looked)
 
     def hold(self) -> None:
         """Hold until the next leg."""
@@ -167,9 +167,14 @@ class VehicleFollower:
         return self.custody.lost
 
     @property
-    def arrived_stamp_ns(self) -> int:
-        """Stamp of the leg if the vehicle has done all of it; else -1."""
-        return self.progress.stamp_ns if self.progress.arrived else -1
+    def looked_number(self) -> int:
+        """Number of the leg if the vehicle has looked for it; else -1."""
+        return self.progress.number if self.progress.looked else -1
+
+    @property
+    def arrived_number(self) -> int:
+        """Number of the leg if the vehicle has done all of it; else -1."""
+        return self.progress.number if self.progress.arrived else -1
 
     @property
     def waiting(self) -> bool:
@@ -254,7 +259,7 @@ class VehicleFollower:
         fails = given.look(outcome, now_s)
         if given.done and due is not None and given.wanted == self._stamped(due):
             if isinstance(due, Search):
-                self.custody.look_done(self.progress.stamp_ns)
+                self.custody.look_done(self.progress.number)
             self.progress.advance()
         if fails and not self.lost:
             self.custody.drop_out(f"failed: {outcome.reason}")
@@ -431,7 +436,7 @@ class VehicleFollower:
         return order
 
     def _stamped(self, order: Order) -> tuple[Order, int]:
-        return order, self.progress.stamp_ns if isinstance(order, Search) else 0
+        return order, self.progress.number if isinstance(order, Search) else 0
 
     def _wanted(self, state: VehicleState, clearance: Clearance) -> Order | None:
         """Return what the vehicle should be doing, None where no order is needed."""

@@ -91,6 +91,8 @@ class CommandIntake:
         parsed = parse_joint_action(
             message.data, mission.number, mission.result.step, mission.env.rules.actions, live
         )
+        if mission.begun and not isinstance(parsed, Rejected):
+            parsed = Rejected("step_begun", f"step {mission.result.step + 1} has begun already")
         again = message.data == self._last_joint_action
         if again and (isinstance(parsed, Rejected) or mission.refuse()):
             # The sender repeated this message before it saw that its step was done.

@@ -99,6 +99,7 @@ class Mission:
         self.aborted = False
         self.tracks: list[list[Cell]] = []
         self.lost: list[int] = []
+        self._begun: NDArray[np.int8] | None = None
         self._past = bytearray()
         self._step_ns = max(round(env.scenario.step_duration_s * 1e9), 1)
         self._stamp_ns = 0
@@ -113,7 +114,7 @@ class Mission:
             self._stamp_ns = 0
         self.seed = seed
         self.number += 1
-        self.aborted = False
+        self.aborted, self._begun = False, None
         self.commands.clear()
         count = self.env.world.num_drones
         self.tracks = [[] for _ in range(count)]
@@ -239,7 +240,9 @@ class Mission:
 
     @property
     def missing(self) -> list[int]:
-        """The drones in flight without a command."""
+        """The drones in flight without a command; none once the step has begun."""
+        if self._begun is not None:
+            return []
         return self.commands.missing(self.live, self.result.cells)
 
     def refuse(self, drone: int | None = None) -> Rejected | None:
@@ -296,11 +299,42 @@ class Mission:
         fallen: list[int] = np.flatnonzero(conditions["status"] == LOST).tolist()
         return fallen
 
+    @property
+    def begun(self) -> bool:
+        """Whether the next step has begun: its commands do not change any more."""
+        return self._begun is not None
+
+    def begin(self, missing_action: str) -> NDArray[np.int8]:
+        """Take the commands (N,) of the next step, which `advance` does; see there."""
+        self._begun = self.commands.take(self.live, self.result.cells, missing_action)
+        return self._begun
+
+    def actions_of(self, joint: NDArray[np.int8]) -> tuple[NDArray[np.int8], NDArray[np.bool_]]:
+        """Return what the drones do in the next step, without doing it.
+
+        Args:
+            joint: (N,) their commands.
+
+        Returns:
+            (N,) the actions that they begin or continue, `HOLD` for nothing; (N,) whether they
+            continue them.
+        """
+        faults = self.env.world.faults
+        if faults is None:
+            return joint, np.zeros(len(joint), bool)
+        return faults.begun(self.env.world, joint)
+
+    def set_work(self, work: NDArray[np.int8]) -> None:
+        """Set what the vehicles still have to do for the next step, see `Faults.set_work`."""
+        if self.env.world.faults is not None:
+            self.env.world.faults.set_work(work)
+
     def advance(self, missing_action: str) -> StepResult:
         """Do one step with the given commands; drones without one follow `missing_action`."""
         world = self.env.world
         live = world.drones["alive"][0].copy()
-        joint = self.commands.take(self.live, self.result.cells, missing_action)
+        joint = self.begin(missing_action) if self._begun is None else self._begun
+        self._begun = None
         probabilities, faults = self._probabilities(), world.faults
         if self._beliefs is not None:
             self._beliefs.before_step(joint[None])
@@ -360,6 +394,7 @@ class Mission:
         self.tracks = [[(col, row) for col, row in track] for track in extra["tracks"]]
         self.commands.restore(extra["commands"])
         self._past = bytearray(arrays["history"].tobytes())
+        self._begun = None
         self._stamp_ns -= self._step_ns
         self.result = self._result(*(arrays[f"result_{name}"] for name in _OF_RESULT))
         return self.result

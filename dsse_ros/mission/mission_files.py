@@ -66,6 +66,7 @@ class MissionFiles:
                 resume_at=self._resume_at,
                 covers=self._mission.env.rules.covers,
                 faults=self._mission.result.conditions is not None,
+                vehicles=self._mission.env.rules.vehicle_timed_actions,
             )
 
     def record(self) -> str:

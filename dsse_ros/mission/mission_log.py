@@ -18,7 +18,7 @@ from dsse_ros.mission.mission import Mission, StepResult
 from dsse_ros.scenario.frames import GridFrame, cell_to_map
 from dsse_ros.scenario.geodesy import cell_to_geodetic
 from dsse_ros.search import FieldError
-from dsse_ros.step.fault_kernels import STATUSES
+from dsse_ros.step.fault_kernels import STATUSES, WORKS
 
 COLUMNS = (
     "mission", "step", "time_s", "agent", "col", "row", "east_m", "north_m", "lat_deg", "lon_deg",
@@ -34,9 +34,16 @@ OF_FAULTS = ("command", "status", "battery", "true_col", "true_row")
 """
 
 
-def columns_of(*, covers: bool, faults: bool) -> tuple[str, ...]:
+OF_VEHICLES = ("work",)
+"""Further columns of missions with `vehicle_timed_actions`, which have faults too: one of
+`fault_kernels.WORKS`.
+"""
+
+
+def columns_of(*, covers: bool, faults: bool, vehicles: bool = False) -> tuple[str, ...]:
     """Return the columns of a mission's record."""
-    return (*COLUMNS, *(OF_COVERAGE if covers else ()), *(OF_FAULTS if faults else ()))
+    groups = ((covers, OF_COVERAGE), (faults, OF_FAULTS), (vehicles, OF_VEHICLES))
+    return COLUMNS + tuple(name for has, names in groups if has for name in names)
 
 
 class MissionLog:
@@ -48,6 +55,7 @@ class MissionLog:
         resume_at: First (mission, step) to write; the file keeps the rows before it.
         covers: Whether the task is coverage.
         faults: Whether the missions have faults.
+        vehicles: Whether they have `vehicle_timed_actions`.
 
     Raises:
         FieldError: If the file cannot be written, or is to be resumed but is not a mission's log.
@@ -61,14 +69,15 @@ class MissionLog:
         resume_at: tuple[int, int] | None = None,
         covers: bool = False,
         faults: bool = False,
+        vehicles: bool = False,
     ) -> None:
         self._path = path
         self._frame = frame
-        self._faults = faults
+        self._further = (*(OF_FAULTS if faults else ()), *(OF_VEHICLES if vehicles else ()))
         self._defined: DefinitionLog | None = None
         self._mission = (0, 0)
         self._of_coverage = OF_COVERAGE if covers else ()
-        columns = columns_of(covers=covers, faults=faults)
+        columns = columns_of(covers=covers, faults=faults, vehicles=vehicles)
         try:
             if resume_at is not None:
                 _cut(path, resume_at, columns)
@@ -125,15 +134,15 @@ class MissionLog:
                 )
             else:
                 found = int(persons["found"][i - drones])
-                more = ("",) * len(OF_FAULTS) * self._faults
+                more = ("",) * len(self._further)
                 self._writer.writerow(
                     (*head, f"person{i - drones}", *place, "", "", "", "", found, "", "", "", *more)
                 )
         self._file.flush()
 
     def _of_faults(self, mission: Mission, result: StepResult, drone: int) -> tuple[Any, ...]:
-        """Return the values of `OF_FAULTS`, if the log has these columns."""
-        if not self._faults or result.conditions is None:
+        """Return the values of `OF_FAULTS` and `OF_VEHICLES`, if the log has these columns."""
+        if not self._further or result.conditions is None:
             return ()
         condition, command = result.conditions[drone], int(result.commands[drone])
         world = mission.env.world
@@ -144,6 +153,7 @@ class MissionLog:
             repr(float(condition["battery"])) if has_battery else "",
             int(place["x"]),
             int(place["y"]),
+            *(WORKS[condition[name]] for name in OF_VEHICLES if name in self._further),
         )
 
     def _seek(self, step: tuple[int, int]) -> None:

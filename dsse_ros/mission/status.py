@@ -49,19 +49,29 @@ def ended(mission: Mission) -> str:
     return f"mission {mission.number} over after {steps}: {mission.outcome}"
 
 
-def awaited(mission: Mission, scheduler: StepScheduler, late: Sequence[int]) -> str:
+def awaited(
+    mission: Mission,
+    scheduler: StepScheduler,
+    late: Sequence[int],
+    *,
+    clock_stopped: bool = False,
+) -> str:
     """Return a text of what the next step waits for, empty for nothing.
 
     Args:
         mission: The mission.
         scheduler: Scheduler of its steps.
         late: The drones whose vehicles have to arrive first.
+        clock_stopped: Whether the time of the vehicles has not passed for a while.
     """
     mode = scheduler.timing.mode
-    if scheduler.paused or mission.done or mode == "realtime":
+    by_vehicles = scheduler.timing.by_vehicles
+    if scheduler.paused or mission.done or (mode == "realtime" and not by_vehicles):
         return ""
     if mode == "manual":
         return "waiting for a call of ~/step"
+    if mission.begun and by_vehicles:
+        return "waiting for the clocks of the vehicles" if clock_stopped else ""
     shown = [
         f"{what} of {_some_names(mission, drones)}"
         for what, drones in (("commands", mission.missing), ("vehicles", late))
@@ -162,7 +172,7 @@ def values(
         timeouts: Number of steps done without all commands or vehicles.
         publishers: Number of publishers of topics that should have at most one.
         duplicates: Number of repeated joint actions.
-        late: The drones whose vehicles have to arrive; None if steps do not wait for vehicles.
+        late: The drones whose vehicles have to arrive first; None without vehicles.
         lost: Reasons why vehicles have dropped out, by drone.
         rejected: Messages that were refused, by code.
     """

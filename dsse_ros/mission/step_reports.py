@@ -42,6 +42,8 @@ def step_report_of(mission: Mission, frame: GridFrame, run_id: int) -> NDArray[A
     if world.faults is not None and result.conditions is not None:
         columns["status"], columns["command"] = result.conditions["status"], result.commands
         columns["battery"] = result.conditions["battery"] if world.faults.has_battery else np.nan
+        if mission.env.rules.vehicle_timed_actions:
+            columns["work"] = result.conditions["work"]
     if world.looks.several:
         columns["finds"] = np.where(result.found, world.finds[0], 0)
     return make_step_report(columns)

@@ -25,6 +25,7 @@ class Timing:
             no timeout.
         real_time_factor: Simulated seconds per second.
         step_duration_s: Simulated time of a step.
+        by_vehicles: Whether a step lasts as long by the clocks of the vehicles, whatever the rates.
     """
 
     mode: str = "lockstep"
@@ -32,12 +33,15 @@ class Timing:
     command_timeout_s: float = 0.0
     real_time_factor: float = 1.0
     step_duration_s: float = 1.0
+    by_vehicles: bool = False
 
     @property
     def period_s(self) -> float:
         """Time between steps: exact in real time, the minimum in lockstep; 0 for none."""
         if self.mode == "manual":
             return 0.0
+        if self.by_vehicles:
+            return self.step_duration_s
         if self.step_rate > 0:
             return 1.0 / self.step_rate
         return self.step_duration_s / self.real_time_factor if self.mode == "realtime" else 0.0
@@ -46,7 +50,7 @@ class Timing:
     def decision_time_s(self) -> float | None:
         """Wall time that a step waits for commands; None without a timeout."""
         if self.mode == "realtime":
-            return self.period_s
+            return None if self.by_vehicles else self.period_s
         if self.mode == "lockstep" and self.command_timeout_s > 0:
             return max(self.period_s, self.command_timeout_s)
         return None
@@ -77,13 +81,15 @@ class Pace:
         self._period_s = 0.0
         self._held = False
 
-    def begin(self, now_s: float, *, on_schedule: bool) -> None:
-        """Begin a step now or, with `on_schedule`, at the scheduled end of the last one.
+    def begin(self, now_s: float, *, makes_up: float) -> None:
+        """Begin a step now, or at the scheduled end of the last one.
 
-        Delays of a whole step or more are not made up.
+        Args:
+            now_s: The time.
+            makes_up: Delays of fewer steps than this are made up: 0 begins the step now.
         """
         over = self._unbounded(now_s) - 1.0
-        self._share = over if on_schedule and 0.0 < over < 1.0 else 0.0
+        self._share = over if 0.0 < over < makes_up else 0.0
         self._since_s = now_s
 
     def set_period(self, now_s: float, period_s: float) -> None:
@@ -114,7 +120,8 @@ class StepScheduler:
     """Decides when to do the steps of a mission.
 
     Times are seconds of any steady clock. The caller passes whether a step is `ready`: every drone
-    in flight has a command, and every awaited vehicle has arrived.
+    in flight has a command, and every awaited vehicle has arrived. If steps go by the clocks of the
+    vehicles, the caller also sets their time with `set_fleet_time`; `start` begins the first step.
 
     Attributes:
         timing: Settings for when a step is due.
@@ -127,19 +134,20 @@ class StepScheduler:
         self.paused = False
         self.done = False
         self._pace = Pace()
+        self._fleet_s: float | None = None
         self._deadline_s = math.inf
         self.set_timing(timing, now_s)
 
     def set_timing(self, timing: Timing, now_s: float) -> None:
         """Change the timing of steps from now on; the timeout restarts."""
         self.timing = timing
-        self._pace.set_period(now_s, timing.period_s)
+        self._pace.set_period(self._pace_s(now_s), timing.period_s)
         self._start_timeout(now_s)
 
     def pause(self, paused: bool, now_s: float) -> None:
         """Hold the mission, or let it continue; the timeout restarts."""
         self.paused = paused
-        self._pace.hold(now_s, paused)
+        self._pace.hold(self._pace_s(now_s), paused)
         self._start_timeout(now_s)
 
     def begin(self, now_s: float, *, done: bool) -> None:
@@ -150,8 +158,28 @@ class StepScheduler:
             done: Whether the mission is over, so that there is no next step.
         """
         self.done = done
-        self._pace.begin(now_s, on_schedule=self.moving)
+        makes_up = math.inf if self.timing.by_vehicles else 1.0 if self.moving else 0.0
+        self._pace.begin(self._pace_s(now_s), makes_up=makes_up)
         self._start_timeout(now_s)
+
+    @property
+    def started(self) -> bool:
+        """Whether the time of the vehicles counts for the mission."""
+        return self._fleet_s is not None
+
+    def start(self, fleet_s: float) -> None:
+        """Begin the first step of a mission at this time of the vehicles."""
+        self._fleet_s = fleet_s
+        self._pace.begin(fleet_s, makes_up=0.0)
+
+    def set_fleet_time(self, fleet_s: float) -> None:
+        """Set the time of the vehicles; it counts once the mission has been started."""
+        if self.started:
+            self._fleet_s = fleet_s
+
+    def stop(self) -> None:
+        """Count the time of the vehicles no more, until the mission is started."""
+        self._fleet_s = None
 
     def end(self) -> None:
         """End the mission between two steps."""
@@ -169,13 +197,16 @@ class StepScheduler:
 
     def share(self, now_s: float) -> float:
         """Return the completed share of the step, 0 to 1; it never decreases within a step."""
-        return self._pace.share(now_s)
+        return self._pace.share(self._pace_s(now_s))
 
     def wait_s(self, now_s: float, *, ready: bool) -> float:
         """Return the time until something is due, infinite if nothing is due by itself."""
         if not self.running:
             return math.inf
-        left_s = self._pace.left_s(now_s)
+        left_s = self._pace.left_s(self._pace_s(now_s))
+        if self.timing.by_vehicles and left_s > 0.0:
+            # How fast their clocks go is not known.
+            return math.inf
         if self.timing.mode == "realtime" or ready:
             return left_s
         return max(left_s, self._deadline_s - now_s)
@@ -187,6 +218,10 @@ class StepScheduler:
         if self.timing.mode == "realtime":
             return Due.TICK
         return Due.STEP if ready else Due.TIMEOUT
+
+    def _pace_s(self, now_s: float) -> float:
+        """Return the time that the pace follows; it stands still until the mission is started."""
+        return (self._fleet_s or 0.0) if self.timing.by_vehicles else now_s
 
     def _start_timeout(self, now_s: float) -> None:
         timeout_s = self.timing.command_timeout_s

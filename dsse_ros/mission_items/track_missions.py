@@ -31,21 +31,26 @@ from dsse_ros.scenario.geodesy import cell_to_geodetic
 
 @dataclass(frozen=True)
 class Leg:
-    """The leg of one drone's vehicle in a step.
+    """The leg of one drone's vehicle.
 
     Attributes:
-        stamp_ns: Stamp of the step's report.
-        cell: (col, row) where the drone is now.
-        searched: Whether it has searched there in this step.
+        number: Number of the task in `vehicle_tasks`; without these, the stamp of the step's report
+            in nanoseconds.
+        cell: (col, row) where the vehicle goes.
+        searched: Whether the drone searches there.
         over: Whether its search is over.
         crashed: Whether that is because another drone is in its cell: no vehicle follows it there.
     """
 
-    stamp_ns: int
+    number: int
     cell: tuple[int, int]
     searched: bool = False
     over: bool = False
     crashed: bool = False
+
+    def is_same(self, other: Leg) -> bool:
+        """Return whether another leg is this one, even if only one of them is over."""
+        return (self.number, self.cell, self.searched) == (other.number, other.cell, other.searched)
 
 
 @dataclass(frozen=True)

@@ -22,7 +22,13 @@ from dsse_ros.scenario.geodesy import geodetic_to_map
 from msg_adapters.battery import battery_state
 from msg_adapters.poses import base_link
 from msg_adapters.stamps import header
-from msg_adapters.vehicles import Progress, vehicle_fix, vehicle_pose, vehicle_state_message
+from msg_adapters.vehicles import (
+    Progress,
+    vehicle_fix,
+    vehicle_pose,
+    vehicle_state_message,
+    vehicle_time,
+)
 
 STATE_S = 1.0
 """Wall time after which an unchanged state of a vehicle is published again."""
@@ -44,6 +50,7 @@ class BridgePublishers:
         self._names = names
         self._poses = [publisher(f"{name}/vehicle_pose") for name in names]
         self._fixes = [publisher(f"{name}/vehicle_fix") for name in names]
+        self._times = [publisher(f"{name}/vehicle_time") for name in names]
         self._states = [publisher(f"{name}/vehicle_state") for name in names]
         self._batteries = [publisher(f"{name}/vehicle_battery") for name in names]
         self._diagnostics = diagnostics
@@ -56,7 +63,7 @@ class BridgePublishers:
     def publish_place(
         self, i: int, vehicle: Vehicle, frame: GridFrame, datum_m: float, stamp: Time
     ) -> None:
-        """Publish the position of a vehicle, if it has reported one since the last call."""
+        """Publish position and clock of a vehicle, if it has reported them since the last call."""
         state = vehicle.state
         self._frame_prefix = frame.frame_prefix
         if not state.has_position or state.position_s <= self._placed_s[i]:
@@ -71,6 +78,8 @@ class BridgePublishers:
         fix = (*place, state.alt_amsl_m + state.geoid_m)
         body = base_link(self._names[i], frame.frame_prefix)
         self._fixes[i].publish(vehicle_fix(header(body, stamp), fix))
+        name = f"{vehicle.connection} system {vehicle.system_id}"
+        self._times[i].publish(vehicle_time(header(body, stamp), name, state.boot_s))
 
     def publish_state(
         self,
@@ -95,9 +104,9 @@ class BridgePublishers:
         leg, custody = follower.progress.leg, follower.custody.state.value
         progress = Progress(battery=state.battery)
         if leg is not None:
-            arrived_ns = follower.arrived_stamp_ns
+            looked, arrived = follower.looked_number, follower.arrived_number
             run_id, _ = follower.custody.search or (0, 0)
-            progress = Progress(leg.stamp_ns, arrived_ns, follower.lost, state.battery, run_id)
+            progress = Progress(leg.number, looked, arrived, follower.lost, state.battery, run_id)
         refused, blocked = trouble or follower.refused, follower.blocked
         news = (
             progress, refused, blocked, follower.leaves_layer, custody, outcome, state.mode,

@@ -28,6 +28,7 @@ from dsse_ros.search import FieldError
 from msg_adapters.mission_report import mission_report_from_message
 from msg_adapters.stamps import to_nanoseconds
 from msg_adapters.step_report import step_report_from_message
+from msg_adapters.vehicle_tasks import vehicle_tasks_from_message
 
 TURN_S = 0.1
 """Wall time between looks at the vehicles."""
@@ -64,6 +65,7 @@ class BridgeNode(AlarmNode):
             for topic, read in (
                 ("agents", self._on_agents),
                 ("step_report", self._on_report),
+                ("vehicle_tasks", self._on_tasks),
                 ("mission_report", self._on_mission_report),
             )
         ]
@@ -125,6 +127,10 @@ class BridgeNode(AlarmNode):
         report = step_report_from_message(message)
         stamp_ns = to_nanoseconds(message.header.stamp)
         self.controller.take_report(stamp_ns, report, time.monotonic())
+
+    def _on_tasks(self, message: PointCloud2) -> None:
+        tasks = vehicle_tasks_from_message(message)
+        self.controller.take_tasks(tasks, time.monotonic())
 
     def _on_mission_report(self, message: PointCloud2) -> None:
         report = mission_report_from_message(message)

@@ -9,6 +9,7 @@ from collections.abc import Mapping
 
 from rclpy.node import Node
 
+from dsse_ros.mission.vehicle_steps import IGNORED
 from dsse_ros.nodes.settings import SimSettings
 
 
@@ -51,6 +52,6 @@ def consequences(settings: SimSettings) -> dict[str, str]:
     }
     if settings.publish_clock:
         found["/clock"] = "time jumps to and fro; only one may have publish_clock"
-    if settings.wait_for_vehicles:
+    if settings.vehicle_time != IGNORED:
         found["drone0/vehicle_state"] = "two bridges would fly the same vehicles; stop one"
     return found

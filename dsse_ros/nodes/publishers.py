@@ -15,6 +15,7 @@ from dsse_ros.message_types import message_class
 from dsse_ros.mission.mission import Mission, StepResult
 from dsse_ros.mission.step_messages import DEFAULT, MESSAGES, Display, StepMessages
 from dsse_ros.mission.step_scheduler import Timing
+from dsse_ros.mission.vehicle_tasks import VehicleTasks
 from dsse_ros.runtime.qos import Endpoints
 from dsse_ros.scenario.agents import AgentsInfo, agents_json, area_rows
 from dsse_ros.scenario.frames import GridFrame, map_positions
@@ -23,6 +24,7 @@ from dsse_ros.search import FieldError, SearchDefinition
 from msg_adapters.poses import earth_transform, odometry, transforms, yaw_of
 from msg_adapters.stamps import to_stamp
 from msg_adapters.topics import EACH_DRONE, TOPICS, published_by
+from msg_adapters.vehicle_tasks import vehicle_tasks_message
 
 
 def tf_type() -> Any:
@@ -49,6 +51,7 @@ class MissionPublishers:
         run_id: Identity of the simulation since its start.
         publish_clock: Whether to publish mission time on `/clock`.
         publish_belief: Whether to publish the belief, if the mission has one.
+        has_vehicles: Whether to publish the tasks of vehicles.
 
     Attributes:
         run_id: Identity in the messages.
@@ -63,6 +66,7 @@ class MissionPublishers:
         run_id: int,
         publish_clock: bool,
         publish_belief: bool,
+        has_vehicles: bool,
     ) -> None:
         self._mission = mission
         self._frame = frame
@@ -75,6 +79,7 @@ class MissionPublishers:
             "belief_grid": publish_belief,
             "particles": publish_belief and ensemble is not None,
             "drone<i>/battery": faults is not None and faults.has_battery,
+            "vehicle_tasks": has_vehicles,
             "/clock": publish_clock,
             "/tf": self._tf_type is not None,
             "/tf_static": self._tf_type is not None,
@@ -181,6 +186,12 @@ class MissionPublishers:
     def publish_report(self, stamp: Time) -> None:
         """Publish the report of the last step."""
         self._publish("step_report", stamp)
+
+    def publish_tasks(self, stamp: Time, tasks: VehicleTasks) -> None:
+        """Publish what the vehicles have to do, if there are any."""
+        for publisher in self._publishers.get("vehicle_tasks", ()):
+            points = tasks.points(self._mission, self._frame, self.run_id)
+            publisher.publish(vehicle_tasks_message(self._messages.header(stamp), points))
 
     def publish_mission_report(self, stamp: Time) -> None:
         """Publish every step of the mission at once."""

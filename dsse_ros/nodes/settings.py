@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from dsse_ros.mission.command_buffer import MISSING_ACTIONS
-from dsse_ros.mission.vehicle_missions import ArrivalSettings
+from dsse_ros.mission.vehicle_steps import FOLLOWED, VehicleTimeSettings
 from dsse_ros.planners import PLANNER_NAMES
 from dsse_ros.scenario.fields import FieldError, Spec, check_all, field, shown, specs
 from dsse_ros.scenario.limits import LARGEST_GRID_CELLS, MAX_ID
@@ -20,7 +20,7 @@ LARGEST_AUTO_GRID = 50
 
 
 @dataclass(frozen=True, kw_only=True)
-class SimSettings(ArrivalSettings):
+class SimSettings(VehicleTimeSettings):
     """Settings of `sim_node`.
 
     Raises:
@@ -102,11 +102,6 @@ class SimSettings(ArrivalSettings):
         "auto",
         choices=("auto", "always", "never"),
     )
-    wait_for_vehicles: bool = field(
-        "bool",
-        "Whether a step waits for the vehicles to complete it.",
-        False,
-    )
     odom_rate: float = field(
         "float",
         "Realtime: rate of the interpolated odometry.",
@@ -150,13 +145,23 @@ _MODES = {"command_timeout": "lockstep", "odom_rate": "realtime", "real_time_fac
 """The step mode in which a setting has an effect, for those that have one in one mode only."""
 
 
+_OF_WALL_TIME = ("step_rate", "real_time_factor")
+"""Settings of the time of steps that have no effect if the sea follows the clocks of vehicles."""
+
+
 def without_effect(settings: SimSettings) -> list[str]:
-    """Return a line for each setting that was changed and has no effect in this step mode."""
+    """Return a line for each setting that was changed and has no effect with the others."""
     usual, mode = SimSettings(), settings.step_mode
+    changed = [name for name in vars(usual) if getattr(settings, name) != getattr(usual, name)]
+    follows = settings.vehicle_time == FOLLOWED
     return [
         f"{name} has no effect with step_mode {mode}, only with {where}"
         for name, where in _MODES.items()
-        if where != mode and getattr(settings, name) != getattr(usual, name)
+        if where != mode and name in changed
+    ] + [
+        f"{name} has no effect with vehicle_time followed"
+        for name in _OF_WALL_TIME
+        if follows and name in changed
     ]
 
 
@@ -172,7 +177,9 @@ RUN_TIME_SETTINGS = frozenset(
 SCENARIO_FILE, PROFILE = "scenario.file", "rules.profile"
 _SCENARIO = {f"scenario.{name}": spec for name, spec in specs(Scenario).items()}
 # If the scenario has the same field, its value counts.
-_RULES = {f"rules.{k}": v for k, v in specs(Rules).items() if k not in specs(Scenario)}
+# vehicle_time sets vehicle_timed_actions.
+_ELSEWHERE = {*specs(Scenario), "vehicle_timed_actions"}
+_RULES = {f"rules.{k}": v for k, v in specs(Rules).items() if k not in _ELSEWHERE}
 
 SIM_PARAMETERS: Mapping[str, Spec] = {
     **specs(SimSettings),

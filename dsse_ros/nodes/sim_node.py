@@ -17,16 +17,16 @@ from geometry_msgs.msg import PoseStamped
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.duration import Duration
 from rclpy.parameter import Parameter
+from sensor_msgs.msg import TimeReference
 
 from dsse_ros.mission import status
-from dsse_ros.mission.awaited_vehicles import AwaitedVehicles
 from dsse_ros.mission.command_intake import CommandIntake
 from dsse_ros.mission.commands import parse_place
 from dsse_ros.mission.mission import Mission
 from dsse_ros.mission.mission_files import MissionFiles
 from dsse_ros.mission.simulation_state import NEXT, Request, SimulationState, reason_to_refuse
 from dsse_ros.mission.step_scheduler import Due, StepScheduler
-from dsse_ros.mission_items.track_missions import acceptance_radius_m
+from dsse_ros.mission.vehicle_steps import IGNORED, VehicleSteps
 from dsse_ros.nodes import sim_services, simulation_interfaces
 from dsse_ros.nodes.navigate_to_pose import NavigateToPose
 from dsse_ros.nodes.node_diagnostics import PERIOD_S, NodeDiagnostics
@@ -89,6 +89,7 @@ class SimNode(AlarmNode):
             run_id=draw_run_id(self.settings),
             publish_clock=settings.publish_clock,
             publish_belief=settings.publish_belief,
+            has_vehicles=settings.vehicle_time != IGNORED,
         )
         self._diagnostics = NodeDiagnostics(self, endpoints)
         self.state = SimulationState.PLAYING
@@ -99,14 +100,14 @@ class SimNode(AlarmNode):
             timing(settings, env.scenario.step_duration_s), time.monotonic()
         )
         self._commands = CommandIntake(self.mission, self.frame, self.warn, self.debug)
-        self._vehicles = AwaitedVehicles(self.frame, self.mission.set_battery)
+        self._fleet = VehicleSteps(self.mission, self.frame, self._scheduler, settings)
         self._publisher_counts = PublisherCounts(self, consequences(settings))
         self._report_stamp = Time()
         self._subscribe(endpoints)
         endpoints.check_all_used()
         self.at_end(self.files.close)
         self.files.open(self.frame)
-        self._navigation = NavigateToPose(self, self._commands, self._late, self._on_accepted)
+        self._navigation = NavigateToPose(self, self._commands, self._fleet.late, self._on_accepted)
         self.at_end(self._navigation.destroy)
         sim_services.serve(self)
         simulation_interfaces.serve(self)
@@ -142,6 +143,7 @@ class SimNode(AlarmNode):
             self.publishers_.publish_agents(self._scheduler.timing)
         if was_moving and not self._scheduler.moving:
             self._publish_odometry()
+        self._fleet.settings = self.settings
         if "grid_scaling" in changes:
             self.publishers_.publish_grid(self._report_stamp, self.settings.grid_scaling)
         if changes.keys() & {"auto_reset", "exit_at_end"}:
@@ -154,9 +156,11 @@ class SimNode(AlarmNode):
         for i, name in enumerate(self.mission.env.possible_agents):
             commands[f"{name}/cmd_action_name"] = partial(self._commands.action_name, i)
             commands[f"{name}/command_pose"] = partial(self._commands.goal, i)
-            if self.settings.wait_for_vehicles:
+            if self._fleet.exist:
                 endpoints.subscription(f"{name}/vehicle_pose", partial(self._on_vehicle, i))
                 endpoints.subscription(f"{name}/vehicle_state", partial(self._on_state, i))
+            if self._fleet.follows:
+                endpoints.subscription(f"{name}/vehicle_time", partial(self._on_time, i))
         for topic, take in commands.items():
             endpoints.subscription(topic, partial(self._on_command, take))
         self._waiting_log.topics = list(commands)
@@ -173,17 +177,13 @@ class SimNode(AlarmNode):
         """Start a new mission and restart mission time, as if the node had restarted."""
         self.publishers_.run_id = draw_run_id(self.settings)
         self.mission.reset(draw_seed(self.settings))
-        self._restart_time()
+        self.mission.restart_time()
         self._publish_start()
 
     def restart_time(self) -> None:
         """Restart mission time at the current step."""
-        self._restart_time()
-        self._publish(first=True)
-
-    def _restart_time(self) -> None:
         self.mission.restart_time()
-        self._vehicles.restart_time()
+        self._publish()
 
     def reset(self, seed: int | None = None) -> None:
         """Start a new mission with this seed, by default the parameter's."""
@@ -192,19 +192,28 @@ class SimNode(AlarmNode):
 
     def _publish_start(self) -> None:
         self.get_logger().info(status.begun(self.mission, self.frame.grid_size))
-        self._vehicles.begin()
+        self._fleet.restart()
         self._exit_alarm.cancel()
         self.publishers_.publish_agents(self._scheduler.timing)
-        self._publish(first=True)
+        self.publishers_.publish_tasks(self.stamp(), self._fleet.tasks)
+        self._publish()
 
     def step(self) -> None:
         """Do one step now; drones without a command follow `missing_action`."""
+        if self._fleet.exist and not self.mission.begun:
+            self._begin_step()
+        self._fleet.end()
         result = self.mission.advance(self.settings.missing_action)
         self.debug(lambda: f"step {result.step}: {status.actions(self.mission, result.actions)}")
         self._publish()
         self._save_snapshot()
         if self.mission.done:
             self._end()
+
+    def _begin_step(self) -> None:
+        """Take the commands of the next step, and have the vehicles begin with it."""
+        self._fleet.begin(self.settings.missing_action)
+        self.publishers_.publish_tasks(self._report_stamp, self._fleet.tasks)
 
     def _end(self) -> None:
         self.get_logger().info(status.ended(self.mission))
@@ -241,11 +250,10 @@ class SimNode(AlarmNode):
         self.step()
         return ""
 
-    def _publish(self, *, first: bool = False) -> None:
-        """Publish the last step; `first` marks the first one that vehicles may report on."""
+    def _publish(self) -> None:
+        """Publish the last step."""
         result, stamp, settings = self.mission.result, self.stamp(), self.settings
         self._report_stamp = stamp
-        self._vehicles.set_stamp(to_nanoseconds(stamp), first=first)
         self._record()
         self._idle = False
         self.publishers_.publish_clock(result.stamp_ns)
@@ -278,21 +286,14 @@ class SimNode(AlarmNode):
         self._step_alarm.set(scheduler.wait_s(time.monotonic(), ready=self._ready()))
 
     def _ready(self) -> bool:
-        """Return whether every live drone has commanded and every vehicle has arrived."""
-        # Computed only if the scheduler waits for it.
-        return self._scheduler.running and not (self.mission.missing or self._late())
-
-    def _late(self) -> list[int]:
-        """Return the drones whose vehicles have to arrive before the next step."""
-        mission = self.mission
-        if not self.settings.wait_for_vehicles or mission.done:
-            return []
-        radius_m = acceptance_radius_m(self.frame, self.settings.acceptance_radius)
-        return self._vehicles.late(mission.live, mission.result.cells, radius_m)
+        """Return whether nothing is waited for; computed only if the scheduler would wait."""
+        return self._scheduler.running and not (self.mission.missing or self._fleet.awaited())
 
     def _advance(self) -> None:
-        """Do the step if it is due, else set the alarm for when it will be."""
+        """Begin the step, and do it if it is due, else set the alarm for when it will be."""
         self._navigation.check()
+        if self._fleet.exist and not self.mission.begun and self._ready():
+            self._begin_step()
         now_s, ready = time.monotonic(), self._ready()
         match self._scheduler.due(now_s, ready=ready):
             case Due.STEP:
@@ -343,9 +344,9 @@ class SimNode(AlarmNode):
         """Repeat the time for late joiners, and log what the step waits for."""
         self.publishers_.repeat_time()
         if self.settings.step_mode == "lockstep":
-            awaited = status.awaited(self.mission, self._scheduler, self._late())
-            self._waiting_log.log(awaited, first=not self._idle)
+            self._waiting_log.log(self._fleet.waiting(), first=not self._idle)
         self._idle = True
+        self._fleet.watch()
         self._idle_alarm.set(IDLE_S)
 
     # Commands and vehicles
@@ -363,9 +364,9 @@ class SimNode(AlarmNode):
         parsed = parse_place(pose_from_message(message), self.frame)
         if isinstance(parsed, Rejected):
             self._commands.reject(f"drone{drone}/vehicle_pose", parsed)
-            self._vehicles.set_place(drone, None)
+            self._fleet.vehicles.set_place(drone, None)
         else:
-            self._vehicles.set_place(drone, parsed.value)
+            self._fleet.vehicles.set_place(drone, parsed.value)
             self._advance()
 
     def _on_state(self, drone: int, message: DiagnosticArray) -> None:
@@ -375,15 +376,19 @@ class SimNode(AlarmNode):
             rejected = Rejected("bad_state", str(error))
             self._commands.reject(f"drone{drone}/vehicle_state", rejected)
             return
-        if lost := self._vehicles.set_progress(drone, progress, self.publishers_.run_id):
+        if lost := self._fleet.vehicles.set_progress(drone, progress, self.publishers_.run_id):
             self._lose(drone, lost)
+        self._advance()
+
+    def _on_time(self, drone: int, message: TimeReference) -> None:
+        self._fleet.set_time(drone, to_nanoseconds(message.time_ref) // 10**6)
         self._advance()
 
     def _lose(self, drone: int, reason: str) -> None:
         """Continue without a drone whose vehicle has dropped out."""
         if not self.mission.lose(drone):
             return
-        self._vehicles.lost[drone] = reason
+        self._fleet.vehicles.lost[drone] = reason
         self.get_logger().warning(f"drone{drone} is lost: {' '.join(reason.split())[:200]}")
         if self.mission.done:
             self._record()
@@ -409,24 +414,23 @@ class SimNode(AlarmNode):
         )
 
     def _publish_diagnostics(self) -> None:
-        late = self._late()
         health = status.health(
             self.mission,
             self._scheduler,
             stopped=self.state is SimulationState.STOPPED,
-            awaited=status.awaited(self.mission, self._scheduler, late) if self._idle else "",
+            awaited=self._fleet.waiting() if self._idle else "",
             publishers=self._publisher_counts.update(),
-            lost=self._vehicles.lost,
+            lost=self._fleet.vehicles.lost,
             rejected=self._commands.rejected,
         )
         values = status.values(
             self.mission, run_id=self.publishers_.run_id, step_mode=self.settings.step_mode,
             timeouts=self.timeouts, publishers=self._publisher_counts.last,
             duplicates=self._commands.duplicates,
-            late=late if self.settings.wait_for_vehicles else None,
-            lost=self._vehicles.lost, rejected=self._commands.rejected,
+            late=self._fleet.awaited() if self._fleet.exist else None,
+            lost=self._fleet.vehicles.lost, rejected=self._commands.rejected,
         )  # fmt: skip
-        drones = status.of_drones(self.mission, self._vehicles.lost, waits=self._idle)
+        drones = status.of_drones(self.mission, self._fleet.vehicles.lost, waits=self._idle)
         self._diagnostics.publish(
             health,
             values,

@@ -13,6 +13,7 @@ import numpy as np
 from dsse_ros.drift.flow import utc
 from dsse_ros.mission.scenario_files import find_scenario
 from dsse_ros.mission.step_scheduler import Timing
+from dsse_ros.mission.vehicle_steps import FOLLOWED
 from dsse_ros.nodes.settings import (
     FULL_NAMES,
     PROFILE,
@@ -54,7 +55,11 @@ def read_parameters(node: AlarmNode) -> tuple[SimSettings, SearchEnv, Endpoints]
     settings = SimSettings(**{name: value for name, value in given.items() if "." not in name})
     path = find_scenario(file) if file else None
     scenario = Scenario.of(path).override(**without_prefix("scenario.", given))
-    rules = profile(scenario.rules_of(base), **without_prefix("rules.", given))
+    rules = profile(
+        scenario.rules_of(base),
+        **without_prefix("rules.", given),
+        vehicle_timed_actions=settings.vehicle_time == FOLLOWED,
+    )
     if rules.covers and settings.publish_belief:
         raise FieldError(
             f"publish_belief must be false with rules {rules.profile}, which have no persons, "
@@ -69,7 +74,11 @@ def read_parameters(node: AlarmNode) -> tuple[SimSettings, SearchEnv, Endpoints]
         **vars(settings),
         SCENARIO_FILE: file,
         **{f"scenario.{name}": value for name, value in _in_force(env.scenario).items()},
-        **{f"rules.{name}": value for name, value in vars(rules).items()},
+        **{
+            name: value
+            for field, value in vars(rules).items()
+            if (name := f"rules.{field}") in SIM_PARAMETERS
+        },
     }
     declare(node, SIM_PARAMETERS, values, RUN_TIME_SETTINGS)
     for line in without_effect(settings):
@@ -116,6 +125,7 @@ def timing(settings: SimSettings, step_duration_s: float) -> Timing:
         command_timeout_s=settings.command_timeout,
         real_time_factor=settings.real_time_factor,
         step_duration_s=step_duration_s,
+        by_vehicles=settings.vehicle_time == FOLLOWED,
     )
 
 

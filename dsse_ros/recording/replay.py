@@ -318,6 +318,8 @@ class _Flight:
         elif len(report.points) == len(self.info.agents):
             names = report.points.dtype.names or ()
             commands = report.points["command" if "command" in names else "action"]
+            if "work" in names:
+                mission.set_work(report.points["work"].astype(np.int8))
             known = (commands >= HOLD) & (commands < len(self.info.actions))
             mission.command_all(np.where(known, commands, HOLD).tolist())
             mission.advance("hold")

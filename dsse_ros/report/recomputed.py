@@ -255,6 +255,8 @@ def mission_views(record: RecordedMission, *, belief: bool) -> Iterator[MissionV
             mission.command_all(
                 [numbers.get(name, HOLD) for name in record.commands[step].tolist()]
             )
+            if record.work is not None:
+                mission.set_work(record.work[step])
             mission.advance("hold")
         if not np.array_equal(np.stack([drones["x"], drones["y"]], axis=1), cells):
             raise ValueError(f"step {step} is not of the mission with seed {record.seed}")

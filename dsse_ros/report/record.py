@@ -25,6 +25,7 @@ from dsse_ros.scenario.limits import LARGEST_GRID_CELLS, check_cells
 from dsse_ros.scenario.scenario import ResolvedScenario
 from dsse_ros.search import FieldError, Rules
 from dsse_ros.sensors.sensor import SEARCH
+from dsse_ros.step.fault_kernels import WORKS
 from dsse_ros.step.looks import looks_of
 
 Search = Callable[[int], SearchDefinition]
@@ -60,6 +61,8 @@ class RecordedMission:
         scenario: The scenario, resolved.
         commands: (K, N) names of the commanded actions, `actions` without faults; None if not
             recorded.
+        work: (K, N) int8 of `WORKS`, what the vehicles still had to do; None without vehicles whose
+            actions last as long as they need.
         probabilities: (K, N) float64, map values of the cells searched; None if not recorded.
         pos: (K,) float64 cumulative probability of success after each step; None if not recorded.
         coverage_rate: (K,) float64 share of the cells to cover that are covered after each step;
@@ -86,6 +89,7 @@ class RecordedMission:
     rules: Rules
     scenario: ResolvedScenario
     commands: NDArray[np.str_] | None = None
+    work: NDArray[np.int8] | None = None
     probabilities: NDArray[np.float64] | None = None
     pos: NDArray[np.float64] | None = None
     coverage_rate: NDArray[np.float64] | None = None
@@ -390,6 +394,18 @@ def _check_positions(
         )
 
 
+def _work(names: NDArray[np.str_]) -> NDArray[np.int8]:
+    """Return the numbers of `WORKS` by name.
+
+    Raises:
+        ValueError: If a name is unknown.
+    """
+    unknown = sorted(set(names.ravel().tolist()) - {*WORKS})
+    if unknown:
+        raise ValueError(f"work must be one of {', '.join(WORKS)}, got {unknown[0]!r}")
+    return np.vectorize(WORKS.index, otypes=[np.int8])(names)
+
+
 def _mission(
     columns: Sequence[str],
     steps: Sequence[Sequence[Sequence[str]]],
@@ -435,6 +451,7 @@ def _mission(
             cells=of_drones,
             actions=column("action", np.str_, drones),
             commands=column("command" if "command" in columns else "action", np.str_, drones),
+            work=_work(column("work", np.str_, drones)) if "work" in columns else None,
             rewards=column("reward", np.float64, drones),
             terminated=flag("terminated"),
             truncated=flag("truncated"),

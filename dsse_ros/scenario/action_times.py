@@ -5,7 +5,8 @@
 A step lasts as long as the fastest kind needs for a straight move without wind. Rules with
 `timed_actions` give each action its own time: a move its length over the ground speed, a search
 what the kind needs to come down, look and climb. Other rules give each action one step; only wind,
-or a kind that is slower than the fastest one, makes a move take longer.
+or a kind that is slower than the fastest one, makes a move take longer. With
+`vehicle_timed_actions` these times are estimates: the vehicles report when they are over.
 """
 
 from __future__ import annotations
@@ -64,7 +65,7 @@ def action_times(
         takes.append(steps)
         after.append(left)
     longest = max(map(sum, zip(takes, after, strict=True)))
-    binding = slower or (rules.timed_actions and longest > 1.0)
+    binding = slower or (rules.timed_actions and longest > 1.0) or rules.vehicle_timed_actions
     return ActionTimes(shares, takes, after, binding)
 
 

@@ -43,6 +43,12 @@ class ActionRules:
         "its kind needs; otherwise each takes a step.",
         False,
     )
+    vehicle_timed_actions: bool = field(
+        "bool",
+        "Whether an action lasts until the drone's vehicle has done it, at least a step; "
+        "vehicle_time of sim_node sets it.",
+        False,
+    )
     noop_actions: bool = field(
         "bool", "Whether an unknown action number does nothing instead of being refused.", False
     )

@@ -21,6 +21,7 @@ from dsse_ros.search.ways_home import ways_home
 from dsse_ros.step import fault_kernels
 from dsse_ros.step.fault_kernels import (
     ABILITIES,
+    ACTING,
     CONDITIONS,
     FAULT_CONSTANTS,
     HELD,
@@ -43,6 +44,7 @@ def abilities_of(scenario: ResolvedScenario, rules: Rules, looks: Looks) -> NDAr
         of_kinds["after"][k, :count] = times.after
         of_kinds["binding"][k] = times.binding
         of_kinds["endurance"][k] = endurance_steps(kinds[k], scenario.step_duration_s)
+    of_kinds["vehicle_timed"] = rules.vehicle_timed_actions
     rates = false_alarms(scenario, looks)
     of_kinds["false_alarms"][:, : rates.shape[1]] = rates
     return of_kinds[list(scenario.kind_of)]
@@ -192,6 +194,36 @@ class Faults:
         """Set the charge of a drone of the first world; without batteries, do nothing."""
         if self.has_battery:
             self.conditions["battery"][0, drone] = percent
+
+    def set_work(self, work: NDArray[np.int8]) -> None:
+        """Set what the vehicles of the first world still have to do, (N,) of `WORKS`.
+
+        It counts in the next step, with `vehicle_timed_actions`.
+        """
+        self.conditions["work"][0] = work
+
+    def begun(
+        self, world: World, commands: NDArray[np.int8]
+    ) -> tuple[NDArray[np.int8], NDArray[np.bool_]]:
+        """Return what the drones of the first world do in the next step, without doing it.
+
+        Args:
+            world: The world.
+            commands: (N,) int8, their commands.
+
+        Returns:
+            (N,) the actions that they begin, complete or continue, `HELD` for nothing; (N,) whether
+            they have begun them in an earlier step.
+        """
+        batch, conditions = world.batch, self.conditions.copy()
+        crew = batch.crew._replace(drones=batch.crew.drones.copy())
+        conditions["work"] = ACTING
+        fleet = self.fleet._replace(conditions=conditions, applied=self.applied.copy())
+        batch = batch._replace(worlds=batch.worlds.copy(), crew=crew)
+        self._before(batch, fleet, np.ascontiguousarray(commands[None], np.int8), 0, 1)
+        before, applied = self.conditions["heading"][0], fleet.applied[0]
+        actions = np.where(applied == HELD, conditions["heading"][0], applied)
+        return actions, (before != HELD) & (before == actions)
 
     def positions(self) -> NDArray[np.int64]:
         """Return the observed positions of the drones, (B, N, 2) as (x, y), a view."""

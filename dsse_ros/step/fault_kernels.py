@@ -33,6 +33,10 @@ STATUSES = ("searching", "stuck", "identifying", "returning", "home", "lost", "u
 """Drone status codes; the index is the number."""
 SEARCHING, STUCK, IDENTIFYING, RETURNING, HOME, LOST, UNDER_WAY = range(len(STATUSES))
 
+WORKS = ("done", "coming_back", "acting")
+"""What the vehicle of a drone still has to do for its action; the index is the number."""
+DONE, COMING_BACK, ACTING = range(len(WORKS))
+
 HELD = -1
 """The action of a drone that does nothing, `world.HOLD`."""
 ROUNDING = 1e-9
@@ -66,6 +70,7 @@ ABILITIES = np.dtype(
         ("takes", "f8", (MAX_ACTIONS,)),
         ("after", "f8", (MAX_ACTIONS,)),
         ("binding", "?"),
+        ("vehicle_timed", "?"),  # `CONDITIONS.work` counts instead of the times
         # Probability of a false alarm when an action looks and finds nobody.
         ("false_alarms", "f8", (MAX_ACTIONS,)),
         ("endurance", "i8"),  # steps that the drone can fly; 0: no limit
@@ -85,6 +90,7 @@ CONDITIONS = np.dtype(
         ("status", "i1"),  # number in `STATUSES`
         ("applied", "i1"),  # action of the last step, `HELD` for none
         ("heading", "i1"),  # action in progress
+        ("work", "i1"),  # number in `WORKS`, reported before a step
         ("pending", "i1", (MAX_DELAY,)),  # delayed commands
     ],
     align=True,
@@ -207,11 +213,16 @@ def take_time(flyer, action):
     before, takes = condition.progress, ability.takes[action]
     condition.progress += 1.0
     left = takes + ability.after[action] - condition.progress
+    if ability.vehicle_timed:
+        # The progress stays below `takes` until the vehicle has acted.
+        still_acts = condition.work == ACTING
+        condition.progress = min(condition.progress, takes - 1.0) if still_acts else takes
+        left = 0.0 if condition.work == DONE else 1.0
+    has_effect = before < takes - ROUNDING and condition.progress >= takes - ROUNDING
     if left < ROUNDING:
         condition.spare = max(-left, 0.0)
         condition.progress = 0.0
         condition.heading = HELD
-    has_effect = before < takes - ROUNDING and before + 1.0 >= takes - ROUNDING
     return action if has_effect else np.int64(HELD)
 
 
@@ -367,6 +378,7 @@ def start(constants, faults, area, world, flyer):
     condition.spare = 0.0
     condition.until = 0
     condition.status = SEARCHING
+    condition.work = DONE
     condition.applied = condition.heading = HELD
     for k in range(MAX_DELAY):
         condition.pending[k] = HELD

@@ -40,7 +40,7 @@ RECORDS = st.dictionaries(
         from_modes=st.lists(st.text(max_size=9), max_size=3).map(tuple),
         ordered=st.lists(st.text(max_size=9), max_size=3).map(tuple),
         end=st.sampled_from(["", "return", "land"]),
-        looked_ns=st.integers(-1, 2**63 - 1),
+        looked=st.integers(-1, 2**63 - 1),
         home=st.none() | st.tuples(st.floats(-90, 90), st.floats(-180, 180), st.floats(-99, 999)),
         items=st.integers(0, 700),
     ),

@@ -340,7 +340,7 @@ def test_a_vehicle_that_falls_is_reported_and_not_ordered_up_again(
     vehicle.lose_motors()
     fleet.until(lambda: fleet.controller.followers[0].lost, 20.0)
     assert fleet.controller.followers[0].lost.startswith("fell to ")
-    assert fleet.controller.followers[0].arrived_stamp_ns == -1
+    assert fleet.controller.followers[0].arrived_number == -1
     assert fleet.custody() == "recalled"
     fleet.start()
     fleet.wait(60.0)
@@ -357,11 +357,11 @@ def _climbs(message: object) -> bool:
 def test_arrival_is_withdrawn_while_a_vehicle_is_out_of_its_place(autopilot: str) -> None:
     fleet, search = following(autopilot)
     follower, vehicle = fleet.controller.followers[0], fleet.flights[0].vehicle
-    assert follower.arrived_stamp_ns == search.stamp_ns
+    assert follower.arrived_number == search.stamp_ns
     vehicle.craft.north_m += 80.0
     vehicle.craft.up_m -= 6.0
-    fleet.until(lambda: follower.arrived_stamp_ns == -1, 5.0)
-    fleet.until(lambda: follower.arrived_stamp_ns == search.stamp_ns, 60.0)
+    fleet.until(lambda: follower.arrived_number == -1, 5.0)
+    fleet.until(lambda: follower.arrived_number == search.stamp_ns, 60.0)
     assert not follower.lost
 
 
@@ -407,7 +407,7 @@ def test_a_look_that_is_done_is_not_done_again_by_a_restarted_bridge() -> None:
     search.advance([4])
     fleet.publish(search)
     follower = fleet.controller.followers[0]
-    fleet.until(lambda: follower.custody.record.looked_ns == search.stamp_ns)
+    fleet.until(lambda: follower.custody.record.looked == search.stamp_ns)
     fleet.log.clear()
     fleet.start()
     fleet.until(lambda: fleet.arrived(search))

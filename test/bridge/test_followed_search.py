@@ -13,10 +13,12 @@ import pytest
 from numpy.typing import NDArray
 
 from dsse_ros.bridge.followed_search import MISSION_REPORT_S, FollowedSearch, News
+from dsse_ros.mission_items.track_missions import Leg
 from dsse_ros.scenario.agents import AgentsInfo
 from dsse_ros.scenario.frames import GridFrame
 from msg_adapters.mission_report import MISSION_REPORT_DTYPE
 from msg_adapters.step_report import step_report_dtype
+from msg_adapters.vehicle_tasks import VEHICLE_TASK
 
 ACTIONS = ("left", "right", "up", "down", "search")
 SEARCH = ACTIONS.index("search")
@@ -80,7 +82,41 @@ def test_a_step_is_followed_once_it_is_known_whose_it_is() -> None:
     search.take_agents(agents())
     assert news(search) == [News.BEGUN, News.STEP]
     assert [leg.cell for leg in search.legs] == [AHEAD, (5, 5)]
-    assert {leg.stamp_ns for leg in search.legs} == {13}
+    assert {leg.number for leg in search.legs} == {13}
+
+
+def tasks(*ends: tuple[int, int, int, int], run_id: int = 7, mission: int = 1) -> NDArray[np.void]:
+    """Tasks of (number, column, row, action)."""
+    made = np.zeros(len(ends), VEHICLE_TASK)
+    made["run_id"], made["mission"] = run_id, mission
+    made["task"], made["col"], made["row"], made["action"] = np.array(ends).T
+    return made
+
+
+@pytest.mark.parametrize("first", ["tasks", "report"])
+def test_vehicles_follow_their_tasks_and_end_with_their_drones(first: str) -> None:
+    search, task = followed(), tasks((3, 2, 2, 1), (4, 5, 5, SEARCH))
+    if first == "tasks":
+        search.take_tasks(task)
+        assert news(search) == []
+    search.take_report(13, report(1, over=(False, True)))
+    search.take_tasks(task)
+    assert News.STEP in news(search)
+    assert search.legs == [Leg(3, (2, 2)), Leg(4, (5, 5), searched=True, over=True)]
+
+
+@pytest.mark.parametrize(
+    "other",
+    [tasks((3, 0, 0, 1), (4, 0, 0, 1), run_id=8), tasks((3, 0, 0, 1)), np.zeros(0, VEHICLE_TASK)],
+)
+def test_tasks_of_another_search_or_number_of_drones_are_not_followed(
+    other: NDArray[np.void],
+) -> None:
+    search = followed()
+    search.take_report(13, report(1))
+    search.take_tasks(other)
+    assert news(search) == [News.STEP]
+    assert [leg.cell for leg in search.legs] == [AHEAD, (5, 5)]
 
 
 @pytest.mark.parametrize("order", permutations(["agents", "report", "mission_report"]))
@@ -135,7 +171,7 @@ def test_another_simulation_is_followed_only_once_that_is_allowed(other: dict[st
     assert search.trouble(0.0) == "drone0 is in the air" and search.info == agents()
     kept[0] = ""
     assert news(search) == [News.BEGUN, News.STEP]
-    assert search.info == agents(**other) and search.legs[0].stamp_ns == 26
+    assert search.info == agents(**other) and search.legs[0].number == 26
 
 
 def test_another_mission_of_the_same_simulation_is_followed_at_once() -> None:

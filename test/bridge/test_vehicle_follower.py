@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from dsse_ros.bridge.custody import MAY_ORDER, Custody
 from dsse_ros.bridge.fence import Fence
 from dsse_ros.bridge.flight_record import FlightRecord, inherited
-from dsse_ros.bridge.progress import RETRY_S, TRIES
+from dsse_ros.bridge.progress import RETRY_S, TRIES, LegProgress
 from dsse_ros.bridge.settings import BridgeSettings
 from dsse_ros.bridge.tasks import leg_task, mission_task
 from dsse_ros.bridge.vehicle_custody import FAILSAFE_S
@@ -153,9 +153,9 @@ def test_a_vehicle_takes_off_first_and_its_climb_is_not_cut_short() -> None:
     assert vehicle.turn() is None
     vehicle.obey()
     assert vehicle.orders[-1] == GoTo(*place(3, 5), 120.0, 10.0)
-    assert not led.progress.arrived and led.arrived_stamp_ns == -1
+    assert not led.progress.arrived and led.arrived_number == -1
     vehicle.obey()
-    assert led.arrived_stamp_ns == 13 and vehicle.turn() is None
+    assert led.arrived_number == 13 and vehicle.turn() is None
 
 
 def test_a_search_is_done_once_for_each_step_that_has_one() -> None:
@@ -169,7 +169,7 @@ def test_a_search_is_done_once_for_each_step_that_has_one() -> None:
         assert vehicle.orders[-1] == GoTo(*place(2, 2), 120.0, 10.0)
         assert not vehicle.follower.progress.arrived
         vehicle.obey()
-        assert vehicle.follower.arrived_stamp_ns == stamp
+        assert vehicle.follower.arrived_number == stamp
     assert len(vehicle.orders) == 4
 
 
@@ -292,6 +292,32 @@ def test_a_step_that_is_reported_again_changes_nothing_but_its_end() -> None:
     assert vehicle.turn() == Return()
 
 
+def test_a_vehicle_has_looked_before_it_is_back_and_a_restarted_bridge_knows_it() -> None:
+    vehicle = in_the_air()
+    led = vehicle.follower
+    follow(led, 13, 1, 1, searched=True)
+    assert isinstance(vehicle.turn(), Search)
+    assert (led.looked_number, led.arrived_number) == (-1, -1)
+    vehicle.obey()
+    assert isinstance(led.progress.due, GoTo)
+    assert (led.looked_number, led.arrived_number) == (13, -1)
+    # The same leg again, as its drone is still under way.
+    follow(led, 13, 1, 1, searched=True)
+    assert (led.looked_number, led.arrived_number) == (13, -1)
+    again = LegProgress()
+    again.follow(
+        Leg(13, (1, 1), searched=True), Accepted(led.progress.task), led.custody.record.looked
+    )
+    assert again.looked and not again.arrived
+    vehicle.turn()
+    vehicle.obey()
+    assert (led.looked_number, led.arrived_number) == (13, 13)
+    # Another search of the same cell is another leg.
+    follow(led, 14, 1, 1, searched=True)
+    assert (led.looked_number, led.arrived_number) == (-1, -1)
+    assert isinstance(vehicle.turn(), Search)
+
+
 def test_a_silent_vehicle_goes_on_when_it_is_connected_again_in_time() -> None:
     vehicle = in_the_air()
     led = vehicle.follower
@@ -301,7 +327,7 @@ def test_a_silent_vehicle_goes_on_when_it_is_connected_again_in_time() -> None:
     vehicle.speak()
     assert vehicle.turn() is None and not led.lost
     vehicle.obey()
-    assert led.arrived_stamp_ns == 13
+    assert led.arrived_number == 13
 
 
 def test_a_vehicle_silent_for_too_long_is_lost_returns_when_connected_and_stays_lost() -> None:
@@ -969,7 +995,7 @@ def test_a_mission_is_flown_as_a_whole_with_its_own_end() -> None:
     vehicle.state = FLYING
     assert vehicle.turn() is None
     vehicle.obey()
-    assert led.arrived_stamp_ns == 13 and vehicle.turn() is None
+    assert led.arrived_number == 13 and vehicle.turn() is None
     assert led.finished and not led.lost
 
 

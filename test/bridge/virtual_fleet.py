@@ -373,7 +373,7 @@ class VirtualFleet:
     def arrived(self, search: VirtualSearch) -> bool:
         """Whether all vehicles have done the last step."""
         return all(
-            one.arrived_stamp_ns == search.stamp_ns or search.terminated[i]
+            one.arrived_number == search.stamp_ns or search.terminated[i]
             for i, one in enumerate(self.controller.followers)
         )
 

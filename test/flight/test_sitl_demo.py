@@ -18,7 +18,11 @@ DEMO = Path(__file__).with_name("sitl_demo.py")
 
 def test_three_vehicles_find_the_person_over_every_cell_and_come_home(tmp_path: Path) -> None:
     done = subprocess.run(
-        [sys.executable, str(DEMO), "--out", str(tmp_path), "--seed", "1"],
+        [
+            sys.executable, str(DEMO), "--out", str(tmp_path), "--seed", "1",
+            # Else chance decides how many steps a leg takes.
+            "--vehicle-time", "awaited",
+        ],
         capture_output=True, text=True, timeout=400,
     )  # fmt: skip
     logs = "\n".join(path.read_text(errors="replace") for path in tmp_path.glob("*.log"))

@@ -17,6 +17,7 @@ from dsse_ros.mission.awaited_vehicles import AwaitedVehicles
 from dsse_ros.mission.mission import Mission
 from dsse_ros.mission.mission_log import MissionLog, columns_of
 from dsse_ros.mission.step_reports import step_report_of
+from dsse_ros.mission.vehicle_tasks import VehicleTasks
 from dsse_ros.report.recomputed import mission_views
 from dsse_ros.report.record import read_csv
 from dsse_ros.scenario.frames import scenario_frame
@@ -180,11 +181,13 @@ def test_the_battery_of_a_drone_is_that_of_its_vehicle() -> None:
 
 def test_a_vehicle_s_report_of_this_mission_sets_the_battery_of_its_drone() -> None:
     mission = make(battery_move=5.0)
-    vehicles = AwaitedVehicles(scenario_frame(mission.env.scenario), mission.set_battery)
-    vehicles.set_stamp(100, first=True)
+    tasks = VehicleTasks(3)
+    for _ in range(2):
+        tasks.restart(mission)
+    vehicles = AwaitedVehicles(scenario_frame(mission.env.scenario), tasks, mission.set_battery)
     state = {"level": "ok", "message": "", "values": {}}
-    for drone, stamp_ns, share in ((0, 100, 0.25), (1, 99, 0.25), (2, 100, math.nan)):
-        reported = Progress(stamp_ns, battery=share)
+    for drone, task, share in ((0, 4, 0.25), (1, 2, 0.25), (2, 6, math.nan)):
+        reported = Progress(task, battery=share)
         message = vehicle_state_message("it", "", to_stamp(0), reported, **state)  # type: ignore[arg-type]
         vehicles.set_progress(drone, progress_from_message(message, "it"), 7)
     fly(mission, None, 1)

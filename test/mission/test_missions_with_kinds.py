@@ -20,7 +20,7 @@ from dsse_ros.scenario.agents import AgentsInfo, agents_from_json, agents_json
 from dsse_ros.scenario.definition import SearchDefinition
 from dsse_ros.scenario.frames import map_positions, scenario_frame
 from dsse_ros.scenario.swarm import Swarm
-from dsse_ros.search import SearchEnv, parallel_env
+from dsse_ros.search import FieldError, SearchEnv, parallel_env
 from dsse_ros.searchers.registry import SEARCHERS
 from dsse_ros.searchers.searcher import Searcher
 from dsse_ros.step.fault_kernels import STATUSES, UNDER_WAY
@@ -64,6 +64,29 @@ def test_the_record_of_a_mission_says_who_was_under_way_and_gives_its_pictures(
     (record,) = read_csv(file)
     views = list(mission_views(record, belief=True))
     assert len(views) == len(rows)
+
+
+def test_the_record_of_a_mission_that_vehicles_flew_gives_its_pictures(tmp_path: Path) -> None:
+    env = env_of("drone", "low", "high", vehicle_timed_actions=True)
+    file, mission = tmp_path / "mission.csv", Mission(env, 3)
+    log = MissionLog(file, scenario_frame(env.scenario), faults=True, vehicles=True)
+    log.write(mission, mission.result)
+    draw, works = np.random.default_rng(1), []
+    while not mission.done:
+        mission.command_all(draw.integers(0, 9, 3).tolist())
+        works.append(draw.choice(3, 3, p=[0.3, 0.2, 0.5]).astype(np.int8))
+        mission.set_work(works[-1])
+        mission.advance("hold")
+        log.write(mission, mission.result)
+    log.close()
+    (record,) = read_csv(file)
+    assert record.work is not None
+    np.testing.assert_array_equal(record.work[1:], works)
+    assert len(list(mission_views(record, belief=True))) == len(works) + 1
+    text = file.read_text().splitlines()
+    file.write_text("\n".join([*text[:2], text[2].replace("done", "tired"), *text[3:]]))
+    with pytest.raises(FieldError, match="work must be one of done, coming_back, acting"):
+        read_csv(file)
 
 
 def test_a_step_report_has_status_mask_and_altitude_of_each_kind() -> None:

@@ -20,7 +20,7 @@ def test_whatever_changes_the_share_of_a_step_never_shrinks(
     happenings: list[tuple[float, float | bool]],
 ) -> None:
     pace, now, share = Pace(), 0.0, 0.0
-    pace.begin(now, on_schedule=False)
+    pace.begin(now, makes_up=0.0)
     for delay, change in happenings:
         now += delay
         if isinstance(change, bool):
@@ -35,7 +35,7 @@ def test_whatever_changes_the_share_of_a_step_never_shrinks(
 def test_a_step_is_over_when_its_period_is(period: float, share: float) -> None:
     pace = Pace()
     pace.set_period(5.0, period)
-    pace.begin(5.0, on_schedule=False)
+    pace.begin(5.0, makes_up=0.0)
     now = 5.0 + share * period
     assert pace.share(now) == pytest.approx(share, abs=1e-6)
     assert pace.left_s(now) == pytest.approx((1 - share) * period, abs=1e-6)
@@ -47,26 +47,26 @@ def test_a_step_is_over_when_its_period_is(period: float, share: float) -> None:
 def test_steps_on_schedule_do_not_drift(lates: list[float]) -> None:
     pace = Pace()
     pace.set_period(0.0, 2.0)
-    pace.begin(0.0, on_schedule=False)
+    pace.begin(0.0, makes_up=0.0)
     now = 0.0
     for step, late in enumerate(lates, start=1):
         now = now + pace.left_s(now) + 2.0 * late
         assert now == pytest.approx(2.0 * (step + late))
-        pace.begin(now, on_schedule=True)
+        pace.begin(now, makes_up=1.0)
 
 
 def test_a_delay_of_whole_steps_is_not_caught_up() -> None:
     pace = Pace()
     pace.set_period(0.0, 2.0)
-    pace.begin(0.0, on_schedule=True)
-    pace.begin(7.0, on_schedule=True)
+    pace.begin(0.0, makes_up=1.0)
+    pace.begin(7.0, makes_up=1.0)
     assert pace.left_s(7.0) == 2.0
 
 
 def test_a_held_step_goes_on_from_where_it_was() -> None:
     pace = Pace()
     pace.set_period(0.0, 10.0)
-    pace.begin(0.0, on_schedule=False)
+    pace.begin(0.0, makes_up=0.0)
     pace.hold(4.0, True)
     assert pace.share(100.0) == pytest.approx(0.4)
     pace.hold(100.0, False)
@@ -75,6 +75,6 @@ def test_a_held_step_goes_on_from_where_it_was() -> None:
 
 def test_without_a_period_nothing_is_waited_for() -> None:
     pace = Pace()
-    pace.begin(1.0, on_schedule=False)
+    pace.begin(1.0, makes_up=0.0)
     assert pace.left_s(1.0) == 0.0
     assert pace.share(50.0) == 0.0

@@ -150,6 +150,40 @@ def test_a_change_of_mode_keeps_the_share_of_the_step() -> None:
     assert changed.wait_s(90.0, ready=False) == pytest.approx(0.6)
 
 
+@given(st.lists(st.floats(0, 60), max_size=40), st.sampled_from(["lockstep", "realtime"]))
+def test_steps_by_the_vehicles_take_their_time_whatever_the_wall_clock_says(
+    passed: list[float], mode: str
+) -> None:
+    one = scheduler(mode=mode, step_duration_s=13.0, step_rate=5.0, by_vehicles=True)
+    assert one.due(1e6, ready=True) is Due.NOTHING and not one.started
+    fleet_s, wall_s, steps = 500.0, 0.0, 0
+    one.set_fleet_time(90.0)
+    one.start(fleet_s)
+    for gap in passed:
+        fleet_s, wall_s = fleet_s + gap, wall_s + 1.0
+        one.set_fleet_time(fleet_s)
+        # Steps that are late are made up for, one by one.
+        while one.due(wall_s, ready=True) is not Due.NOTHING:
+            assert one.wait_s(wall_s, ready=True) == 0.0
+            one.begin(wall_s, done=False)
+            steps += 1
+        assert one.wait_s(wall_s, ready=True) == math.inf
+    assert steps == pytest.approx((fleet_s - 500.0) / 13.0, abs=1.0 + 1e-6)
+    assert steps <= (fleet_s - 500.0) / 13.0 + 1e-6
+
+
+def test_a_step_by_the_vehicles_waits_for_commands_until_the_timeout() -> None:
+    one = scheduler(step_duration_s=13.0, command_timeout_s=5.0, by_vehicles=True)
+    one.start(0.0)
+    one.set_fleet_time(12.9)
+    assert one.due(1e3, ready=False) is Due.NOTHING
+    one.set_fleet_time(13.0)
+    assert one.due(4.9, ready=False) is Due.NOTHING
+    assert one.due(5.0, ready=False) is Due.TIMEOUT
+    one.stop()
+    assert not one.started
+
+
 actions = st.one_of(
     st.tuples(st.just("timing"), timings),
     st.tuples(st.just("pause"), st.booleans()),

@@ -13,13 +13,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from msg_adapters.poses import pose_from_message
-from msg_adapters.stamps import header
+from msg_adapters.stamps import header, to_nanoseconds
 from msg_adapters.vehicles import (
     Progress,
     progress_from_message,
     vehicle_fix,
     vehicle_pose,
     vehicle_state_message,
+    vehicle_time,
 )
 
 STAMP = Time(sec=5, nanosec=6)
@@ -34,17 +35,15 @@ def state_message(progress: Progress, **values: object) -> DiagnosticArray:
     )
 
 
-@given(STAMPS, STAMPS, TEXTS, st.integers(0, 2**32 - 1))
-def test_the_progress_that_is_published_is_read(
-    report: int, arrived: int, lost: str, run_id: int
-) -> None:
-    progress = Progress(report, arrived, lost, run_id=run_id)
+@given(st.lists(STAMPS, min_size=3, max_size=3), TEXTS, st.integers(0, 2**32 - 1))
+def test_the_progress_that_is_published_is_read(tasks: list[int], lost: str, run_id: int) -> None:
+    progress = Progress(*tasks, lost, run_id=run_id)
     message = state_message(progress, mode="GUIDED")
     assert progress_from_message(message, "drone1") == progress
     assert message.status[0].message == "flies" and message.header.stamp == STAMP
 
 
-@given(st.dictionaries(st.sampled_from(["report_stamp_ns", "arrived_stamp_ns", "lost"]), TEXTS))
+@given(st.dictionaries(st.sampled_from(["task", "looked_task", "arrived_task", "lost"]), TEXTS))
 def test_any_other_text_is_read_or_refused_in_one_line(values: dict[str, str]) -> None:
     message = state_message(Progress())
     for pair in message.status[0].values:
@@ -74,6 +73,13 @@ def test_a_pose_is_where_the_vehicle_is(heading: float) -> None:
 def test_a_vehicle_that_does_not_know_its_heading_faces_east() -> None:
     pose = vehicle_pose(header("map", STAMP), (0.0, 0.0, 10.0), math.nan)
     assert (pose.pose.orientation.z, pose.pose.orientation.w) == (0.0, 1.0)
+
+
+@given(st.integers(0, 2**32 - 1))
+def test_the_clock_of_a_vehicle_is_read_to_the_millisecond(boot_ms: int) -> None:
+    message = vehicle_time(header("drone1/base_link", STAMP), "udp system 1", boot_ms * 1e-3)
+    assert to_nanoseconds(message.time_ref) == boot_ms * 10**6
+    assert message.header.stamp == STAMP and message.source == "udp system 1"
 
 
 def test_a_fix_says_that_its_error_is_not_known() -> None:

@@ -36,7 +36,7 @@ from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.serialization import serialize_message
 from rig import LATCHED, RELIABLE, TIMEOUT_S, Inbox, Rig, Sim
-from sensor_msgs.msg import Image, PointCloud2
+from sensor_msgs.msg import Image, PointCloud2, TimeReference
 from std_msgs.msg import Float64MultiArray, Int32MultiArray, String
 from std_srvs.srv import SetBool, Trigger
 
@@ -47,6 +47,7 @@ FROM_SIM = {
     "agents": String,
     "step_report": PointCloud2,
     "mission_report": PointCloud2,
+    "vehicle_tasks": PointCloud2,
     "probability": Image,
     "probability_grid": OccupancyGrid,
     "belief": Image,
@@ -64,6 +65,7 @@ TO_SIM = {
             "command_pose": PoseStamped,
             "vehicle_pose": PoseStamped,
             "vehicle_state": DiagnosticArray,
+            "vehicle_time": TimeReference,
         }.items()
     },
 }
@@ -366,7 +368,7 @@ class Attack:
 def attacks(rig: Rig, seed: int) -> Iterator[Attack]:
     """Yield a flight under attack, with each node that subscribes to anything."""
     with autopilots(*[()] * DRONES, speedup=5.0) as vehicles:
-        search = {"wait_for_vehicles": True, "num_drones": DRONES, "timestep_limit": 10**6}
+        search = {"vehicle_time": "followed", "num_drones": DRONES, "timestep_limit": 10**6}
         sim = Sim(
             rig,
             rig.start(

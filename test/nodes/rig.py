@@ -15,6 +15,7 @@ import time
 import warnings
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from functools import cached_property
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -48,6 +49,7 @@ from dsse_ros.runtime.discovery import variable
 from msg_adapters.commands import joint_action_message
 from msg_adapters.diagnostics import status_name
 from msg_adapters.step_report import step_report_from_message
+from msg_adapters.vehicle_tasks import vehicle_tasks_from_message
 
 with warnings.catch_warnings():
     # ROS 2's own imports, on the first message that is converted.
@@ -372,6 +374,27 @@ class Sim:
         """Whether a drone is in flight."""
         report = self.report
         return not (report["terminated"] | report["truncated"]).all()
+
+    @cached_property
+    def _tasks(self) -> Inbox:
+        return self.rig.listen(PointCloud2, self.topic("vehicle_tasks"), LATCHED)
+
+    def tasks(self) -> NDArray[Any]:
+        """Return the tasks of the vehicles, one entry per drone."""
+
+        def current() -> bool:
+            tasks = [vehicle_tasks_from_message(message) for message in self._tasks[-1:]]
+            return any(search_of(one) == self.search for one in tasks)
+
+        self.rig.until(current, "the tasks")
+        return vehicle_tasks_from_message(self._tasks.last)
+
+    def begin(self, *actions: int) -> NDArray[Any]:
+        """Command all drones and return the tasks with which their vehicles begin."""
+        seen = int(self.tasks()["task"].max())
+        self.joint(*actions)
+        self.rig.until(lambda: self.tasks()["task"].max() > seen, "the tasks of the step")
+        return self.tasks()
 
     def next_report(self, seen: int) -> NDArray[Any]:
         """Return the report after the first `seen` ones."""

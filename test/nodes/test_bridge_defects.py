@@ -45,7 +45,7 @@ def test_a_defect_of_one_vehicle_ends_neither_the_bridge_nor_the_others(
 ) -> None:
     (rig.folder / "defective_bridge.py").write_text(PROGRAM)
     monkeypatch.setenv("PYTHONPATH", str(rig.folder), prepend=os.pathsep)
-    search: dict[str, Any] = {"wait_for_vehicles": True, "num_drones": 2, "grid_size": 6}
+    search: dict[str, Any] = {"vehicle_time": "awaited", "num_drones": 2, "grid_size": 6}
     sim: Sim = rig.sim(search)
     connections = [f"udpin:127.0.0.1:{free_udp_port()}" for _ in range(2)]
     parameters = {"connections": connections, "state_directory": str(rig.folder / "state")}

@@ -41,7 +41,7 @@ SITUATIONS = pytest.mark.parametrize(
 
 SEARCHED_FOR_LONG: dict[str, Any] = SEARCHED | {
     "drones_positions": [0, 5],
-    "wait_for_vehicles": True,
+    "vehicle_time": "awaited",
     "timestep_limit": 2,
 }
 
@@ -58,6 +58,7 @@ def flown_until(rig: Rig, sim: Sim, bridge: Bridge, search: str, *, landed: bool
         rig.until(lambda: sim.report["terminated"].all(), "drone0 terminated")
     else:
         bridge.until(0, arrived="true", cell="0 4")
+        rig.until(lambda: sim.step_number == 1, "the step")
     if search == "over":
         fly(sim, UP)
         fly(sim, UP)
@@ -156,7 +157,7 @@ def test_with_arm_always_a_simulation_started_again_is_flown_too(rig: Rig) -> No
 
 def test_a_foreign_simulation_stops_nothing_but_the_take_offs(rig: Rig) -> None:
     with autopilots(()) as vehicles:
-        sim = rig.sim(SEARCHED | {"drones_positions": [0, 5], "wait_for_vehicles": True})
+        sim = rig.sim(SEARCHED | {"drones_positions": [0, 5], "vehicle_time": "awaited"})
         bridge = Bridge(rig, vehicles)
         sim.joint(UP)
         bridge.until(0, arrived="true", cell="0 4")

@@ -68,7 +68,7 @@ def test_a_launch_without_arguments_takes_the_defaults_of_its_file() -> None:
         "scenario.file": "santos", "step_rate": 5.0, "exit_at_end": True,
     }  # fmt: skip
     assert parameters(flight["sim_node"], "sim_node") == {
-        "scenario.file": "sitl", "wait_for_vehicles": True,
+        "scenario.file": "sitl", "vehicle_time": "followed",
     }  # fmt: skip
     bridge = parameters(flight["mavlink_bridge"], "mavlink_bridge")
     assert (bridge["exit_at_end"], bridge["num_vehicles"]) == (True, 3)
@@ -107,12 +107,10 @@ def test_the_vehicles_get_what_the_flight_gives_them() -> None:
     assert parameters(lines["sim_node"], "sim_node")["autopilot"] == "px4"
 
 
-@pytest.mark.parametrize(("mode", "waits"), [("guided", True), ("mission", False)])
-def test_the_simulation_waits_for_vehicles_that_follow_it_and_for_no_others(
-    mode: str, waits: bool
-) -> None:
+@pytest.mark.parametrize(("mode", "time"), [("guided", "followed"), ("mission", "ignored")])
+def test_the_sea_follows_vehicles_that_follow_it_and_no_others(mode: str, time: str) -> None:
     sim = parameters(expand("flight", mode=mode)["sim_node"], "sim_node")
-    assert sim["wait_for_vehicles"] is waits
+    assert sim["vehicle_time"] == time
 
 
 @pytest.mark.parametrize("file", FILES)

@@ -7,12 +7,13 @@ from __future__ import annotations
 import os
 import signal
 import socket
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
 import pytest
 from bridge_rig import (
+    LEFT,
     RIGHT,
     SEARCH,
     SEARCHED,
@@ -28,15 +29,22 @@ from bridge_rig import (
 )
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rig import BEST_EFFORT, LATCHED, Rig, stamp_ns
-from sensor_msgs.msg import BatteryState, NavSatFix, PointCloud2
+from sensor_msgs.msg import BatteryState, NavSatFix, PointCloud2, TimeReference
 from std_msgs.msg import String
 from std_srvs.srv import SetBool, Trigger
+
+from msg_adapters.stamps import to_nanoseconds
 
 
 def call(rig: Rig, kind: Any, service: str, **request: Any) -> tuple[bool, str]:
     """Call a service of the bridge."""
     response = rig.call(kind, service, **request)
     return response.success, response.message
+
+
+def boot_s(inbox: Sequence[TimeReference]) -> float:
+    """Return the last clock of a vehicle."""
+    return to_nanoseconds(inbox[-1].time_ref) * 1e-9
 
 
 @pytest.fixture
@@ -52,7 +60,7 @@ def rig(tmp_path: Path) -> Iterator[Rig]:
 def test_vehicles_fly_the_cells_of_their_drones_and_the_search_waits_for_them(rig: Rig) -> None:
     start = {"drones_positions": [0, 5, 1, 5], "timestep_limit": 3}
     with autopilots((), ()) as vehicles:
-        sim = rig.sim(SEARCHED | start | {"wait_for_vehicles": True})
+        sim = rig.sim(SEARCHED | start | {"vehicle_time": "awaited"})
         bridge = Bridge(rig, vehicles, search_hold=20.0)
         fixes = rig.listen(NavSatFix, "drone1/vehicle_fix", BEST_EFFORT)
         batteries = rig.listen(BatteryState, "drone1/vehicle_battery", LATCHED)
@@ -79,6 +87,34 @@ def test_vehicles_fly_the_cells_of_their_drones_and_the_search_waits_for_them(ri
         assert 25.0 <= lowest <= 35.0
 
 
+def test_the_sea_takes_as_long_as_the_vehicles_and_finds_when_they_have_looked(rig: Rig) -> None:
+    place = {"drones_positions": [0, 5, 1, 5], "person_initial_position": [0, 4]}
+    stays = {"person_motion": "random_walk", "person_steps": [0.0] * 4 + [1.0] + [0.0] * 4}
+    found = {"probability_of_detection": 1.0, "vehicle_time": "followed", "altitude": 120.0}
+    with autopilots((), ()) as vehicles:
+        sim = rig.sim(SEARCHED | place | stays | found)
+        bridge = Bridge(rig, vehicles, search_hold=20.0)
+        clocks = [rig.listen(TimeReference, f"drone{i}/vehicle_time") for i in range(2)]
+        sim.begin(UP, RIGHT)
+        begun_s, since = [boot_s(inbox) for inbox in clocks], len(bridge.poses[0])
+        while sim.flying:
+            fly(
+                sim,
+                UP if sim.cells[0] == (0, 5) else SEARCH,
+                RIGHT if sim.cells[1][0] == 1 else LEFT,
+            )
+        took_s = [boot_s(inbox) - before for inbox, before in zip(clocks, begun_s, strict=True)]
+        assert sim.report["found"].tolist() == [1, 0]
+        heights = [pose.pose.position.z for pose in bridge.poses[0][since:]]
+        assert min(heights) < 31.0
+        assert bridge.state(0)["looked_task"] == str(sim.tasks()["task"][0])
+        sea_s = 13.0 * sim.step_number
+        # A move, and a search of 90 m down and 20 s there.
+        assert sea_s > 60.0
+        # Positions come once a second of the vehicles' time, and messages take some.
+        assert took_s == pytest.approx([sea_s] * 2, abs=4.0)
+
+
 @pytest.mark.parametrize(
     ("fault", "mode", "lost"),
     [
@@ -91,7 +127,7 @@ def test_who_drops_out_is_lost_and_let_alone_and_the_other_goes_on(
 ) -> None:
     start = {"drones_positions": [0, 5, 1, 5]}
     with autopilots((), (fault,)) as vehicles:
-        sim = rig.sim(SEARCHED | start | {"wait_for_vehicles": True})
+        sim = rig.sim(SEARCHED | start | {"vehicle_time": "awaited"})
         bridge = Bridge(rig, vehicles)
         sim.joint(UP, UP)
         rig.until(lambda: bridge.state(1).get("lost"), "drone1 is lost")
@@ -109,7 +145,7 @@ def test_who_drops_out_is_lost_and_let_alone_and_the_other_goes_on(
 def test_who_is_lost_on_the_ground_stays_there_when_it_is_connected_again(
     rig: Rig, autopilot: str
 ) -> None:
-    rig.sim(SEARCHED | {"drones_positions": [0, 5], "wait_for_vehicles": True})
+    rig.sim(SEARCHED | {"drones_positions": [0, 5], "vehicle_time": "awaited"})
     # It is ready some time after the order to be so.
     with autopilots((), autopilot=autopilot, ready_s=240.0) as vehicles:
         bridge = Bridge(rig, vehicles, autopilot=autopilot, link_timeout=4.0, lost_timeout=4.0)
@@ -159,7 +195,7 @@ def test_who_cannot_take_off_is_lost_with_the_reason_and_the_other_goes_on(
     given = {"key_file": key} if options.pop("key", False) else options
     with autopilots(()) as one, autopilots((), first=2, **given) as other:
         vehicles = [one[0], other[0]]
-        sim = rig.sim(SEARCHED | {"drones_positions": [0, 5, 1, 5], "wait_for_vehicles": True})
+        sim = rig.sim(SEARCHED | {"drones_positions": [0, 5, 1, 5], "vehicle_time": "awaited"})
         bridge = Bridge(rig, vehicles, join_timeout=12.0)
         rig.until(lambda: bridge.state(1).get("lost"), "the second is lost")
         assert why in bridge.state(1)["lost"]
@@ -171,7 +207,7 @@ def test_who_cannot_take_off_is_lost_with_the_reason_and_the_other_goes_on(
 def test_each_vehicle_flies_in_a_layer_of_its_own(rig: Rig) -> None:
     with autopilots((), (), ()) as vehicles:
         sim = rig.sim(
-            SEARCHED | {"drones_positions": [0, 5, 1, 5, 2, 5], "wait_for_vehicles": True}
+            SEARCHED | {"drones_positions": [0, 5, 1, 5, 2, 5], "vehicle_time": "awaited"}
         )
         bridge = Bridge(rig, vehicles)
         sim.joint(UP, UP, UP)
@@ -193,7 +229,7 @@ def test_the_bridge_ends_when_its_vehicles_are_home_if_it_is_to(rig: Rig) -> Non
     with autopilots((), ()) as vehicles:
         sim = rig.sim(
             SEARCHED
-            | {"drones_positions": [0, 5, 1, 5], "wait_for_vehicles": True, "timestep_limit": 1}
+            | {"drones_positions": [0, 5, 1, 5], "vehicle_time": "awaited", "timestep_limit": 1}
         )
         bridge = Bridge(rig, vehicles, exit_at_end=True)
         fly(sim, UP, UP)
@@ -225,7 +261,7 @@ def test_why_a_vehicle_cannot_be_reached_is_reported_once_and_for_the_lost(rig: 
 def test_who_has_no_heartbeat_any_more_is_lost_and_the_other_goes_on(rig: Rig) -> None:
     start = {"drones_positions": [0, 5, 1, 5]}
     with autopilots((), ()) as vehicles:
-        sim = rig.sim(SEARCHED | start | {"wait_for_vehicles": True})
+        sim = rig.sim(SEARCHED | start | {"vehicle_time": "awaited"})
         bridge = Bridge(rig, vehicles, link_timeout=4.0, lost_timeout=6.0)
         sim.joint(UP, UP)
         bridge.until(1, flying="true")
@@ -248,7 +284,7 @@ def test_nothing_is_armed_unless_that_is_allowed(rig: Rig) -> None:
 
 def test_nothing_takes_off_before_a_planner_has_commanded_all_drones(rig: Rig) -> None:
     with autopilots(()) as vehicles:
-        sim = rig.sim(SEARCHED | {"drones_positions": [0, 5], "wait_for_vehicles": True})
+        sim = rig.sim(SEARCHED | {"drones_positions": [0, 5], "vehicle_time": "awaited"})
         bridge = Bridge(rig, vehicles)
         bridge.until(0, ready="true", blocked="waiting for the first commands of a planner")
         assert take_off_orders(bridge) == 0
@@ -259,7 +295,7 @@ def test_nothing_takes_off_before_a_planner_has_commanded_all_drones(rig: Rig) -
 def test_an_operator_holds_recalls_and_clears_vehicles(rig: Rig) -> None:
     """After each call nothing moves again but by ~/arm."""
     with autopilots(()) as vehicles:
-        sim = rig.sim(SEARCHED | {"drones_positions": [0, 5], "wait_for_vehicles": True})
+        sim = rig.sim(SEARCHED | {"drones_positions": [0, 5], "vehicle_time": "awaited"})
         bridge = Bridge(rig, vehicles, arm=False)
         sim.joint(UP)
         bridge.until(0, custody="cleared", ready="true")
@@ -296,7 +332,7 @@ def test_px4_flies_cells_and_searches_too(rig: Rig) -> None:
     patient = ("--param", "COM_OF_LOSS_T=200")
     with autopilots((), autopilot="px4", options=patient) as vehicles:
         sim = rig.sim(
-            SEARCHED | {"drones_positions": [0, 5], "timestep_limit": 1, "wait_for_vehicles": True}
+            SEARCHED | {"drones_positions": [0, 5], "timestep_limit": 1, "vehicle_time": "awaited"}
         )
         bridge = Bridge(rig, vehicles, autopilot="px4", setpoint_rate=100.0)
         fly(sim, SEARCH)
@@ -386,7 +422,7 @@ def test_twenty_vehicles_are_waited_for_and_each_gets_a_heartbeat_a_second(rig: 
     number = 20
     starts = [part for i in range(number) for part in (i % 6, 5 - i // 6)]
     with autopilots(*[()] * number, speedup=5.0, ready_s=5.0) as vehicles:
-        sim = rig.sim(SEARCHED | {"drones_positions": starts, "wait_for_vehicles": True})
+        sim = rig.sim(SEARCHED | {"drones_positions": starts, "vehicle_time": "awaited"})
         bridge = Bridge(rig, vehicles, pose_rate=5.0)
         seen = len(sim.reports)
         sim.joint(*[UP if i >= 18 else SEARCH for i in range(number)])

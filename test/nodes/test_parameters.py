@@ -230,6 +230,9 @@ def test_a_setting_without_effect_in_this_mode_is_named_and_no_other_is(sim: Sim
     ]
     assert without_effect(SimSettings(odom_rate=20.0, step_mode="realtime")) == []
     assert without_effect(SimSettings(command_timeout=2.0)) == without_effect(SimSettings()) == []
+    assert without_effect(SimSettings(step_rate=2.0, vehicle_time="followed")) == [
+        "step_rate has no effect with vehicle_time followed"
+    ]
     before = sim.process.output.count("odom_rate has no effect")
     sim.set(odom_rate=20.0)
     sim.rig.until(

@@ -30,7 +30,7 @@ def node(rig: Rig) -> Sim:
             "drones_positions": [0, 0, 4, 0, 7, 7],
             "person_initial_position": [2, 5],
             "probability_of_detection": 0.0,
-            "wait_for_vehicles": True,
+            "vehicle_time": "awaited",
             "acceptance_radius": 12.0,
             "seed": 3,
             "record_file": str(rig.folder / "vehicles.csv"),
@@ -55,11 +55,12 @@ def pose(sim: Sim, drone: int, col: float, row: float, frame: str = "map") -> No
 
 
 def publish_state(
-    sim: Sim, drone: int, *, arrived: bool = False, lost: str = "", report: int = 0
-) -> None:
-    """Say how far a vehicle has come, with the report that many nanoseconds off the last."""
-    stamp = stamp_ns(sim.reports.last) + report
-    progress = Progress(stamp, stamp if arrived else -1, lost)
+    sim: Sim, drone: int, *, arrived: bool = False, looked: bool = False, lost: str = "",
+    before: int = 0,
+) -> None:  # fmt: skip
+    """Say how far a vehicle has come with its task, or with one that many before."""
+    task = int(sim.tasks()["task"][drone]) - before
+    progress = Progress(task, task if arrived or looked else -1, task if arrived else -1, lost)
     message = vehicle_state_message(
         f"drone{drone}", "none", to_stamp(0), progress,
         level="ok", message="", values={},
@@ -68,21 +69,38 @@ def publish_state(
 
 
 def all_there(sim: Sim) -> None:
-    for drone, (col, row) in enumerate(sim.cells):
+    """Say that all vehicles have done their tasks."""
+    for drone, task in enumerate(sim.tasks()):
+        publish_state(sim, drone, arrived=True)
+        pose(sim, drone, int(task["col"]), int(task["row"]))
+
+
+def flown(sim: Sim, *actions: int) -> None:
+    """Do a step whose vehicles arrive."""
+    all_there(sim)
+    seen = len(sim.reports)
+    sim.begin(*actions)
+    all_there(sim)
+    sim.next_report(seen)
+
+
+def test_vehicles_begin_when_all_have_a_command_and_the_step_is_done_when_they_have_arrived(
+    sim: Sim,
+) -> None:
+    seen = len(sim.reports)
+    all_there(sim)
+    tasks = sim.begin(RIGHT, SEARCH, LEFT)
+    assert tasks[["col", "row", "action"]].tolist() == [
+        (1, 0, RIGHT), (4, 0, SEARCH), (6, 7, LEFT)
+    ]  # fmt: skip
+    assert [p.x for p in tasks.view(np.recarray)] == [150.0, 450.0, 650.0]
+    for drone, (col, row) in enumerate([(1, 0), (4, 0.13), (6, 7)]):
         publish_state(sim, drone, arrived=True)
         pose(sim, drone, col, row)
-
-
-def test_a_step_waits_until_the_last_vehicle_is_near_the_centre_of_its_cell(sim: Sim) -> None:
-    seen = len(sim.reports)
-    sim.joint(RIGHT, RIGHT, LEFT)
-    for drone, (col, row) in enumerate(sim.cells):
-        publish_state(sim, drone, arrived=True)
-        pose(sim, drone, col, row + (0.13 if drone == 1 else 0.0))
     assert sim.health_when(lambda h: h["awaited_vehicles"] == "drone1")["missing_drones"] == ""
     assert len(sim.reports) == seen
     pose(sim, 1, 4, 0.11)
-    assert sim.next_report(seen)["action"].tolist() == [RIGHT, RIGHT, LEFT]
+    assert sim.next_report(seen)["action"].tolist() == [RIGHT, SEARCH, LEFT]
 
 
 def test_the_node_says_whose_vehicles_it_waits_for(sim: Sim) -> None:
@@ -100,16 +118,28 @@ def test_the_node_says_whose_vehicles_it_waits_for(sim: Sim) -> None:
 
 def test_a_step_waits_for_the_end_of_a_search_though_the_vehicle_is_there(sim: Sim) -> None:
     all_there(sim)
-    sim.fly(SEARCH, SEARCH, SEARCH)
     seen = len(sim.reports)
-    sim.joint(RIGHT, RIGHT, LEFT)
+    sim.begin(SEARCH, SEARCH, SEARCH)
     for drone, (col, row) in enumerate(sim.cells):
-        publish_state(sim, drone, arrived=drone != 2)
+        publish_state(sim, drone, arrived=drone != 2, looked=True)
         pose(sim, drone, col, row)
     sim.health_when(lambda h: h["awaited_vehicles"] == "drone2")
     assert len(sim.reports) == seen
     publish_state(sim, 2, arrived=True)
-    assert sim.next_report(seen)["step"][0] == 2
+    assert sim.next_report(seen)["step"][0] == 1
+
+
+def test_once_the_step_has_begun_another_joint_action_for_it_is_refused(sim: Sim) -> None:
+    all_there(sim)
+    sim.begin(RIGHT, RIGHT, LEFT)
+    sim.health()
+    sim.joint(RIGHT, RIGHT, LEFT)
+    sim.joint(SEARCH, RIGHT, LEFT)
+    health = sim.health_after("step_begun")
+    assert health["rejected.step_begun"] == "1"
+    seen = len(sim.reports)
+    all_there(sim)
+    assert sim.next_report(seen)["action"].tolist() == [RIGHT, RIGHT, LEFT]
 
 
 def test_vehicles_that_are_late_are_not_waited_for_after_the_time_out(sim: Sim) -> None:
@@ -131,7 +161,8 @@ def test_a_lost_drone_is_terminated_and_the_others_go_on_without_it(sim: Sim) ->
     assert published_again["terminated"].tolist() == [0, 1, 0]
     assert published_again["step"].tolist() == [0, 0, 0]
     assert stamp_ns(sim.reports[seen]) == stamp_ns(sim.reports[seen - 1])
-    sim.joint(RIGHT, RIGHT, LEFT)
+    sim.begin(RIGHT, RIGHT, LEFT)
+    all_there(sim)
     report = sim.next_report(seen + 1)
     assert report["action"].tolist() == [RIGHT, -1, LEFT]
     assert report["terminated"].tolist() == [0, 1, 0]
@@ -173,7 +204,7 @@ def test_a_reset_brings_lost_drones_back_and_old_news_does_not_count(sim: Sim) -
     publish_state(sim, 0, lost="taken over: in LOITER")
     sim.health_when(lambda h: h["lost_drones"] == "drone0")
     sim.reset()
-    publish_state(sim, 0, lost="taken over: in LOITER", report=-1)
+    publish_state(sim, 0, lost="taken over: in LOITER", before=3)
     sim.wait_until_quiet()
     health = sim.health()
     assert health["lost_drones"] == "" and health["drones_in_flight"] == "3"
@@ -200,8 +231,7 @@ def test_a_mission_that_has_lost_all_vehicles_waits_for_a_reset(sim: Sim) -> Non
 
 
 def test_the_record_has_the_last_step_once_and_with_its_lost_drones(sim: Sim) -> None:
-    all_there(sim)
-    sim.fly(RIGHT, RIGHT, LEFT)
+    flown(sim, RIGHT, RIGHT, LEFT)
     for drone in range(3):
         publish_state(sim, drone, lost="battery failsafe")
     mission = sim.health_when(lambda h: h["state"] == "mission over")["mission"]
@@ -232,7 +262,7 @@ def test_a_state_that_is_none_is_counted(sim: Sim, text: str) -> None:
         "drone0", "none", to_stamp(0), Progress(), level="ok", message="", values={}
     )
     for pair in message.status[0].values:
-        if pair.key == "arrived_stamp_ns":
+        if pair.key == "arrived_task":
             pair.value = text
     sim.talk(DiagnosticArray, "drone0/vehicle_state").publish(message)
     sim.talk(DiagnosticArray, "drone0/vehicle_state").publish(DiagnosticArray())

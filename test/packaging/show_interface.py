@@ -85,7 +85,7 @@ if __name__ == "__main__":
     options = [
         part
         for text in (
-            "scenario.num_drones:=1", "wait_for_vehicles:=true", "publish_belief:=true",
+            "scenario.num_drones:=1", "vehicle_time:=followed", "publish_belief:=true",
             "scenario.battery_move:=1.0", "scenario.loss_steps:=[1000]",
             "rules:=sea", "scenario.particles:=10", "scenario.timestep_limit:=10",
         )

@@ -159,14 +159,19 @@ class Flown:
         self.mission.advance(missing)
         self.report()
 
-    def fly(self, steps: int) -> None:
-        """Do steps with a joint action each, of all actions in turn that stay on the grid."""
+    def fly(self, steps: int, work: Sequence[Sequence[int]] = ()) -> None:
+        """Do steps with a joint action each, of all actions in turn that stay on the grid.
+
+        `work` is what the vehicles still have to do, step by step.
+        """
         for _ in range(steps):
             if self.mission.done:
                 return
             step = self.mission.result.step
             allowed = [np.flatnonzero(mask) for mask in self.mission.env.action_masks()]
             self.joint(*[int(one[(step + i) % len(one)]) for i, one in enumerate(allowed)])
+            if step < len(work):
+                self.mission.set_work(np.array(work[step], np.int8))
             self.step()
 
     def find(self, topic: str, number: int = 0) -> int:

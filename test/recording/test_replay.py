@@ -83,6 +83,25 @@ def test_a_mission_repeats_byte_for_byte(
     assert mission.steps == of.mission.result.step
 
 
+WORK = st.lists(st.lists(st.integers(0, 2), min_size=3, max_size=3), min_size=5, max_size=30)
+
+
+@pytest.mark.slow
+@settings(max_examples=15)
+@given(WORK, st.sampled_from(["paper", "sea"]), st.sampled_from([0.0, 0.3]))
+def test_a_mission_that_vehicles_flew_repeats_without_them(
+    work: list[list[int]], rules: str, fault_rate: float
+) -> None:
+    of = Flown(
+        rules=profile(rules, vehicle_timed_actions=True), probability_of_detection=0.6,
+        false_alarm_rate=fault_rate, false_alarm_steps=2, everything=True,
+    )  # fmt: skip
+    of.fly(len(work), work)
+    mission = one(of.messages)
+    assert repeats(mission), mission
+    assert mission.steps == of.mission.result.step
+
+
 def test_each_mission_of_each_run_and_namespace_is_replayed() -> None:
     first = Flown(run_id=1, seed=4)
     first.fly(5)

@@ -4,7 +4,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import re
+import threading
 import time
 from collections.abc import Iterator
 from typing import Any
@@ -15,14 +17,16 @@ import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PoseStamped
 from pettingzoo.test import parallel_api_test
-from rig import TIMEOUT_S, Rig, Sim, stamp_ns
+from rclpy.executors import SingleThreadedExecutor
+from rig import LATCHED, TIMEOUT_S, Rig, Sim
+from sensor_msgs.msg import PointCloud2
 
 from dsse_ros.mission.scenario_files import find_scenario
 from dsse_ros.ros_env import TIMEOUT_S as TIMEOUT_S_OF_ENV
 from dsse_ros.ros_env import DsseRosEnv, SearchLostError
-from dsse_ros.scenario.frames import cell_to_map
 from dsse_ros.search import FieldError, parallel_env
 from msg_adapters.stamps import to_stamp
+from msg_adapters.vehicle_tasks import vehicle_tasks_from_message
 from msg_adapters.vehicles import Progress, vehicle_state_message
 
 SMALL: dict[str, Any] = {"grid_size": 6, "timestep_limit": 12}
@@ -53,7 +57,7 @@ def parameters(name: str) -> dict[str, Any]:
     fields = SEARCHES[name]
     if name != "santos":
         return fields | {"rules": name}
-    return fields | {"scenario": name, "wait_for_vehicles": True}
+    return fields | {"scenario": name, "vehicle_time": "awaited"}
 
 
 @pytest.fixture(scope="module")
@@ -125,38 +129,63 @@ def fly_both(env: DsseRosEnv, beside: Any, seed: int, before_step: Any = None) -
     return found
 
 
+def state_of(drone: int, progress: Progress) -> DiagnosticArray:
+    return vehicle_state_message(
+        f"drone{drone}", "none", to_stamp(0), progress, level="ok", message="", values={}
+    )
+
+
+@contextlib.contextmanager
+def prompt_vehicles(rig: Rig, namespace: str, count: int) -> Iterator[None]:
+    """Run vehicles that have done each task as soon as they get it, in a thread."""
+    node = rclpy.create_node("vehicles", namespace=namespace, context=rig.context)
+    executor = SingleThreadedExecutor(context=rig.context)
+    executor.add_node(node)
+    states, poses = (
+        [node.create_publisher(kind, f"drone{i}/{name}", 10) for i in range(count)]
+        for kind, name in ((DiagnosticArray, "vehicle_state"), (PoseStamped, "vehicle_pose"))
+    )
+
+    def arrive(message: PointCloud2) -> None:
+        for drone, task in enumerate(vehicle_tasks_from_message(message)):
+            number, pose = int(task["task"]), PoseStamped()
+            states[drone].publish(state_of(drone, Progress(number, number, number)))
+            pose.header.frame_id = message.header.frame_id
+            pose.pose.position.x, pose.pose.position.y = float(task["x"]), float(task["y"])
+            poses[drone].publish(pose)
+
+    node.create_subscription(PointCloud2, "vehicle_tasks", arrive, LATCHED)
+    thread = threading.Thread(target=executor.spin)
+    thread.start()
+    try:
+        yield
+    finally:
+        executor.shutdown()
+        thread.join()
+        node.destroy_node()
+
+
 def test_missions_that_lose_a_drone_are_those_of_the_direct_environment(
     rig: Rig, sims: dict[str, Sim]
 ) -> None:
     env, beside = DsseRosEnv("/santos", timeout_s=TIMEOUT_S, domain_id=rig.domain), direct("santos")
     sim, lost_at = sims["santos"], 3
 
-    def report_vehicles() -> None:
+    def lose_a_vehicle() -> None:
         rig.until(lambda: sim.search[1] == env.info.mission, "the mission")
         rig.until(lambda: sim.step_number == beside.steps_done, "the step")
         # With the last drone the mission ends between two steps: no map is drawn for that.
         loses = beside.steps_done == lost_at and {"drone2"} < set(beside.agents)
-        seen, stamp = len(sim.reports), stamp_ns(sim.reports.last)
-        for drone in range(len(beside.possible_agents)):
-            progress = Progress(stamp, stamp, "low battery" if loses and drone == 2 else "")
-            name = f"drone{drone}"
-            message = vehicle_state_message(
-                name, "none", to_stamp(0), progress,
-                level="ok", message="", values={},
-            )  # fmt: skip
-            sim.talk(DiagnosticArray, f"{name}/vehicle_state").publish(message)
-            pose = PoseStamped()
-            pose.header.frame_id = "map"
-            x, y = cell_to_map(env.info.frame, *sim.cells[drone])
-            pose.pose.position.x, pose.pose.position.y = float(x), float(y)
-            sim.talk(PoseStamped, f"{name}/vehicle_pose").publish(pose)
         if loses:
+            seen, progress = len(sim.reports), Progress(int(sim.tasks()["task"][2]), lost="low")
+            sim.talk(DiagnosticArray, "drone2/vehicle_state").publish(state_of(2, progress))
             assert sim.next_report(seen)["terminated"].tolist()[2]
             beside.withdraw(2)
 
     try:
-        for seed in range(20):
-            fly_both(env, beside, seed, report_vehicles)
+        with prompt_vehicles(rig, "/santos", len(beside.possible_agents)):
+            for seed in range(20):
+                fly_both(env, beside, seed, lose_a_vehicle)
     finally:
         env.close()
 

@@ -1,0 +1,162 @@
+# Copyright 2026 dsse_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""sim_node follows the clocks of vehicles, which the test publishes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import pytest
+from diagnostic_msgs.msg import DiagnosticArray
+from geometry_msgs.msg import PoseStamped
+from numpy.typing import NDArray
+from rig import Rig, Sim
+from sensor_msgs.msg import TimeReference
+from std_msgs.msg import Header
+
+from dsse_ros.step.fault_kernels import SEARCHING, UNDER_WAY
+from msg_adapters.stamps import to_stamp
+from msg_adapters.vehicles import Progress, vehicle_state_message, vehicle_time
+
+LEFT, RIGHT, UP, DOWN, SEARCH = range(5)
+STEP_S = 10.0
+BOOTS_S = (4_294_967.0 - 25.0, 5.0)
+"""Vehicles that were started at different times; the clock of the first wraps in the mission."""
+WRAP_S = 2**32 * 1e-3
+
+
+class Vehicles:
+    """Two vehicles whose time passes when the test says so."""
+
+    def __init__(self, sim: Sim) -> None:
+        self.sim, self.time_s = sim, 0.0
+        self.pass_time(0.0)
+
+    def pass_time(self, seconds: float, only: int | None = None) -> None:
+        """Report clocks that have advanced, or that of one vehicle only."""
+        self.time_s += seconds
+        for drone, boot_s in enumerate(BOOTS_S):
+            if only not in (None, drone):
+                continue
+            message = vehicle_time(Header(), "none", (boot_s + self.time_s) % WRAP_S)
+            self.sim.talk(TimeReference, f"drone{drone}/vehicle_time").publish(message)
+
+    def report(self, drone: int, *, looked: bool = True, arrived: bool = True) -> None:
+        """Report how far a vehicle is with its task; it is in the cell where the task ends."""
+        task, pose = self.sim.tasks()[drone], PoseStamped()
+        number = int(task["task"])
+        progress = Progress(number, number if looked else -1, number if arrived else -1)
+        message = vehicle_state_message(
+            f"drone{drone}", "none", to_stamp(0), progress, level="ok", message="", values={}
+        )
+        self.sim.talk(DiagnosticArray, f"drone{drone}/vehicle_state").publish(message)
+        pose.header.frame_id = "map"
+        pose.pose.position.x, pose.pose.position.y = float(task["x"]), float(task["y"])
+        self.sim.talk(PoseStamped, f"drone{drone}/vehicle_pose").publish(pose)
+
+    def step(self, *actions: int) -> NDArray[Any]:
+        """Begin a step with these commands, and return the report of it after its time."""
+        self.sim.wait_until_quiet()
+        seen = len(self.sim.reports)
+        self.sim.joint(*actions)
+        self.sim.wait_until_quiet()
+        assert len(self.sim.reports) == seen
+        self.pass_time(STEP_S)
+        return self.sim.next_report(seen)
+
+
+@pytest.fixture(scope="module")
+def node(rig: Rig) -> Sim:
+    return rig.sim(
+        {
+            "grid_size": 8, "cell_size": 100.0, "drones_positions": [2, 5, 7, 7],
+            "person_initial_position": [2, 5], "person_motion": "random_walk",
+            "person_steps": [0.0] * 4 + [1.0] + [0.0] * 4, "probability_of_detection": 1.0,
+            "vehicle_time": "followed", "seed": 3,
+        }
+    )  # fmt: skip
+
+
+@pytest.fixture
+def sim(node: Sim) -> Iterator[Sim]:
+    node.reset()
+    yield node
+
+
+def test_the_sea_stands_still_until_the_vehicles_are_where_their_drones_start(sim: Sim) -> None:
+    vehicles = Vehicles(sim)
+    vehicles.report(0)
+    seen = len(sim.reports)
+    sim.joint(RIGHT, LEFT)
+    sim.health_when(lambda h: "waiting for vehicles of drone1" in h["message"])
+    vehicles.pass_time(5 * STEP_S)
+    sim.wait_until_quiet()
+    assert len(sim.reports) == seen
+    vehicles.report(1)
+    sim.rig.until(lambda: sim.tasks()["action"].tolist() == [RIGHT, LEFT], "the step")
+    vehicles.pass_time(STEP_S)
+    assert sim.next_report(seen)["step"][0] == 1
+
+
+def test_a_find_is_drawn_when_the_vehicle_has_looked_and_each_step_takes_its_time(
+    sim: Sim,
+) -> None:
+    vehicles = Vehicles(sim)
+    for drone in range(2):
+        vehicles.report(drone)
+    for step in range(1, 4):
+        report = vehicles.step(SEARCH, LEFT)
+        assert report["step"][0] == step
+        assert report["status"].tolist() == [UNDER_WAY, UNDER_WAY]
+        assert report["action"].tolist() == [-1, -1] and not report["found"].any()
+        assert report["work"].tolist() == [2, 2]
+    vehicles.report(1)
+    report = vehicles.step(SEARCH, LEFT)
+    assert report["action"].tolist() == [-1, LEFT] and sim.cells[1] == (6, 7)
+    assert report["status"].tolist() == [UNDER_WAY, SEARCHING]
+    vehicles.report(0, arrived=False)
+    report = vehicles.step(SEARCH, LEFT)
+    assert report["action"].tolist() == [SEARCH, -1] and report["found"].tolist() == [1, 0]
+    assert report["work"].tolist() == [1, 2] and report["terminated"].all()
+    # The sea has taken as long as the vehicles.
+    assert report["step"][0] * STEP_S == vehicles.time_s
+
+
+def test_a_delay_of_the_planner_is_made_up_for(sim: Sim) -> None:
+    vehicles = Vehicles(sim)
+    for drone in range(2):
+        vehicles.report(drone)
+    vehicles.step(RIGHT, LEFT)
+    vehicles.pass_time(3 * STEP_S)
+    for step in range(2, 5):
+        assert sim.fly(RIGHT, LEFT)["step"][0] == step
+    seen = len(sim.reports)
+    sim.joint(RIGHT, LEFT)
+    sim.wait_until_quiet()
+    assert len(sim.reports) == seen
+
+
+def test_the_clock_of_a_vehicle_whose_drone_is_out_of_the_search_does_not_hold_it_up(
+    sim: Sim,
+) -> None:
+    vehicles = Vehicles(sim)
+    for drone in range(2):
+        vehicles.report(drone)
+    # The rules terminate a drone that leaves the grid.
+    vehicles.step(LEFT, RIGHT)
+    vehicles.report(1)
+    assert vehicles.step(LEFT, RIGHT)["terminated"].tolist() == [0, 1]
+    seen = len(sim.reports)
+    sim.joint(LEFT, RIGHT)
+    sim.wait_until_quiet()
+    vehicles.pass_time(STEP_S, only=0)
+    assert sim.next_report(seen)["step"][0] == 3
+
+
+def test_the_node_says_when_the_clocks_stand_still(sim: Sim) -> None:
+    vehicles = Vehicles(sim)
+    for drone in range(2):
+        vehicles.report(drone)
+    sim.begin(RIGHT, LEFT)
+    sim.health_when(lambda h: "waiting for the clocks of the vehicles" in h["message"])
