@@ -1,0 +1,100 @@
+# Copyright 2026 dsse_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""Promises of the planners in a search in metres."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from dsse_ros.planners import PLANNER_NAMES, planner_for
+from dsse_ros.planners.registry import IN_METRES
+from dsse_ros.search import FieldError, parallel_env
+from dsse_ros.search.flight_env import FlightEnv
+
+FIELDS: dict[str, Any] = {
+    "rules": "flight", "person_motion": "constant_drift", "grid_size": 30, "particles": 500,
+    "num_drones": 2, "vector": (0.03, 0.02), "sigma": 3.0, "timestep_limit": 40,
+}  # fmt: skip
+OPTIONS: dict[str, dict[str, Any]] = {"belief": {"samples": 200, "horizon": 5, "width": 4}}
+
+
+def played(env: FlightEnv, planner: Any, seed: int) -> list[Any]:
+    """Return the actions of a mission."""
+    observations, infos = env.reset(seed=seed)
+    joints = []
+    while env.agents:
+        joints.append(planner({agent: observations[agent] for agent in env.agents}, infos))
+        observations, *_, infos = env.step(joints[-1])
+    return [{agent: action.tolist() for agent, action in joint.items()} for joint in joints]
+
+
+def started(**fields: Any) -> FlightEnv:
+    env = parallel_env(**{**FIELDS, **fields})
+    assert isinstance(env, FlightEnv)
+    return env
+
+
+@pytest.mark.parametrize("name", sorted(IN_METRES))
+def test_each_planner_flies_missions_one_after_the_other_as_if_new(name: str) -> None:
+    env = started(probability_of_detection=0.1)
+    planner = planner_for(env, name, seed=1, **OPTIONS.get(name, {}))
+    first, second = played(env, planner, 3), played(env, planner, 4)
+    again = planner_for(env, name, seed=1, **OPTIONS.get(name, {}))
+    assert first == played(env, again, 3)
+    assert second == played(env, planner_for(env, name, seed=1, **OPTIONS.get(name, {})), 4)
+
+
+@pytest.mark.parametrize("name", sorted(IN_METRES))
+def test_a_copy_goes_on_as_the_planner_does(name: str) -> None:
+    env = started(probability_of_detection=0.0)
+    planner = planner_for(env, name, seed=1, **OPTIONS.get(name, {}))
+    observations, infos = env.reset(seed=3)
+    for _ in range(10):
+        twin = planner.copy()
+        actions = planner(observations, infos)
+        of_twin = twin(observations, infos)
+        assert {agent: action.tolist() for agent, action in of_twin.items()} == {
+            agent: action.tolist() for agent, action in actions.items()
+        }
+        observations, *_, infos = env.step(actions)
+
+
+def test_the_belief_is_that_of_the_paths_flown() -> None:
+    env = started(probability_of_detection=0.0)
+    assumed = started(probability_of_detection=0.9)
+    planner = planner_for(assumed, "belief", seed=1, **OPTIONS["belief"])
+    observations, infos = env.reset(seed=3)
+    pos = []
+    for step in range(15):
+        for info in infos.values():
+            info["step"] = step
+        observations, *_, infos = env.step(planner(observations, infos))
+        pos.append(planner.belief.pos)
+    assert (np.diff(pos) >= 0.0).all()
+    assert pos[-1] > 0.2
+
+
+@pytest.mark.parametrize("name", sorted(set(PLANNER_NAMES) - set(IN_METRES)))
+def test_other_planners_are_refused_in_one_line(name: str) -> None:
+    with pytest.raises(FieldError, match=r"planner must be one of belief.*, got"):
+        planner_for(started(), name)
+
+
+def test_a_given_pattern_is_flown_about_its_datum() -> None:
+    env = started(probability_of_detection=0.0, num_drones=1, vector=(0.0, 0.0))
+    planner = planner_for(
+        env, "sweep", length=1000, width=390, track_spacing=130, datum=(15, 15), heading=90
+    )
+    observations, infos = env.reset(seed=3)
+    paths = []
+    for _ in range(38):
+        observations, *_, infos = env.step(planner(observations, infos))
+        paths.append(infos["drone0"]["path"])
+    away = np.abs(np.concatenate(paths) - 15.5 * 130)
+    corners = np.array([(435, 130), (435, 0)])
+    # It has been near the ends of the outer and the inner lanes.
+    for corner in corners:
+        assert np.hypot(*(away - corner).T).min() < 70.0
