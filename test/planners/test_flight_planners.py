@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from dsse_ros.belief.ensemble_belief import EnsembleForecast, PathsFlown
 from dsse_ros.planners import PLANNER_NAMES, planner_for
 from dsse_ros.planners.registry import IN_METRES
 from dsse_ros.search import FieldError, parallel_env
@@ -63,18 +64,25 @@ def test_a_copy_goes_on_as_the_planner_does(name: str) -> None:
 
 
 def test_the_belief_is_that_of_the_paths_flown() -> None:
-    env = started(probability_of_detection=0.0)
-    assumed = started(probability_of_detection=0.9)
+    env = started(probability_of_detection=0.0, drones_positions=((12, 15), (18, 15)))
+    assumed = started(probability_of_detection=0.9, drones_positions=((12, 15), (18, 15)))
     planner = planner_for(assumed, "belief", seed=1, **OPTIONS["belief"])
+    belief = EnsembleForecast(assumed.scenario, assumed.rules, planning=True).belief()
+    flight, everybody = assumed.world.flight, np.ones(2, np.bool_)
+    assert flight is not None
     observations, infos = env.reset(seed=3)
-    pos = []
     for step in range(15):
         for info in infos.values():
             info["step"] = step
-        observations, *_, infos = env.step(planner(observations, infos))
-        pos.append(planner.belief.pos)
-    assert (np.diff(pos) >= 0.0).all()
-    assert pos[-1] > 0.2
+        actions = planner(observations, infos)
+        assert planner.belief.density == pytest.approx(belief.density)
+        observations, *_, infos = env.step(actions)
+        paths = np.stack([info["path"] for info in infos.values()])
+        belief.update_in_passing(
+            PathsFlown(flight.eyes, np.zeros(2, np.int64), paths, everybody, ~everybody)
+        )
+        belief.advance()
+    assert belief.pos > 0.2
 
 
 @pytest.mark.parametrize("name", sorted(set(PLANNER_NAMES) - set(IN_METRES)))
