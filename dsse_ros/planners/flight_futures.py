@@ -31,8 +31,6 @@ from dsse_ros.step.sightings import missed
 
 MOST_BINS = 128
 """Bins along a side."""
-CERTAIN = 0.999
-"""Probability of missing a person from which a plan ignores him."""
 
 
 class Futures(NamedTuple):
@@ -235,7 +233,7 @@ def write_seen(eye, futures, h, path, wind, seen):
         place = seen.places[j]
         chance = missed(eye, path, wind.step_s, futures.ways[h, place], 1.0, False)
         seen.places[found], seen.missed[found] = place, chance
-        found += chance < CERTAIN
+        found += chance < 1.0
     return found
 
 

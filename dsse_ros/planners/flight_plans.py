@@ -39,7 +39,7 @@ BEND = 1.35
 """Power of the spacing of the turns."""
 MOST_PIECES = 3
 """Straight pieces of a step's path in a plan."""
-MOST_SEEN = {DEFINITE: 64, INVERSE_CUBE: 20}
+MOST_SEEN = {DEFINITE: 64, INVERSE_CUBE: 16}
 """Greatest number of drawn persons seen on a leg where they are densest, by law: what a plan costs.
 """
 FEWEST = 256

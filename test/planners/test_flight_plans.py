@@ -222,8 +222,12 @@ def test_the_value_of_plans_is_that_of_brute_force(fleet: Fleet, seed: int) -> N
                     chance = float(chance_missed(eyes, leg, STEP_S, person))
                 value += gamma**h * left * (1 - chance) / positions.shape[1]
                 left *= chance
-    tolerance = 1e-6 if fleet.eyes["law"][0] == DEFINITE else 0.02 * value
-    assert value_of(futures, survivals, gamma) == pytest.approx(value, rel=1e-6, abs=tolerance)
+    planned = value_of(futures, survivals, gamma)
+    if fleet.eyes["law"][0] == DEFINITE:
+        assert planned == pytest.approx(value, rel=1e-6, abs=1e-9)
+    else:
+        # Plans ignore distant persons, who are hardly seen.
+        assert 0.95 * value <= planned <= value * (1 + 1e-6)
 
 
 @settings(max_examples=15, deadline=None)
