@@ -148,6 +148,8 @@ class DsseRosEnv(AgentSpaces, ParallelEnv[str, AgentObservation, int]):
         definition = self.info.definition
         if definition is None:
             raise FieldError("agents.definition: missing; the environment needs it")
+        if definition.rules.in_metres:
+            raise FieldError("space of the simulation must be cells, got 'metres'")
         self._wait(self._publisher.get_subscription_count, "a listener to joint_action", deadline_s)
         self.possible_agents = list(self.info.agents)
         space = observation_space(self.info.frame.grid_size, definition.rules)

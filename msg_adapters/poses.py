@@ -46,6 +46,14 @@ def pose_from_message(message: PoseStamped) -> FramedPose:
     )
 
 
+def poses_from_message(message: Path) -> list[FramedPose]:
+    """Return the poses of a track; one without a frame of its own is in that of the track."""
+    poses = [pose_from_message(stamped) for stamped in message.poses]
+    return [
+        pose if pose.frame_id else pose._replace(frame_id=message.header.frame_id) for pose in poses
+    ]
+
+
 def base_link(drone_name: str, frame_prefix: str = "") -> str:
     """Return the name of a drone's body frame (REP-105): x forward, y left, z up."""
     return f"{frame_prefix}{drone_name}/base_link"
@@ -62,12 +70,20 @@ def yaw_of(velocity_mps: tuple[float, float]) -> float:
 
 
 def pose_stamped(
-    header: Header, position: Position, into: PoseStamped | None = None
+    header: Header, position: Position, yaw_rad: float = 0.0, into: PoseStamped | None = None
 ) -> PoseStamped:
-    """Return the pose of a drone that faces east."""
+    """Return the pose of a drone.
+
+    Args:
+        header: Time of the pose, and the map frame.
+        position: Where the drone is.
+        yaw_rad: Where it points, from east to north.
+        into: Message to fill.
+    """
     message = PoseStamped() if into is None else into
     message.header = header
     _set_position(message.pose, position)
+    _turn(message.pose.orientation, yaw_rad)
     return message
 
 
@@ -76,26 +92,35 @@ def odometry(
     child_frame_id: str,
     position: Position,
     velocity_mps: tuple[float, float],
+    yaw_rad: float | None = None,
     into: Odometry | None = None,
 ) -> Odometry:
     """Return where a drone is and how fast it flies.
 
-    The pose is in the map frame, turned along the velocity; the twist is in the child frame as
-    nav_msgs/Odometry has it, so that a drone in motion has its whole speed along x.
+    The pose is in the map frame, the twist in the child frame as nav_msgs/Odometry has it. A drone
+    that points along its velocity has its whole speed along x.
 
     Args:
         header: Time of the state, and the map frame.
         child_frame_id: Body frame of the drone.
         position: Where it is.
-        velocity_mps: Velocity (east, north).
+        velocity_mps: Velocity over the ground (east, north).
+        yaw_rad: Where it points, from east to north; None for along the velocity.
         into: Message to fill.
     """
     message = Odometry() if into is None else into
+    east, north = velocity_mps
+    ahead, left = math.hypot(east, north), 0.0
+    if yaw_rad is None:
+        yaw_rad = yaw_of(velocity_mps)
+    else:
+        sin, cos = math.sin(yaw_rad), math.cos(yaw_rad)
+        ahead, left = east * cos + north * sin, north * cos - east * sin
     message.header = header
     message.child_frame_id = child_frame_id
     _set_position(message.pose.pose, position)
-    _turn(message.pose.pose.orientation, yaw_of(velocity_mps))
-    message.twist.twist.linear.x = math.hypot(*velocity_mps)
+    _turn(message.pose.pose.orientation, yaw_rad)
+    message.twist.twist.linear.x, message.twist.twist.linear.y = ahead, left
     return message
 
 
@@ -119,15 +144,28 @@ def path(header: Header, positions: Sequence[Position], into: Path | None = None
 
 
 def pose_array(
-    header: Header, positions: Sequence[Position], into: PoseArray | None = None
+    header: Header,
+    positions: Sequence[Position],
+    yaws_rad: Sequence[float] | None = None,
+    into: PoseArray | None = None,
 ) -> PoseArray:
-    """Return the poses of all drones, in the order of the agents."""
+    """Return the poses of all drones, in the order of the agents.
+
+    Args:
+        header: Time of the poses, and the map frame.
+        positions: Where the drones are.
+        yaws_rad: Where they point, from east to north; None for all to the east.
+        into: Message to fill.
+    """
     message = PoseArray() if into is None else into
     message.header = header
     if len(message.poses) != len(positions):
         message.poses = [Pose() for _ in positions]
-    for pose, position in zip(message.poses, positions, strict=True):
+    for pose, position, yaw_rad in zip(
+        message.poses, positions, yaws_rad or [0.0] * len(positions), strict=True
+    ):
         _set_position(pose, position)
+        _turn(pose.orientation, yaw_rad)
     return message
 
 

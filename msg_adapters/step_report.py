@@ -21,6 +21,8 @@ from msg_adapters.point_clouds import cloud_message, points_from_message
 MAX_ACTIONS = 127
 """Action numbers are int8."""
 
+MAX_PATH_POINTS = 64
+
 MAX_STATUS = 6
 """Largest number of a drone's status."""
 
@@ -58,6 +60,11 @@ MAX_WORK = 2
 VEHICLE_FIELDS = (("work", "u1"),)
 """Fields of a drone in a step of a mission whose actions last as long as the vehicles need."""
 
+FLIGHT_FIELDS = (("heading", "<f8"), ("airspeed", "<f8"), ("turn_action", "<f8"),
+                 ("speed_action", "<f8"))  # fmt: skip
+"""Fields of a drone in a step in metres; `path` follows."""
+
+_PATH = "path"
 _ALL_FOUND = "all_found"
 _MASK = "action_mask"
 
@@ -70,6 +77,7 @@ def step_report_dtype(
     faults: bool = False,
     finds: bool = False,
     vehicles: bool = False,
+    path_points: int = 0,
 ) -> np.dtype[Any]:
     """Return the layout of one drone's entry: packed, little-endian.
 
@@ -84,25 +92,44 @@ def step_report_dtype(
     long as the vehicles need, work (uint8, at most `MAX_WORK`): what the vehicle still had to do
     in the step, 0 nothing, 1 to come back after it had looked, 2 all of it.
 
+    In metres, where there are no actions by number, `path_points` is at least 2 and action_mask is
+    missing: heading (float64, radians clockwise from north), airspeed (float64, m/s), turn_action
+    and speed_action (float64, -1 to 1, those of the step) and path (float64 x 2 path_points,
+    metres to the east and to the south of the grid's north-west corner, at equal times of the step
+    up to the present) follow.
+
     Raises:
-        ValueError: If the number of actions is not 1 to `MAX_ACTIONS`.
+        ValueError: If the number of actions is not 1 to `MAX_ACTIONS`, or 0 in metres.
     """
-    if not 1 <= num_actions <= MAX_ACTIONS:
+    if path_points:
+        mask: tuple[tuple[Any, ...], ...] = ()
+        if num_actions or not 2 <= path_points <= MAX_PATH_POINTS:
+            raise ValueError(f"path must be 2 to {MAX_PATH_POINTS} points, got {path_points!r}")
+    elif not 1 <= num_actions <= MAX_ACTIONS:
         raise ValueError(f"num_actions must be 1 to {MAX_ACTIONS}, got {num_actions!r}")
-    mask = (_MASK, "u1", (int(num_actions),))
+    else:
+        mask = ((_MASK, "u1", (int(num_actions),)),)
+    flight = (*FLIGHT_FIELDS, (_PATH, "<f8", (2 * path_points,))) if path_points else ()
     further = (
         *(COVERAGE_FIELDS if coverage else ()),
         *(FAULT_FIELDS if faults else ()),
         *(FIND_FIELDS if finds else ()),
         *(VEHICLE_FIELDS if vehicles else ()),
+        *flight,
     )
-    return np.dtype([*POINT, (_ALL_FOUND, "u1"), mask, *further])
+    return np.dtype([*POINT, (_ALL_FOUND, "u1"), *mask, *further])
 
 
-def _dtype_of(num_actions: int, names: Collection[str]) -> np.dtype[Any]:
+def path_of(report: NDArray[Any]) -> NDArray[np.float64]:
+    """Return the paths (N, K + 1, 2) of a report in metres."""
+    return np.asarray(report[_PATH], np.float64).reshape(len(report), -1, 2)
+
+
+def _dtype_of(num_actions: int, names: Collection[str], path_points: int = 0) -> np.dtype[Any]:
     """Return the layout that has these fields."""
     return step_report_dtype(
         num_actions,
+        path_points=path_points,
         coverage={name for name, _ in COVERAGE_FIELDS}.issubset(names),
         faults=any(name in names for name, _ in FAULT_FIELDS),
         finds="finds" in names,
@@ -116,7 +143,7 @@ def make_step_report(columns: Mapping[str, ArrayLike]) -> NDArray[Any]:
     Args:
         columns: The fields of `step_report_dtype` by name, each for all N drones or one for all,
             with those of coverage, faults, finds and vehicles that there are: action_mask (N, A),
-            finds (N,) uint64 bits. Flags are what is true.
+            finds (N,) uint64 bits; in metres path (N, K + 1, 2). Flags are what is true.
 
     Returns:
         (N,) of a `step_report_dtype`.
@@ -124,10 +151,14 @@ def make_step_report(columns: Mapping[str, ArrayLike]) -> NDArray[Any]:
     Raises:
         ValueError: If the shapes do not match, or the fields are not those of a report.
     """
-    mask = np.asarray(columns.get(_MASK, ()))
-    if mask.ndim != 2:
+    mask, path = np.asarray(columns.get(_MASK, ())), columns.get(_PATH)
+    if path is not None:
+        columns = {**columns, _PATH: (mask := np.reshape(path, (len(np.asarray(path)), -1)))}
+        dtype = _dtype_of(0, columns, mask.shape[1] // 2)
+    elif mask.ndim != 2:
         raise ValueError(f"{_MASK} must be of shape (N, A), got {mask.shape}")
-    dtype = _dtype_of(mask.shape[1], columns)
+    else:
+        dtype = _dtype_of(mask.shape[1], columns)
     names = dtype.names or ()
     if set(columns) != set(names):
         odd = ", ".join(sorted(set(columns) ^ set(names)))
@@ -162,8 +193,8 @@ def step_report_message(
     """
     dtype = report.dtype
     names = dtype.names or ()
-    mask = dtype[_MASK] if _MASK in names else dtype
-    if len(mask.shape) != 1 or dtype != _dtype_of(mask.shape[0], names):
+    counts = [sum(dtype[name].shape) if name in names else 0 for name in (_MASK, _PATH)]
+    if not any(counts) or dtype != _dtype_of(counts[0], names, counts[1] // 2):
         raise ValueError(f"report must be of a step_report_dtype, got {dtype!r:.60}")
     return cloud_message(header, report[np.newaxis], into)
 
@@ -176,9 +207,13 @@ def step_report_from_message(message: PointCloud2) -> NDArray[Any]:
     """
     if message.height != 1:
         raise ValueError(f"height must be 1, got {message.height}")
-    num_actions = next((field.count for field in message.fields if field.name == _MASK), 1)
-    names = {field.name for field in message.fields}
-    report: NDArray[Any] = points_from_message(message, _dtype_of(num_actions, names))[0]
+    counts = {field.name: field.count for field in message.fields}
+    path_points = counts.get(_PATH, 0) // 2
+    num_actions = 0 if path_points else counts.get(_MASK, 1)
+    names = set(counts)
+    report: NDArray[Any] = points_from_message(message, _dtype_of(num_actions, names, path_points))[
+        0
+    ]
     for name, most in (("status", MAX_STATUS), ("work", MAX_WORK)):
         if name in names and len(report) and report[name].max() > most:
             raise ValueError(f"{name} must be 0 to {most}, got {report[name].max()}")

@@ -108,7 +108,7 @@ TOPICS = {
         type_name="geometry_msgs/msg/PoseStamped",
         qos="latched",
         publishers=_SIM,
-        content="centre of the drone's cell, m",
+        content="centre of the drone's cell, m; in metres its position and heading",
         use="RViz, and nodes for one drone",
         replay=("compared",),
     ),
@@ -117,7 +117,7 @@ TOPICS = {
         qos="reliable",
         publishers=_SIM,
         content="pose in m, twist in m/s; once a step, in real time `odom_rate` times a second, "
-        "interpolated between cells",
+        "interpolated between cells or, in metres, on the path flown",
         use="RViz and nodes that need motion between cells",
     ),
     "drone<i>/fix": Topic(
@@ -143,6 +143,13 @@ TOPICS = {
         content="the track flown, m; at most twice a second, only with subscribers",
         use="RViz, Foxglove",
         replay=("compared", "after report", "between steps"),
+    ),
+    "drone<i>/plan": Topic(
+        type_name="nav_msgs/msg/Path",
+        qos="latched",
+        publishers=_SIM,
+        content="in metres: what is left of the track that the drone flies, m; empty without one",
+        use="RViz, Foxglove",
     ),
     "drones": Topic(
         type_name="geometry_msgs/msg/PoseArray",
@@ -261,8 +268,25 @@ TOPICS = {
         qos="command",
         publishers=_PEOPLE,
         subscribers=_SIM,
-        content="go to this position cell by cell, m in `map`",
+        content="go to this position, m in `map`: cell by cell, in metres straight",
         use="RViz and Foxglove, by a click",
+    ),
+    "drone<i>/command_path": Topic(
+        type_name="nav_msgs/msg/Path",
+        qos="command",
+        publishers=_PEOPLE,
+        subscribers=_SIM,
+        content="[in metres](rules.md#in-metres): fly this track, m in `map`",
+        use="Nav2's planners, your own",
+    ),
+    "drone<i>/cmd_vel": Topic(
+        type_name="geometry_msgs/msg/TwistStamped",
+        qos="command",
+        publishers=_PEOPLE,
+        subscribers=_SIM,
+        content="[in metres](rules.md#in-metres): airspeed `linear.x`, m/s, and turn to the left "
+        "`angular.z`, rad/s, in the body frame; held for the next step, as far as the drone can",
+        use="teleoperation, controllers",
     ),
     "drone<i>/vehicle_pose": Topic(
         type_name="geometry_msgs/msg/PoseStamped",
@@ -304,6 +328,15 @@ TOPICS = {
         publishers=("planner_node", "ros_env", *_PEOPLE),
         subscribers=_SIM,
         content="`[mission, step, a0, a1, ...]`: all drones at once, only for that step",
+        use="planners",
+    ),
+    "joint_command": Topic(
+        type_name="std_msgs/msg/Float64MultiArray",
+        qos="command",
+        publishers=("planner_node", *_PEOPLE),
+        subscribers=_SIM,
+        content="[in metres](rules.md#in-metres): `[mission, step, turn0, speed0, turn1, ...]`, "
+        "-1 to 1: all drones at once, only for that step",
         use="planners",
     ),
 }  # fmt: skip

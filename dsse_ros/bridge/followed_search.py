@@ -169,6 +169,8 @@ class FollowedSearch:
         count = len(info.agents)
         if self._vehicles != count:
             return f"{self._vehicles} vehicles for {count} drones: nothing is flown"
+        if not info.actions:
+            return "the search is in metres, vehicles fly from cell to cell: nothing is flown"
         known = self.info
         if known is not None and info.run_id == known.run_id and info.mission != known.mission:
             return ""

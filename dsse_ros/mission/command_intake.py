@@ -6,6 +6,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 from dsse_ros.mission.commands import (
@@ -19,6 +20,8 @@ from dsse_ros.result import Rejected
 from dsse_ros.scenario.frames import GridFrame
 from msg_adapters.poses import pose_from_message
 
+JOINT_ACTION = "joint_action"
+"""Topic that commands all drones."""
 NAVIGATE_TO_POSE = "navigate_to_pose"
 """Name of the action of each drone."""
 
@@ -37,7 +40,10 @@ class CommandIntake:
     Attributes:
         rejected: Number of refused messages, by code.
         duplicates: Number of repeated joint actions.
+        joint: The topic that commands all drones.
     """
+
+    joint = JOINT_ACTION
 
     def __init__(
         self,
@@ -54,6 +60,14 @@ class CommandIntake:
         self.duplicates = 0
         self._last_joint_action: Any = None
         self._refused_after: int | None = None
+
+    def topics(self) -> dict[str, Callable[[Any], bool]]:
+        """Return what takes the messages of each topic."""
+        found: dict[str, Callable[[Any], bool]] = {JOINT_ACTION: self.joint_action}
+        for i, name in enumerate(self._mission.env.possible_agents):
+            found[f"{name}/cmd_action_name"] = partial(self.action_name, i)
+            found[f"{name}/command_pose"] = partial(self.goal, i)
+        return found
 
     def action_name(self, drone: int, message: Any) -> bool:
         """Take std_msgs/String, the name of an action."""
@@ -91,18 +105,22 @@ class CommandIntake:
         parsed = parse_joint_action(
             message.data, mission.number, mission.result.step, mission.env.rules.actions, live
         )
+        return self._take_joint(JOINT_ACTION, message.data, parsed)
+
+    def _take_joint(self, topic: str, data: Any, parsed: Any) -> bool:
+        """Take the actions of all drones for a step."""
+        mission, again = self._mission, data == self._last_joint_action
         if mission.begun and not isinstance(parsed, Rejected):
             parsed = Rejected("step_begun", f"step {mission.result.step + 1} has begun already")
-        again = message.data == self._last_joint_action
         if again and (isinstance(parsed, Rejected) or mission.refuse()):
             # The sender repeated this message before it saw that its step was done.
             self.duplicates += 1
             return False
-        actions = self._take("joint_action", None, parsed)
+        actions = self._take(topic, None, parsed)
         if actions is None:
             return False
         self.duplicates += again
-        self._last_joint_action = message.data
+        self._last_joint_action = data
         mission.command_all(actions)
         return True
 

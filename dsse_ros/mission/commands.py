@@ -36,14 +36,24 @@ def parse_action_name(name: str, actions: Sequence[str]) -> Result[int]:
 
 
 def parse_goal(pose: FramedPose, frame: GridFrame) -> Result[Cell]:
-    """Return the cell (col, row) of a `command_pose`.
+    """Return the cell (col, row) of a `command_pose`; see `parse_point`."""
+    parsed = parse_point(pose, frame)
+    if isinstance(parsed, Rejected):
+        return parsed
+    cell = map_to_cell(frame, *parsed.value)
+    assert cell is not None
+    return Accepted(cell)
+
+
+def parse_point(pose: FramedPose, frame: GridFrame) -> Result[tuple[float, float]]:
+    """Return x and y in metres of a goal in the map frame, which must be on the grid.
 
     Args:
         pose: The goal; its altitude and heading are not used, but must be finite.
         frame: The grid.
 
     Returns:
-        The cell, or `foreign_frame`, `not_finite` or `outside_grid`.
+        Them, or `foreign_frame`, `not_finite` or `outside_grid`.
     """
     if foreign := _foreign_frame(pose, frame):
         return foreign
@@ -53,11 +63,10 @@ def parse_goal(pose: FramedPose, frame: GridFrame) -> Result[Cell]:
                 reason = f"pose.{part}.{axis} must be a finite number, got {value!r}"
                 return Rejected("not_finite", reason)
     x, y, _ = pose.position
-    cell = map_to_cell(frame, x, y)
-    if cell is None:
+    if map_to_cell(frame, x, y) is None:
         reason = f"pose.position must be 0 <= x, y < {frame.side_m:.6g} m, got ({x:.6g}, {y:.6g})"
         return Rejected("outside_grid", reason)
-    return Accepted(cell)
+    return Accepted((x, y))
 
 
 def parse_navigation(behavior_tree: str, pose: FramedPose, frame: GridFrame) -> Result[Cell]:

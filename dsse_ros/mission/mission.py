@@ -15,13 +15,17 @@ from numpy.typing import NDArray
 
 from dsse_ros.belief.ensemble_belief import EnsembleBelief
 from dsse_ros.mission.command_buffer import CommandBuffer
-from dsse_ros.mission.mission_snapshots import check_mission
+from dsse_ros.mission.flown import Flown
+from dsse_ros.mission.mission_snapshots import Possible, check_mission, of_cells
 from dsse_ros.result import Rejected
 from dsse_ros.scenario.actions import Cell
 from dsse_ros.scenario.swarm import Swarm
 from dsse_ros.search import HOLD, FieldError, SearchEnv, Snapshot, SnapshotError
 from dsse_ros.search.world_beliefs import WorldBeliefs
 from dsse_ros.step.fault_kernels import LOST
+
+Place = tuple[float, float]
+"""(col, row); fractions lie between cells."""
 
 END_NS = 2**31 * 10**9
 """First mission time that does not fit into a message's stamp."""
@@ -43,6 +47,7 @@ class StepResult:
         probabilities: (N,) float64, probability of the cell of each drone that searched, on the map
             before the step; 0 for the others.
         conditions: (N,) of `fault_kernels.CONDITIONS`, None without faults.
+        flown: What the drones flew in metres, None if they move from cell to cell.
     """
 
     step: int
@@ -57,6 +62,12 @@ class StepResult:
     held: NDArray[np.bool_]
     probabilities: NDArray[np.float64]
     conditions: NDArray[np.void] | None
+    flown: Flown | None = None
+
+    @property
+    def places(self) -> NDArray[Any]:
+        """(N, 2) (col, row) of the drones; in metres, fractions lie between cells."""
+        return self.cells if self.flown is None else self.flown.places
 
 
 HISTORY_DTYPE = np.dtype(
@@ -84,7 +95,7 @@ class Mission:
         number: Missions started so far, 1 for the first.
         result: The last step's result.
         aborted: Whether the mission was aborted because commands were missing.
-        tracks: For each drone, its cells without consecutive repeats.
+        tracks: For each drone, its places without consecutive repeats.
         lost: The lost drones, in the order of their losses.
     """
 
@@ -93,11 +104,11 @@ class Mission:
         self._beliefs = WorldBeliefs(env.world) if belief and not env.rules.covers else None
         # Cache of `belief`, valid until the belief changes.
         self._belief_map: NDArray[np.float32] | None = None
-        self.commands = CommandBuffer(Swarm.of(env.scenario, env.rules), env.world.num_drones)
+        self.commands = self._command_buffer()
         self.seed = seed
         self.number = 0
         self.aborted = False
-        self.tracks: list[list[Cell]] = []
+        self.tracks: list[list[Place]] = []
         self.lost: list[int] = []
         self._begun: NDArray[np.int8] | None = None
         self._past = bytearray()
@@ -142,12 +153,15 @@ class Mission:
 
     @property
     def history(self) -> NDArray[Any]:
-        """Every step so far, (step + 1, N) of `HISTORY_DTYPE`; row 0 is the start."""
-        return np.vstack([self._rows_before(), _packed(self.result)])
+        """Every step so far, (step + 1, N) with the fields of `HISTORY_DTYPE`; row 0 is the start.
+
+        In metres (col, row) are also in the field `place`, with fractions.
+        """
+        return np.vstack([self._rows_before(), self._packed(self.result)])
 
     def _rows_before(self) -> NDArray[Any]:
         """Return the history (step, N) without the last result, which may still change."""
-        return np.frombuffer(bytes(self._past), HISTORY_DTYPE).reshape(-1, len(self.tracks))
+        return np.frombuffer(bytes(self._past), self._history_dtype).reshape(-1, len(self.tracks))
 
     @property
     def all_lost(self) -> bool:
@@ -333,7 +347,7 @@ class Mission:
         """Do one step with the given commands; drones without one follow `missing_action`."""
         world = self.env.world
         live = world.drones["alive"][0].copy()
-        joint = self.begin(missing_action) if self._begun is None else self._begun
+        joint = self._numbers(self.begin(missing_action) if self._begun is None else self._begun)
         self._begun = None
         probabilities, faults = self._probabilities(), world.faults
         if self._beliefs is not None:
@@ -341,7 +355,7 @@ class Mission:
         self.env.advance(joint)
         if self._beliefs is not None:
             self._beliefs.after_step()
-        self._past += _packed(self.result).tobytes()
+        self._past += self._packed(self.result).tobytes()
         done = joint if faults is None else faults.applied[0].copy()
         held, searching = live & (joint == HOLD), live & (done == self.env.rules.action_set.search)
         self.result = self._result(done, joint, held, np.where(searching, probabilities, 0.0))
@@ -374,8 +388,7 @@ class Mission:
         extra, arrays = snapshot.extra, snapshot.arrays
         if not {*_OF_MISSION, "commands"} <= extra.keys() or "history" not in arrays:
             raise SnapshotError("the snapshot is of a world, not of a mission")
-        num_actions = len(self.env.rules.actions)
-        check_mission(snapshot, self.snapshot(), self.env.world.grid_size, num_actions)
+        check_mission(snapshot, self.snapshot(), self._possible)
         if self._beliefs is None:
             self.env.restore(snapshot)
         else:
@@ -425,9 +438,7 @@ class Mission:
         self._stamp_ns += self._step_ns
         cells = self.env.positions
         _, truncated = self.env.flags
-        for i, (col, row) in enumerate(cells.tolist()):
-            if not self.tracks[i] or self.tracks[i][-1] != (col, row):
-                self.tracks[i].append((col, row))
+        self._follow_tracks(cells)
         return StepResult(
             step=int(world.worlds["t"][0]),
             stamp_ns=self._stamp_ns,
@@ -443,12 +454,35 @@ class Mission:
             conditions=None if world.faults is None else world.faults.conditions[0].copy(),
         )
 
+    # What differs in metres
 
-def _packed(result: StepResult) -> NDArray[Any]:
-    """Return the history's record of a step, (N,) of `HISTORY_DTYPE`."""
-    row = np.zeros(len(result.cells), HISTORY_DTYPE)
-    row["col"], row["row"] = result.cells.T
-    row["action"], row["reward"] = result.actions, result.rewards
-    for flag in ("terminated", "truncated", "found", "held"):
-        row[flag] = getattr(result, flag)
-    return row
+    _history_dtype = HISTORY_DTYPE
+
+    def _command_buffer(self) -> CommandBuffer:
+        env = self.env
+        return CommandBuffer(Swarm.of(env.scenario, env.rules), env.world.num_drones)
+
+    def _numbers(self, joint: NDArray[np.int8]) -> NDArray[np.int8]:
+        """Prepare the world for a joint command; return its actions by number (N,)."""
+        return joint
+
+    def _follow_tracks(self, cells: NDArray[np.int64]) -> None:
+        """Add what the drones flew in the last step to their tracks."""
+        for track, (col, row) in zip(self.tracks, cells.tolist(), strict=True):
+            if not track or track[-1] != (col, row):
+                track.append((col, row))
+
+    def _packed(self, result: StepResult) -> NDArray[Any]:
+        """Return the history's record of a step, (N,)."""
+        row = np.zeros(len(result.cells), self._history_dtype)
+        row["col"], row["row"] = result.cells.T
+        row["action"], row["reward"] = result.actions, result.rewards
+        for flag in ("terminated", "truncated", "found", "held"):
+            row[flag] = getattr(result, flag)
+        return row
+
+    @property
+    def _possible(self) -> Possible:
+        """What the values of a snapshot can be."""
+        env = self.env
+        return of_cells(env.world.num_drones, env.world.grid_size, len(env.rules.actions))

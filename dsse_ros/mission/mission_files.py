@@ -67,6 +67,7 @@ class MissionFiles:
                 covers=self._mission.env.rules.covers,
                 faults=self._mission.result.conditions is not None,
                 vehicles=self._mission.env.rules.vehicle_timed_actions,
+                metres=self._mission.env.rules.in_metres,
             )
 
     def record(self) -> str:

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import contextlib
 import csv
+import math
 import os
 from collections.abc import Sequence
 from pathlib import Path
@@ -38,11 +39,19 @@ OF_VEHICLES = ("work",)
 """Further columns of missions with `vehicle_timed_actions`, which have faults too: one of
 `fault_kernels.WORKS`.
 """
+OF_FLIGHT = ("heading_deg", "airspeed", "turn", "speed")
+"""Further columns of missions in metres, empty for persons: the heading clockwise from north, the
+airspeed in m/s, and the action, see `step.flight_paths`. `east_m`, `north_m`, `lat_deg` and
+`lon_deg` are where the drone is in its cell."""
 
 
-def columns_of(*, covers: bool, faults: bool, vehicles: bool = False) -> tuple[str, ...]:
+def columns_of(
+    *, covers: bool, faults: bool, vehicles: bool = False, metres: bool = False
+) -> tuple[str, ...]:
     """Return the columns of a mission's record."""
-    groups = ((covers, OF_COVERAGE), (faults, OF_FAULTS), (vehicles, OF_VEHICLES))
+    groups = (
+        (covers, OF_COVERAGE), (faults, OF_FAULTS), (vehicles, OF_VEHICLES), (metres, OF_FLIGHT)
+    )  # fmt: skip
     return COLUMNS + tuple(name for has, names in groups if has for name in names)
 
 
@@ -56,6 +65,7 @@ class MissionLog:
         covers: Whether the task is coverage.
         faults: Whether the missions have faults.
         vehicles: Whether they have `vehicle_timed_actions`.
+        metres: Whether drones fly in metres.
 
     Raises:
         FieldError: If the file cannot be written, or is to be resumed but is not a mission's log.
@@ -70,14 +80,16 @@ class MissionLog:
         covers: bool = False,
         faults: bool = False,
         vehicles: bool = False,
+        metres: bool = False,
     ) -> None:
         self._path = path
         self._frame = frame
-        self._further = (*(OF_FAULTS if faults else ()), *(OF_VEHICLES if vehicles else ()))
+        self._faults, self._vehicles = faults, vehicles
         self._defined: DefinitionLog | None = None
         self._mission = (0, 0)
         self._of_coverage = OF_COVERAGE if covers else ()
-        columns = columns_of(covers=covers, faults=faults, vehicles=vehicles)
+        columns = columns_of(covers=covers, faults=faults, vehicles=vehicles, metres=metres)
+        self._further = len(columns) - len(COLUMNS) - len(self._of_coverage)
         try:
             if resume_at is not None:
                 _cut(path, resume_at, columns)
@@ -104,9 +116,11 @@ class MissionLog:
         env, step_s = mission.env, mission.env.scenario.step_duration_s
         action_names = env.rules.actions
         persons = env.world.persons[0]
-        cells = np.vstack([result.cells, np.stack([persons["x"], persons["y"]], axis=1)])
-        east, north = cell_to_map(self._frame, cells[:, 0], cells[:, 1])
-        lat, lon, _ = cell_to_geodetic(self._frame, cells[:, 0], cells[:, 1], 0.0)
+        of_persons = np.stack([persons["x"], persons["y"]], axis=1)
+        cells = np.vstack([result.cells, of_persons])
+        col, row = np.vstack([result.places, of_persons]).T
+        east, north = cell_to_map(self._frame, col, row)
+        lat, lon, _ = cell_to_geodetic(self._frame, col, row, 0.0)
         drones, pos = len(result.cells), "" if mission.pos is None else repr(mission.pos)
         coverage = mission.coverage
         covered = [repr(coverage[name]) for name in self._of_coverage]
@@ -130,11 +144,12 @@ class MissionLog:
                         pos,
                         *covered,
                         *self._of_faults(mission, result, i),
+                        *_of_flight(result, i),
                     )  # fmt: skip
                 )
             else:
                 found = int(persons["found"][i - drones])
-                more = ("",) * len(self._further)
+                more = ("",) * self._further
                 self._writer.writerow(
                     (*head, f"person{i - drones}", *place, "", "", "", "", found, "", "", "", *more)
                 )
@@ -142,7 +157,7 @@ class MissionLog:
 
     def _of_faults(self, mission: Mission, result: StepResult, drone: int) -> tuple[Any, ...]:
         """Return the values of `OF_FAULTS` and `OF_VEHICLES`, if the log has these columns."""
-        if not self._further or result.conditions is None:
+        if not self._faults or result.conditions is None:
             return ()
         condition, command = result.conditions[drone], int(result.commands[drone])
         world = mission.env.world
@@ -153,7 +168,7 @@ class MissionLog:
             repr(float(condition["battery"])) if has_battery else "",
             int(place["x"]),
             int(place["y"]),
-            *(WORKS[condition[name]] for name in OF_VEHICLES if name in self._further),
+            *((WORKS[condition["work"]],) if self._vehicles else ()),
         )
 
     def _seek(self, step: tuple[int, int]) -> None:
@@ -175,6 +190,15 @@ class MissionLog:
         self._file.close()
         if self._defined is not None:
             self._defined.close()
+
+
+def _of_flight(result: StepResult, drone: int) -> tuple[str, ...]:
+    """Return the values of `OF_FLIGHT`; none if drones move from cell to cell."""
+    if result.flown is None:
+        return ()
+    state, (turn, speed) = result.flown.flights[drone], result.flown.actions[drone].tolist()
+    heading_deg = math.degrees(float(state["heading"])) % 360.0
+    return (f"{heading_deg:.6f}", f"{state['speed']:.6f}", repr(turn), repr(speed))
 
 
 def _cut(path: str | os.PathLike[str], end: tuple[int, int], columns: Sequence[str]) -> None:

@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dsse_ros.mission.mission import Mission
+from dsse_ros.mission.flown import Flown
+from dsse_ros.mission.mission import HISTORY_DTYPE, Mission
 from dsse_ros.scenario.frames import GridFrame, cell_to_map
 from msg_adapters.mission_report import MISSION_REPORT_DTYPE
 from msg_adapters.step_report import make_step_report
@@ -28,7 +29,7 @@ def step_report_of(mission: Mission, frame: GridFrame, run_id: int) -> NDArray[A
         "run_id": run_id,
         "mission": mission.number,
         "step": result.step,
-        **place_columns(frame, result.cells[:, 0], result.cells[:, 1]),
+        **place_columns(frame, result.cells, result.places),
         "action": result.actions,
         "reward": result.rewards,
         "terminated": result.terminated,
@@ -36,7 +37,11 @@ def step_report_of(mission: Mission, frame: GridFrame, run_id: int) -> NDArray[A
         "found": result.found,
         "held": result.held,
         "all_found": world.worlds["num_missing"][0] == 0,
-        "action_mask": mission.env.action_masks(),
+        **(
+            {"action_mask": mission.env.action_masks()}
+            if result.flown is None
+            else _of_flown(result.flown)
+        ),
         **mission.coverage,
     }
     if world.faults is not None and result.conditions is not None:
@@ -49,6 +54,17 @@ def step_report_of(mission: Mission, frame: GridFrame, run_id: int) -> NDArray[A
     return make_step_report(columns)
 
 
+def _of_flown(flown: Flown) -> dict[str, Any]:
+    turns, speeds = flown.actions.T
+    return {
+        "heading": flown.flights["heading"],
+        "airspeed": flown.flights["speed"],
+        "turn_action": turns,
+        "speed_action": speeds,
+        "path": flown.paths,
+    }
+
+
 def mission_report_of(mission: Mission, frame: GridFrame, run_id: int) -> NDArray[Any]:
     """Return the `mission_report`, (K, N) of `MISSION_REPORT_DTYPE`; row 0 is the start.
 
@@ -59,23 +75,25 @@ def mission_report_of(mission: Mission, frame: GridFrame, run_id: int) -> NDArra
     """
     history = mission.history
     report = np.zeros(history.shape, dtype=MISSION_REPORT_DTYPE)
-    for name in history.dtype.names or ():
+    for name in HISTORY_DTYPE.names or ():
         report[name] = history[name]
-    for name, values in place_columns(frame, history["col"], history["row"]).items():
+    cells = np.stack([history["col"], history["row"]], axis=-1)
+    places = history["place"] if "place" in (history.dtype.names or ()) else cells
+    for name, values in place_columns(frame, cells, places).items():
         report[name] = values
     report["run_id"], report["mission"] = run_id, mission.number
     report["step"] = np.arange(len(history))[:, np.newaxis]
     return report
 
 
-def place_columns(frame: GridFrame, col: NDArray[Any], row: NDArray[Any]) -> dict[str, Any]:
+def place_columns(frame: GridFrame, cells: NDArray[Any], places: NDArray[Any]) -> dict[str, Any]:
     """Return the fields of a report that state where N drones are.
 
     Args:
         frame: Frame of the grid.
-        col: (..., N) columns of the cells.
-        row: (..., N) rows of the cells.
+        cells: (..., N, 2) their cells (col, row).
+        places: (..., N, 2) where they are; fractions lie between cells.
     """
-    x_m, y_m = cell_to_map(frame, col.astype(np.float64), row.astype(np.float64))
-    altitudes_m = frame.altitudes_m(col.shape[-1])
-    return {"col": col, "row": row, "x": x_m, "y": y_m, "z": altitudes_m}
+    x_m, y_m = cell_to_map(frame, *np.moveaxis(places.astype(np.float64), -1, 0))
+    altitudes_m = frame.altitudes_m(cells.shape[-2])
+    return {"col": cells[..., 0], "row": cells[..., 1], "x": x_m, "y": y_m, "z": altitudes_m}

@@ -40,7 +40,7 @@ class _Server(ActionServer):  # type: ignore[misc]
 
 
 class NavigateToPose:
-    """The action servers of all drones; none without nav2_msgs.
+    """The action servers of all drones; none without nav2_msgs, and none in metres.
 
     Args:
         node: The simulation.
@@ -62,6 +62,8 @@ class NavigateToPose:
         self._on_command = on_command
         self._navigation: Navigation[Any] = Navigation(node.mission)
         self._servers: list[_Server] = []
+        if node.mission.env.rules.in_metres:
+            return
         try:
             from nav2_msgs.action import NavigateToPose as Action
         except ImportError:
@@ -152,7 +154,7 @@ class NavigateToPose:
         return self._action.Feedback(
             current_pose=pose_stamped(
                 header(node.frame.map_frame, node.stamp()),
-                *map_positions(node.frame, [progress.cell], progress.drone),
+                map_positions(node.frame, [progress.cell], progress.drone)[0],
             ),
             navigation_time=_duration(progress.elapsed_ns),
             estimated_time_remaining=_duration(left_ns),

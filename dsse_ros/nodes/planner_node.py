@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from sensor_msgs.msg import PointCloud2
-from std_msgs.msg import Int32MultiArray, String
+from std_msgs.msg import Float64MultiArray, Int32MultiArray, String
 
 from dsse_ros.nodes.node_diagnostics import PERIOD_S, NodeDiagnostics
 from dsse_ros.nodes.settings import PlannerSettings
@@ -30,9 +30,8 @@ from dsse_ros.runtime.observed_step import ObservedStep, StepId, StepInbox, step
 from dsse_ros.runtime.qos import read_settings
 from dsse_ros.runtime.run_node import AlarmNode, run_node
 from dsse_ros.scenario.agents import AgentsInfo
-from dsse_ros.search import HOLD, FieldError
+from dsse_ros.search import FieldError
 from dsse_ros.search.compiler import announced
-from msg_adapters.commands import joint_action_message
 from msg_adapters.diagnostics import Level
 
 _RETRY_S = 1.0
@@ -71,14 +70,18 @@ class PlannerNode(AlarmNode):
         self._planner: Planner | None = None
         self._answered: StepId | None = None
         self._map_used: object = None
-        self._answer: Int32MultiArray | None = None
+        self._answer: Int32MultiArray | Float64MultiArray | None = None
         self._answered_s = 0.0
         self._failed: StepId | None = None
-        self._late: tuple[NDArray[Any], list[int]] | None = None
+        self._late: tuple[NDArray[Any], dict[int, Any]] | None = None
         self._waits_for = ""
         # Whether it has decided without the compiler, which the second step may need again.
         self._ready = self._says_compiling = self._compiled = False
-        self._publisher = endpoints.publisher("joint_action")
+        # For drones that move from cell to cell, and in metres.
+        self._publishers_of = {
+            Int32MultiArray: endpoints.publisher("joint_action"),
+            Float64MultiArray: endpoints.publisher("joint_command"),
+        }
         self._inputs = [
             endpoints.subscription(topic, partial(self._on, read))
             for topic, read in (
@@ -139,8 +142,7 @@ class PlannerNode(AlarmNode):
                 with announced(self._on_compiler, f"planner {self.settings.planner}"):
                     if last is None or step[:2] != last[:2] or step[2] < last[2]:
                         self._planner, self._late = self._make_planner(observed.info), None
-                    actions = self._decide(observed)
-                answer = joint_action_message(step[1], step[2], actions)
+                    answer = observed.answer(self._decide(observed))
             except Exception as error:
                 # Third-party planners may raise anything.
                 self._report_failure(step, error)
@@ -161,8 +163,8 @@ class PlannerNode(AlarmNode):
             self.get_logger().info(line)
         self._says_compiling = True
 
-    def _decide(self, observed: ObservedStep) -> list[int]:
-        """Return the planner's actions for a step.
+    def _decide(self, observed: ObservedStep) -> dict[int, Any]:
+        """Return the planner's actions for a step, by number of the drone.
 
         A decision that took longer than its step waited counts for a later step, if the drones have
         not moved.
@@ -171,7 +173,7 @@ class PlannerNode(AlarmNode):
             Exception: See `_ask`.
         """
         assert self._planner is not None
-        places = np.column_stack([observed.live, observed.cells])
+        places = np.column_stack([observed.live, observed.places])
         late, self._late = self._late, None
         if late is not None and np.array_equal(late[0], places):
             return late[1]
@@ -247,10 +249,12 @@ class PlannerNode(AlarmNode):
             return "agents, probability and step_report of one and the same step"
         if self._answer is None:
             return f"a new mission: mission {step[1]} is over"
-        if not self._publisher.get_subscription_count():
-            return f"a simulation that listens to {self._publisher.topic_name}"
+        publisher = self._publishers_of[type(self._answer)]
+        if not publisher.get_subscription_count():
+            return f"a simulation that listens to {publisher.topic_name}"
         if time.monotonic() - self._answered_s > _PENDING_S:
-            return f"step {step[2] + 1} of mission {step[1]}: its joint_action is sent again"
+            name = publisher.topic_name.rpartition("/")[2]
+            return f"step {step[2] + 1} of mission {step[1]}: its {name} is sent again"
         return ""
 
     def _forget_answer(self) -> None:
@@ -259,13 +263,14 @@ class PlannerNode(AlarmNode):
 
     def _send(self) -> None:
         if self._answer is not None:
-            self.get_logger().debug(f"joint_action {list(self._answer.data)}")
-            self._publisher.publish(self._answer)
+            publisher = self._publishers_of[type(self._answer)]
+            self.get_logger().debug(f"{publisher.topic_name} {list(self._answer.data)}")
+            publisher.publish(self._answer)
             self._resend_alarm.set(self.settings.resend_period)
 
 
-def _ask(planner: Planner, observed: ObservedStep) -> list[int]:
-    """Return a planner's actions in the order of the drones; `HOLD` for those out of the search.
+def _ask(planner: Planner, observed: ObservedStep) -> dict[int, Any]:
+    """Return a planner's actions by number of the drone.
 
     Raises:
         Exception: Whatever the planner raises, or an error for an invalid answer.
@@ -277,10 +282,8 @@ def _ask(planner: Planner, observed: ObservedStep) -> list[int]:
         if time_s is not None:
             info["decision_time_s"] = _SHARE * time_s
     numbers = dict(zip(infos, drones, strict=True))
-    joint = [HOLD] * len(report)
-    for name, action in planner(observed.observations(drones), infos).items():
-        joint[numbers[name]] = int(action)
-    return joint
+    actions = planner(observed.observations(drones), infos)
+    return {numbers[name]: action for name, action in actions.items()}
 
 
 def main(argv: list[str] | None = None) -> int:

@@ -44,11 +44,16 @@ class PublisherCounts:
         return counts
 
 
-def consequences(settings: SimSettings) -> dict[str, str]:
-    """Return the consequence of more than one publisher, by topic."""
+def consequences(settings: SimSettings, joint: str) -> dict[str, str]:
+    """Return the consequence of more than one publisher, by topic.
+
+    Args:
+        settings: The settings.
+        joint: The topic that commands all drones.
+    """
     found = {
         "step_report": "listeners receive all missions mixed; give each its own namespace",
-        "joint_action": "the last command of a drone before a step wins",
+        joint: "the last command of a drone before a step wins",
     }
     if settings.publish_clock:
         found["/clock"] = "time jumps to and fro; only one may have publish_clock"

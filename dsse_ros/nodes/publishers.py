@@ -12,6 +12,9 @@ from rosgraph_msgs.msg import Clock
 from std_msgs.msg import String
 
 from dsse_ros.message_types import message_class
+from dsse_ros.mission.flight_follower import Track
+from dsse_ros.mission.flight_mission import FlightMission
+from dsse_ros.mission.flown import Motion, motions
 from dsse_ros.mission.mission import Mission, StepResult
 from dsse_ros.mission.step_messages import DEFAULT, MESSAGES, Display, StepMessages
 from dsse_ros.mission.step_scheduler import Timing
@@ -21,7 +24,8 @@ from dsse_ros.scenario.agents import AgentsInfo, agents_json, area_rows
 from dsse_ros.scenario.frames import GridFrame, map_positions
 from dsse_ros.scenario.geodesy import map_in_earth
 from dsse_ros.search import FieldError, SearchDefinition
-from msg_adapters.poses import earth_transform, odometry, transforms, yaw_of
+from dsse_ros.search.flights import wind_of
+from msg_adapters.poses import earth_transform, odometry, path, transforms, yaw_of
 from msg_adapters.stamps import to_stamp
 from msg_adapters.topics import EACH_DRONE, TOPICS, published_by
 from msg_adapters.vehicle_tasks import vehicle_tasks_message
@@ -83,6 +87,7 @@ class MissionPublishers:
             "/clock": publish_clock,
             "/tf": self._tf_type is not None,
             "/tf_static": self._tf_type is not None,
+            "drone<i>/plan": isinstance(mission, FlightMission),
             # See `NodeDiagnostics`.
             "/diagnostics": False,
         }
@@ -96,6 +101,8 @@ class MissionPublishers:
         self._before = self._cells = mission.result.cells
         # The state that was last published on each topic of paths and markers.
         self._seen: dict[Publisher, tuple[int, ...]] = {}
+        # The track that was last published for each drone.
+        self._plans: dict[int, Track | None] = {}
 
     @property
     def run_id(self) -> int:
@@ -181,7 +188,23 @@ class MissionPublishers:
         self._cells, display = result.cells, Display(grid_scaling=grid_scaling)
         for topic in _EACH_STEP:
             self._publish(topic, stamp, display)
+        self.publish_plans(stamp)
         self.publish_report(stamp)
+
+    def publish_plans(self, stamp: Time) -> None:
+        """Publish what is left of the tracks of drones in metres, if that has changed."""
+        mission = self._mission
+        if not isinstance(mission, FlightMission):
+            return
+        for drone, publisher in enumerate(self._publishers["drone<i>/plan"]):
+            track = mission.commands.track_of(drone)
+            if drone in self._plans and track is self._plans[drone]:
+                continue
+            self._plans[drone] = track
+            points = [] if track is None else track.points.tolist()
+            altitude_m = self._frame.alt_of(drone)
+            positions = [(x, self._frame.side_m - south, altitude_m) for x, south in points]
+            publisher.publish(path(self._messages.header(stamp), positions))
 
     def publish_report(self, stamp: Time) -> None:
         """Publish the report of the last step."""
@@ -208,19 +231,30 @@ class MissionPublishers:
         subscribed = [i for i, odom in enumerate(odoms) if odom.get_subscription_count()]
         if not subscribed and not has_tf:
             return
-        way = self._cells - self._before
-        cells = self._before + share * way
-        duration = self._mission.env.scenario.step_duration_s
-        speed = self._frame.cell_size_m / duration if share < 1 else 0.0
-        velocities = [(dx * speed, -dy * speed) for dx, dy in way.tolist()]
-        head, positions = self._messages.header(stamp), map_positions(self._frame, cells)
-        bodies = self._messages.bodies
+        moving = self._motions(share)
+        head, bodies = self._messages.header(stamp), self._messages.bodies
         for i in subscribed:
             into = self._messages.reused("drone<i>/odom", i)
-            odoms[i].publish(odometry(head, bodies[i], positions[i], velocities[i], into))
+            odoms[i].publish(odometry(head, bodies[i], *moving[i], into))
         if has_tf:
-            of_drones = transforms(head, bodies, positions, map(yaw_of, velocities))
+            positions, yaws = [one.position for one in moving], [one.yaw for one in moving]
+            of_drones = transforms(head, bodies, positions, yaws)
             self._publish_time("/tf", self._tf_type(transforms=of_drones))
+
+    def _motions(self, share: float) -> list[Motion]:
+        """Return how the drones move when a share of the way is done."""
+        env, flown = self._mission.env, self._mission.result.flown
+        duration = env.scenario.step_duration_s
+        if flown is not None:
+            return motions(self._frame, flown, wind_of(env.scenario), share)
+        way = self._cells - self._before
+        speed = self._frame.cell_size_m / duration if share < 1 else 0.0
+        velocities = [(dx * speed, -dy * speed) for dx, dy in way.tolist()]
+        positions = map_positions(self._frame, self._before + share * way)
+        return [
+            Motion(position, velocity, yaw_of(velocity))
+            for position, velocity in zip(positions, velocities, strict=True)
+        ]
 
     def publish_history(self, result: StepResult, stamp: Time, reveal_person: bool) -> None:
         """Publish tracks and markers if they have changed."""

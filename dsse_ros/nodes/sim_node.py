@@ -20,9 +20,9 @@ from rclpy.parameter import Parameter
 from sensor_msgs.msg import TimeReference
 
 from dsse_ros.mission import status
-from dsse_ros.mission.command_intake import CommandIntake
 from dsse_ros.mission.commands import parse_place
-from dsse_ros.mission.mission import Mission
+from dsse_ros.mission.flight_intake import intake_of
+from dsse_ros.mission.flight_mission import mission_of
 from dsse_ros.mission.mission_files import MissionFiles
 from dsse_ros.mission.simulation_state import NEXT, Request, SimulationState, reason_to_refuse
 from dsse_ros.mission.step_scheduler import Due, StepScheduler
@@ -41,7 +41,7 @@ from dsse_ros.nodes.sim_parameters import (
     read_parameters,
     timing,
 )
-from dsse_ros.nodes.waiting_log import JOINT_ACTION, WaitingLog
+from dsse_ros.nodes.waiting_log import WaitingLog
 from dsse_ros.result import Rejected
 from dsse_ros.runtime.parameters import check_changes, check_flat
 from dsse_ros.runtime.qos import Endpoints
@@ -73,7 +73,7 @@ class SimNode(AlarmNode):
         settings = self.settings
         self.frame = grid_frame(env.scenario, settings)
         has_belief = settings.has_belief(env.world.grid_size)
-        self.mission = Mission(env, draw_seed(self.settings), belief=has_belief)
+        self.mission = mission_of(env, draw_seed(self.settings), belief=has_belief)
         self.mission.prepare_belief()
         self.files = MissionFiles(
             self.mission,
@@ -99,9 +99,9 @@ class SimNode(AlarmNode):
         self._scheduler = StepScheduler(
             timing(settings, env.scenario.step_duration_s), time.monotonic()
         )
-        self._commands = CommandIntake(self.mission, self.frame, self.warn, self.debug)
+        self._commands = intake_of(self.mission, self.frame, self.warn, self.debug)
         self._fleet = VehicleSteps(self.mission, self.frame, self._scheduler, settings)
-        self._publisher_counts = PublisherCounts(self, consequences(settings))
+        self._publisher_counts = PublisherCounts(self, consequences(settings, self._commands.joint))
         self._report_stamp = Time()
         self._subscribe(endpoints)
         endpoints.check_all_used()
@@ -152,10 +152,8 @@ class SimNode(AlarmNode):
     # Wiring
 
     def _subscribe(self, endpoints: Endpoints) -> None:
-        commands: dict[str, Callable[[Any], bool]] = {JOINT_ACTION: self._commands.joint_action}
+        commands = self._commands.topics()
         for i, name in enumerate(self.mission.env.possible_agents):
-            commands[f"{name}/cmd_action_name"] = partial(self._commands.action_name, i)
-            commands[f"{name}/command_pose"] = partial(self._commands.goal, i)
             if self._fleet.exist:
                 endpoints.subscription(f"{name}/vehicle_pose", partial(self._on_vehicle, i))
                 endpoints.subscription(f"{name}/vehicle_state", partial(self._on_state, i))
@@ -358,6 +356,7 @@ class SimNode(AlarmNode):
     def _on_accepted(self) -> None:
         """Go on after a new command."""
         self.publishers_.publish_first_commands(self._scheduler.timing)
+        self.publishers_.publish_plans(self._report_stamp)
         self._advance()
 
     def _on_vehicle(self, drone: int, message: PoseStamped) -> None:

@@ -11,8 +11,6 @@ from rclpy.node import Node
 from dsse_ros.mission import status
 from dsse_ros.mission.mission import Mission
 
-JOINT_ACTION = "joint_action"
-"""Topic that commands all drones."""
 REMINDER_S = 10.0
 """Wall time after which it is logged again that commands are missing."""
 
@@ -54,4 +52,5 @@ class WaitingLog:
         counts = {
             topic: node.count_publishers(node.resolve_topic_name(topic)) for topic in self.topics
         }
-        return status.reasons_without_commands(self._mission, counts, [JOINT_ACTION])
+        of_all = [topic for topic in self.topics if "/" not in topic]
+        return status.reasons_without_commands(self._mission, counts, of_all)

@@ -4,22 +4,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from sensor_msgs.msg import Image, PointCloud2
+from std_msgs.msg import Float64MultiArray, Int32MultiArray
 
 from dsse_ros.scenario.agents import AgentsInfo
 from dsse_ros.scenario.agents_inbox import AgentsInbox
+from dsse_ros.search import HOLD
 from dsse_ros.search.coverage import METRICS
+from dsse_ros.search.flight_env import STRAIGHT_ON, states_from
 from dsse_ros.search.observation import AgentObservation, Observation, agent_infos
 from dsse_ros.step.fault_kernels import STATUSES
+from dsse_ros.step.flight_paths import FLIGHTS, flyers_of
+from msg_adapters.commands import joint_action_message, joint_command_message
 from msg_adapters.images import image_to_probability
 from msg_adapters.stamps import to_nanoseconds
-from msg_adapters.step_report import finds_of, step_report_from_message
+from msg_adapters.step_report import finds_of, path_of, step_report_from_message
 
 StepId = tuple[int, int, int]
 """run_id, mission and step of a report: no two steps have all alike."""
@@ -57,6 +62,11 @@ class ObservedStep:
         return live
 
     @property
+    def places(self) -> NDArray[np.float32]:
+        """Where all drones are, (N, 2) as (x, y), m in the map frame."""
+        return np.stack([self.report["x"], self.report["y"]], axis=1)
+
+    @property
     def cells(self) -> NDArray[np.int64]:
         """Cells (N, 2) as (col, row) of all drones."""
         return np.stack([self.report["col"], self.report["row"]], axis=1).astype(np.int64)
@@ -84,8 +94,46 @@ class ObservedStep:
             if not np.isnan(report["battery"]).all():
                 columns["battery"] = report["battery"].astype(float).tolist()
         agents = [self.info.agents[i] for i in drones]
-        masks, found = report["action_mask"].astype(np.int8), bool(self.report["all_found"].any())
+        found, masks = bool(self.report["all_found"].any()), None
+        if "action_mask" in names:
+            masks = report["action_mask"].astype(np.int8)
+        else:
+            columns["path"] = list(path_of(report))
         return agent_infos(agents, found, masks, columns)
+
+    def answer(self, actions: Mapping[int, Any]) -> Int32MultiArray | Float64MultiArray:
+        """Return the message that commands these actions, by number of the drone.
+
+        Raises:
+            TypeError, ValueError: If an action is none.
+        """
+        _, mission, step = self.step_id
+        joint = [int(actions.get(i, HOLD)) for i in range(len(self.report))]
+        return joint_action_message(mission, step, joint)
+
+
+class FlownStep(ObservedStep):
+    """An `ObservedStep` of drones in metres, see `FlightEnv`."""
+
+    def observations(self, drones: Sequence[int]) -> dict[str, Any]:
+        """Return what these drones observe, by name."""
+        assert self.info.definition is not None
+        scenario = self.info.definition.scenario.resolve(self.info.definition.rules)
+        flights = np.zeros(len(self.report), FLIGHTS)
+        flights["east"], flights["south"] = path_of(self.report)[:, -1].T
+        flights["heading"], flights["speed"] = self.report["heading"], self.report["airspeed"]
+        cruise = flyers_of(scenario.kinds)["cruise"][list(scenario.kind_of)]
+        states = states_from(flights, scenario.grid_size * scenario.cell_size, cruise)
+        return {self.info.agents[i]: (states[i], self.probability) for i in drones}
+
+    def answer(self, actions: Mapping[int, Any]) -> Int32MultiArray | Float64MultiArray:
+        """See `ObservedStep`."""
+        _, mission, step = self.step_id
+        joint = []
+        for i in range(len(self.report)):
+            turn, speed = actions.get(i, STRAIGHT_ON)
+            joint.append((float(turn), float(speed)))
+        return joint_command_message(mission, step, joint)
 
 
 class StepInbox:
@@ -135,7 +183,15 @@ class StepInbox:
             return None
         fits = (
             len(report) == len(info.agents)
-            and report["action_mask"].shape[1] == len(info.actions)
+            and _num_actions(report) == len(info.actions)
             and probability.shape == (info.frame.grid_size, info.frame.grid_size)
+            and (info.actions or info.definition is not None)
         )
-        return ObservedStep(info, report, probability) if fits else None
+        kind = ObservedStep if info.actions else FlownStep
+        return kind(info, report, probability) if fits else None
+
+
+def _num_actions(report: NDArray[Any]) -> int:
+    """Return the number of actions of a report; 0 in metres."""
+    names = report.dtype.names or ()
+    return report["action_mask"].shape[1] if "action_mask" in names else 0

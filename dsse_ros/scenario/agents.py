@@ -28,7 +28,7 @@ class AgentsInfo:
 
     Attributes:
         agents: Names of the drones in their fixed order.
-        actions: Names of the actions: the action with number i is actions[i].
+        actions: Names of the actions: the action with number i is actions[i]. None in metres.
         rules: Name of the rules profile.
         seed: Seed of the mission, None if it was not given.
         frame: The grid in the map frame: all fields but the altitudes of kinds of drones, which
@@ -169,7 +169,7 @@ def agents_from_json(text: str, *, with_definition: bool = True) -> AgentsInfo:
         definition = definition_from(keys.inner("definition"), len(agents), grid_size)
     return AgentsInfo(
         agents=agents,
-        actions=keys.names("actions"),
+        actions=keys.names("actions", may_be_none=_in_metres(keys)),
         rules=keys.text("rules"),
         seed=None if keys.value("seed") is None else keys.integer("seed", None),
         frame=_frame_of(keys, definition),
@@ -182,6 +182,13 @@ def agents_from_json(text: str, *, with_definition: bool = True) -> AgentsInfo:
         decision_time_s=_decision_time_s(keys),
         commanded=keys.flag("commanded", default=True),
     )
+
+
+def _in_metres(keys: Keys) -> bool:
+    """Return whether the search is stated to be in metres."""
+    definition = keys.value("definition")
+    rules = definition.get("rules") if isinstance(definition, dict) else None
+    return isinstance(rules, dict) and rules.get("space") == "metres"
 
 
 def _frame_of(keys: Keys, definition: SearchDefinition | None) -> GridFrame:

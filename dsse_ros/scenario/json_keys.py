@@ -73,12 +73,13 @@ class Keys:
             self.refuse(key, f"a text {most}" if may_be_empty else f"a text {most}, not empty")
         return str(value)
 
-    def names(self, key: str) -> tuple[str, ...]:
-        """Return different texts that are not empty, at least one."""
+    def names(self, key: str, *, may_be_none: bool = False) -> tuple[str, ...]:
+        """Return different texts that are not empty, at least one unless there may be none."""
         value = self.value(key)
         names = value if isinstance(value, list) else []
         are_names = all(_is_text(name) and name for name in names)
-        if not names or not are_names or len(set(names)) != len(names):
+        is_list = isinstance(value, list) and (names or may_be_none)
+        if not is_list or not are_names or len(set(names)) != len(names):
             self.refuse(key, "a list of different names")
         return tuple(names)
 

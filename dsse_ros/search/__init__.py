@@ -8,6 +8,7 @@ from dsse_ros.scenario.fields import FieldError
 from dsse_ros.scenario.rules import PROFILES, Rules, profile
 from dsse_ros.scenario.scenario import Scenario
 from dsse_ros.search.aec import aec_env, env, raw_env
+from dsse_ros.search.environments import search_env
 from dsse_ros.search.observation import Observation
 from dsse_ros.search.parallel_env import SearchEnv, parallel_env
 from dsse_ros.search.snapshot import Snapshot, SnapshotError
@@ -34,6 +35,7 @@ __all__ = [
     "aec_env",
     "env",
     "parallel_env",
+    "search_env",
     "profile",
     "raw_env",
     "vector_env",

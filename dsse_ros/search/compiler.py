@@ -17,6 +17,7 @@ from numba.core import event
 
 from dsse_ros.scenario.rules import Rules
 from dsse_ros.scenario.scenario import Scenario
+from dsse_ros.search.environments import search_env
 from dsse_ros.search.parallel_env import SearchEnv
 from dsse_ros.search.world import HOLD
 from dsse_ros.search.world_beliefs import WorldBeliefs
@@ -102,7 +103,7 @@ def prepared_env(
     # Refuse bad input before the slow compilation.
     grid_size = scenario.resolve(rules).grid_size
     with_belief = not rules.covers and has_belief(grid_size)
-    env = SearchEnv(scenario, rules)
+    env = search_env(scenario, rules)
     env.reset(seed=0)
     hold = np.full(env.world.num_drones, HOLD, np.int8)
     beliefs = WorldBeliefs(env.world) if with_belief else None

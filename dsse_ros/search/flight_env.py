@@ -12,7 +12,7 @@ from gymnasium import spaces
 from numpy.typing import NDArray
 
 from dsse_ros.scenario.fields import FieldError, shown
-from dsse_ros.search.observation import Started, Stepped
+from dsse_ros.search.observation import Started, Stepped, agent_infos
 from dsse_ros.search.parallel_env import SearchEnv
 from dsse_ros.search.world import World
 
@@ -43,8 +43,21 @@ def action_space() -> spaces.Box:
 def states_of(world: World) -> NDArray[np.float32]:
     """Return the states (B, N, 5) float32 of the drones, see `STATE`."""
     assert world.flight is not None
-    flights, side_m = world.flight.flights, world.grid_size * world.scenario.cell_size
+    side_m = world.grid_size * world.scenario.cell_size
     cruise = world.flight.flyers["cruise"][world.looks.kind]
+    return states_from(world.flight.flights, side_m, cruise)
+
+
+def states_from(
+    flights: NDArray[np.void], side_m: float, cruise: NDArray[np.float64]
+) -> NDArray[np.float32]:
+    """Return the states (..., N, 5) float32 of N drones, see `STATE`.
+
+    Args:
+        flights: (..., N) of `flight_paths.FLIGHTS`.
+        side_m: Side of the grid.
+        cruise: (N,) their airspeeds of cruise, m/s.
+    """
     columns = (
         flights["east"] / side_m, flights["south"] / side_m, np.sin(flights["heading"]),
         np.cos(flights["heading"]), flights["speed"] / cruise,
@@ -80,12 +93,7 @@ class FlightEnv(SearchEnv):
         assert self.world.flight is not None
         columns = self._info_columns(live)
         columns["path"] = [self.world.flight.paths[0, i].copy() for i in live]
-        found = self._num_missing[0] == 0
-        infos: dict[str, dict[str, Any]] = {agent: {"Found": found} for agent in agents}
-        for name, values in columns.items():
-            for info, value in zip(infos.values(), values, strict=True):
-                info[name] = value
-        return observations, infos
+        return observations, agent_infos(agents, self._num_missing[0] == 0, None, columns)
 
     def step(self, actions: Mapping[str, Any]) -> Stepped:
         """Advance the mission by one step, see `SearchEnv.step`; actions are those of the class."""
@@ -96,28 +104,29 @@ class FlightEnv(SearchEnv):
         if not isinstance(actions, Mapping):
             raise FieldError(f"actions must be two numbers per live agent, got {shown(actions)}")
         taken = [
-            self._action_of(agent, actions) if self._alive[i] else STRAIGHT_ON
+            flight_action_of(agent, actions) if self._alive[i] else STRAIGHT_ON
             for agent, i in zip(self.agents, self._live, strict=True)
         ]
         assert self.world.flight is not None
         self.world.flight.actions[0, self._live] = taken
 
-    def _action_of(self, agent: str, actions: Mapping[str, Any]) -> NDArray[np.float64]:
-        """Return the action of an agent, (2,).
 
-        Raises:
-            FieldError: If it is missing or not two numbers from -1 to 1.
-        """
-        if agent not in actions:
-            raise FieldError(f"actions: {agent} is missing; one action per live agent")
-        try:
-            action = np.asarray(actions[agent], np.float64)
-        except (TypeError, ValueError):
-            action = np.full(2, np.nan)
-        # This form of the comparison also refuses NaN.
-        if action.shape != (2,) or not (np.abs(action) <= 1.0).all():
-            raise FieldError(
-                f"action of {agent} must be two numbers from -1 to 1, turn and speed, got "
-                f"{shown(actions[agent])}"
-            )
-        return action
+def flight_action_of(agent: str, actions: Mapping[str, Any]) -> NDArray[np.float64]:
+    """Return the action of an agent, (2,).
+
+    Raises:
+        FieldError: If it is missing or not two numbers from -1 to 1.
+    """
+    if agent not in actions:
+        raise FieldError(f"actions: {agent} is missing; one action per live agent")
+    try:
+        action = np.asarray(actions[agent], np.float64)
+    except (TypeError, ValueError):
+        action = np.full(2, np.nan)
+    # This form of the comparison also refuses NaN.
+    if action.shape != (2,) or not (np.abs(action) <= 1.0).all():
+        raise FieldError(
+            f"action of {agent} must be two numbers from -1 to 1, turn and speed, got "
+            f"{shown(actions[agent])}"
+        )
+    return action

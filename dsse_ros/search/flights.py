@@ -13,6 +13,7 @@ from dsse_ros.scenario.fault_fields import FAULTS, faults_of
 from dsse_ros.scenario.fields import FieldError, shown
 from dsse_ros.scenario.scenario import ResolvedScenario
 from dsse_ros.search.ensemble import WorldEnsemble
+from dsse_ros.search.snapshot import SnapshotError
 from dsse_ros.sensors.lateral_range import LateralRange
 from dsse_ros.sensors.registry import SENSORS
 from dsse_ros.step.flight import FlightTask
@@ -69,6 +70,18 @@ class Flights:
         places = np.stack([self.flights["east"], self.flights["south"]], axis=-1)
         cells: NDArray[np.float64] = places / self._cell_m - 0.5
         return cells
+
+    def check(self, flights: NDArray[np.void], grid_size: int) -> None:
+        """Check the states in a snapshot, an array of the same shape.
+
+        Raises:
+            SnapshotError: If they are not finite, or not on the grid.
+        """
+        places = np.stack([flights["east"], flights["south"]])
+        inside = (places >= 0.0) & (places <= grid_size * self._cell_m)
+        rest = np.isfinite(flights["heading"]) & (flights["speed"] >= 0.0)
+        if not (inside.all() and rest.all() and np.isfinite(flights["speed"]).all()):
+            raise SnapshotError("the snapshot is damaged: flights are not on the grid")
 
 
 def _check_kinds(scenario: ResolvedScenario) -> None:

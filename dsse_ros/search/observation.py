@@ -48,7 +48,7 @@ Stepped = tuple[
 def agent_infos(
     agents: Iterable[str],
     found: bool,
-    masks: Iterable[NDArray[np.int8]],
+    masks: Iterable[NDArray[np.int8]] | None,
     columns: Mapping[str, Iterable[Any]],
 ) -> dict[str, dict[str, Any]]:
     """Return the infos of agents, by name.
@@ -56,10 +56,14 @@ def agent_infos(
     Args:
         agents: Names of the agents.
         found: Whether every person has been found, or every cell covered.
-        masks: Action mask (A,) of each agent.
+        masks: Action mask (A,) of each agent; None in metres.
         columns: Further values by key, one per agent, see `World.info_columns`.
     """
-    infos = {agent: {"Found": found, "action_mask": mask} for agent, mask in zip(agents, masks)}
+    infos: dict[str, dict[str, Any]]
+    if masks is None:
+        infos = {agent: {"Found": found} for agent in agents}
+    else:
+        infos = {agent: {"Found": found, "action_mask": mask} for agent, mask in zip(agents, masks)}
     for name, values in columns.items():
         for info, value in zip(infos.values(), values, strict=True):
             info[name] = value

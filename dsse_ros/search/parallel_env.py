@@ -477,9 +477,7 @@ def parallel_env(
         drone_speed=drone_speed,
         **fields,
     )
-    if chosen[1].in_metres:
-        # It extends this module.
-        from dsse_ros.search.flight_env import FlightEnv
+    # It extends this module.
+    from dsse_ros.search.environments import search_env
 
-        return FlightEnv(*chosen, render_mode, observe=observe)
-    return SearchEnv(*chosen, render_mode, observe=observe)
+    return search_env(*chosen, render_mode, observe=observe)

@@ -428,14 +428,12 @@ class World(Rebound):
         """
         edge, worlds = self.grid_size - 1, arrays["worlds"]
         things = self.grid_size**2 if self.coverage is not None else self.persons.shape[1]
+        if self.flight is not None:
+            self.flight.check(arrays["flights"], self.grid_size)
         cells = ("datum_x", "datum_y", "circle_x", "circle_y", "start_x", "start_y")
         highest = dict.fromkeys(cells, edge)
-        highest |= {
-            "num_active": self.num_drones,
-            "num_missing": things,
-            "t": 2**40,
-            "map_steps": 2**30,
-        }
+        highest |= {"num_active": self.num_drones, "num_missing": things}
+        highest |= {"t": 2**40, "map_steps": 2**30}
         for name, high in highest.items():
             if not ((worlds[name] >= 0) & (worlds[name] <= high)).all():
                 raise SnapshotError(f"the snapshot is damaged: {name} is not from 0 to {high}")

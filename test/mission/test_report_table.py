@@ -33,9 +33,10 @@ def search(drones: int, actions: tuple[str, ...] = ACTIONS, seed: int | None = 6
 
 def report(drones: int, step: int, *, mission: int = 1, **given: Any) -> NDArray[Any]:
     numbers = np.arange(drones)
+    cells = np.stack([numbers % 20, numbers // 20], axis=1)
     values: dict[str, Any] = {
         "run_id": RUN, "mission": mission, "step": step,
-        **place_columns(search(drones).frame, numbers % 20, numbers // 20),
+        **place_columns(search(drones).frame, cells, cells),
         "action": 4, "reward": 1.5, "action_mask": np.ones((drones, len(ACTIONS))),
         **dict.fromkeys((*FLAGS, "all_found"), False),
     }  # fmt: skip

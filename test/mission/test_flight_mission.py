@@ -1,0 +1,164 @@
+# Copyright 2026 dsse_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""Missions in metres without ROS: their commands, steps, snapshots and messages."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import fields
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from dsse_ros.mission.flight_mission import FlightMission, mission_of
+from dsse_ros.mission.step_reports import mission_report_of, step_report_of
+from dsse_ros.scenario.frames import scenario_frame
+from dsse_ros.search import SnapshotError, parallel_env
+from dsse_ros.searchers import registry
+from dsse_ros.searchers.searcher import Searcher
+from msg_adapters.step_report import path_of
+
+PLACE: dict[str, Any] = {
+    "rules": "flight", "person_motion": "constant_drift", "grid_size": 20, "particles": 500,
+    "drones_positions": ((9, 9), (10, 10), (3, 3)), "vector": (0.3, 0.1), "sigma": 3.0,
+    "wind_speed": 4.0, "wind_toward": 30.0,
+}  # fmt: skip
+actions = st.tuples(st.floats(-1, 1), st.floats(-1, 1))
+joints = st.lists(st.tuples(actions, actions, actions), min_size=1, max_size=10)
+
+
+def mission(seed: int = 3, **given: Any) -> FlightMission:
+    made = mission_of(parallel_env(**{**PLACE, **given}), seed)
+    assert isinstance(made, FlightMission)
+    return made
+
+
+def fly(flown: FlightMission, joint: Any) -> Any:
+    flown.command_all(joint)
+    return flown.advance("search")
+
+
+def state(of: FlightMission) -> tuple[Any, ...]:
+    frame = scenario_frame(of.env.scenario)
+    return (
+        of.env.world.state_bytes(), of.pos, of.tracks, of.belief().tobytes(),
+        step_report_of(of, frame, 1).tobytes(), mission_report_of(of, frame, 1).tobytes(),
+    )  # fmt: skip
+
+
+@settings(max_examples=20, deadline=None)
+@given(joints, st.integers(0, 100))
+def test_a_mission_is_step_by_step_the_environment(steps: list[Any], seed: int) -> None:
+    flown, env = mission(seed), parallel_env(**PLACE, observe="belief")
+    env.reset(seed=seed)
+    for joint in steps:
+        if not env.agents:
+            break
+        _, rewards, _, _, infos = env.step(
+            {agent: np.array(joint[int(agent[5:])]) for agent in env.agents}
+        )
+        result = fly(flown, joint)
+        assert result.flown is not None
+        report = step_report_of(flown, scenario_frame(env.scenario), 1)
+        for agent, info in infos.items():
+            i = int(agent[5:])
+            assert path_of(report)[i].tobytes() == info["path"].tobytes()
+            assert (result.rewards[i], flown.pos) == (rewards[agent], info["pos"])
+    assert flown.env.world.state_bytes() == env.world.state_bytes()
+    assert flown.done == (not env.agents)
+
+
+@settings(max_examples=20, deadline=None)
+@given(joints, joints)
+def test_a_mission_goes_on_from_its_snapshot_bit_for_bit(before: Any, after: Any) -> None:
+    flown, other = mission(), mission(99)
+    for joint in before:
+        fly(flown, joint)
+    other.restore(flown.snapshot())
+    assert state(other) == state(flown)
+    for joint in after:
+        fly(flown, joint)
+        fly(other, joint)
+        assert state(other) == state(flown)
+
+
+@pytest.mark.parametrize(
+    "name", ["result_actions_m", "result_paths_m", "flights", "history", "worlds"]
+)
+def test_a_snapshot_that_is_impossible_is_refused_with_nothing_changed(name: str) -> None:
+    flown, other = mission(), mission(99)
+    fly(flown, [(0.1, 1.0)] * 3)
+    snapshot, before = flown.snapshot(), state(other)
+    array = snapshot.arrays[name]
+    if array.dtype.names is None:
+        array[...] = math.nan
+    elif name == "flights":
+        array["east"] = math.nan
+    else:
+        snapshot.arrays[name] = array[:0]
+    with pytest.raises(SnapshotError) as refused:
+        other.restore(snapshot)
+    assert "\n" not in str(refused.value) and state(other) == before
+
+
+@pytest.mark.parametrize(
+    ("missing_action", "min_speed", "speed", "held"),
+    [("search", 0.0, 1.0, False), ("hold", 0.0, 0.0, True), ("hold", 6.0, 0.6, True)],
+)
+def test_a_drone_without_a_command_flies_on_stops_or_circles(
+    missing_action: str,
+    min_speed: float,
+    speed: float,
+    held: bool,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    plane = Searcher(doc="plane", speed=10.0, min_speed=min_speed, turn_radius=60.0)
+    monkeypatch.setitem(registry.SEARCHERS, "plane", plane)
+    flown = mission(searchers=("plane",), wind_speed=0.0)
+    flown.commands.set_action(0, (0.0, 1.0))
+    result = flown.advance(missing_action)
+    assert result.flown is not None
+    assert result.flown.flights["speed"].tolist() == pytest.approx([10.0, 10 * speed, 10 * speed])
+    assert result.held.tolist() == [False, held, held]
+    turned = (result.flown.actions[1:, 0] != 0.0).tolist()
+    assert turned == [held and min_speed > 0.0] * 2
+    # The last one is flown again.
+    flown.commands.set_action(0, (0.5, 0.0))
+    flown.advance("search")
+    again = flown.advance("repeat")
+    assert again.flown is not None and again.flown.actions[0].tolist() == [0.5, 0.0]
+
+
+def test_a_lost_drone_stays_where_it_is() -> None:
+    flown = mission(probability_of_detection=0.0)
+    where = flown.result.places[1].tolist()
+    assert flown.lose(1)
+    result = fly(flown, [(0.0, 1.0)] * 3)
+    assert result.places[1].tolist() == where and result.terminated.tolist() == [False, True, False]
+
+
+def test_the_mission_report_has_the_exact_positions() -> None:
+    flown = mission(probability_of_detection=0.0)
+    frame, reports = scenario_frame(flown.env.scenario), []
+    for joint in ([(0.1, 1.0)] * 3, [(-0.2, 0.3)] * 3):
+        reports.append(step_report_of(flown, frame, 1))
+        fly(flown, joint)
+    reports.append(step_report_of(flown, frame, 1))
+    whole = mission_report_of(flown, frame, 1)
+    for name in whole.dtype.names or ():
+        assert whole[name].tolist() == [report[name].tolist() for report in reports]
+    ends = path_of(reports[-1])[:, -1]
+    assert reports[-1]["x"].tolist() == pytest.approx(ends[:, 0].tolist())
+    assert reports[-1]["y"].tolist() == pytest.approx((20 * 130.0 - ends[:, 1]).tolist())
+
+
+def test_all_of_a_result_is_of_the_last_step() -> None:
+    flown = mission()
+    kept = fly(flown, [(0.1, 1.0)] * 3)
+    copies = {field.name: getattr(kept.flown, field.name).copy() for field in fields(kept.flown)}
+    fly(flown, [(-0.4, 0.0)] * 3)
+    for name, copy in copies.items():
+        assert getattr(kept.flown, name).tobytes() == copy.tobytes()
