@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 from sensor_msgs.msg import PointCloud2
 
+from dsse_ros.mission.flight_mission import mission_of
 from dsse_ros.mission.mission import Mission
 from dsse_ros.mission.step_messages import StepMessages
 from dsse_ros.mission.step_reports import step_report_of
@@ -28,7 +29,7 @@ from dsse_ros.recording.bag import Recorded
 from dsse_ros.recording.computed import computed, digest
 from dsse_ros.scenario.agents import AgentsInfo, agents_from_json
 from dsse_ros.scenario.limits import LARGEST_GRID_CELLS, check_cells
-from dsse_ros.search import HOLD, FieldError, SearchEnv
+from dsse_ros.search import HOLD, FieldError, search_env
 from msg_adapters.stamps import to_nanoseconds
 from msg_adapters.step_report import step_report_from_message, step_report_message
 from msg_adapters.topics import EACH_DRONE, TOPICS, Reading, of_drones, replayed, topic_of
@@ -280,8 +281,8 @@ class _Flight:
             self.mission: Mission = last.mission
             self.mission.reset(info.seed)
         else:
-            env = SearchEnv(info.definition.scenario, info.definition.rules)
-            self.mission = Mission(env, info.seed, belief=belief)
+            env = search_env(info.definition.scenario, info.definition.rules)
+            self.mission = mission_of(env, info.seed, belief=belief)
         self.mission.number = outcome.number
         self._messages = StepMessages(self.mission, self.frame, outcome.run_id)
         self._mission_time = True
@@ -316,14 +317,23 @@ class _Flight:
                 "replay"
             )
         elif len(report.points) == len(self.info.agents):
-            names = report.points.dtype.names or ()
-            commands = report.points["command" if "command" in names else "action"]
-            if "work" in names:
+            if "work" in (report.points.dtype.names or ()):
                 mission.set_work(report.points["work"].astype(np.int8))
-            known = (commands >= HOLD) & (commands < len(self.info.actions))
-            mission.command_all(np.where(known, commands, HOLD).tolist())
+            mission.command_all(self._commands(report.points))
             mission.advance("hold")
             self.outcome.steps += 1
+
+    def _commands(self, points: NDArray[Any]) -> list[Any]:
+        """Return the commands of a report, those that are none replaced."""
+        names = points.dtype.names or ()
+        if "turn_action" in names:
+            turns = np.stack([points["turn_action"], points["speed_action"]], axis=1)
+            known = np.where(np.abs(turns) <= 1.0, turns, 0.0).tolist()
+            held = points["held"].tolist()
+            return [None if h else action for action, h in zip(known, held, strict=True)]
+        commands = points["command" if "command" in names else "action"]
+        known = (commands >= HOLD) & (commands < len(self.info.actions))
+        return np.where(known, commands, HOLD).tolist()
 
     def _lose(self, report: _Report) -> None:
         """Take out the drones that were lost since; their report comes again."""

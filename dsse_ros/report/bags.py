@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dsse_ros.recording.bag import Recorded, read_bag
+from dsse_ros.report.flown_over import places_of
 from dsse_ros.report.recomputed import Maps
 from dsse_ros.report.record import RecordedMission, Search, check_limit
 from dsse_ros.scenario.agents import AgentsInfo, agents_from_json
@@ -155,10 +156,17 @@ def _note(reports: dict[Key, _Reports], of_steps: NDArray[Any], one: Recorded) -
     first = of_steps[0, 0]
     of = reports.setdefault((int(first["run_id"]), int(first["mission"])), _Reports())
     for row in of_steps:
-        of.rows[int(row["step"][0])] = row
+        step = int(row["step"][0])
+        # The report of a mission does not have the turns and speeds in metres.
+        if "turn_action" in (row.dtype.names or ()) or not _has_turns(of.rows.get(step)):
+            of.rows[step] = row
     if len(of_steps) == 1:
         stamp_ns = to_nanoseconds(one.message.header.stamp)
         of.heard.setdefault(int(first["step"]), (stamp_ns, one.log_time_ns))
+
+
+def _has_turns(row: NDArray[Any] | None) -> bool:
+    return row is not None and "turn_action" in (row.dtype.names or ())
 
 
 def _mission(
@@ -192,6 +200,12 @@ def _mission(
     def table(name: str) -> NDArray[Any]:
         return np.stack([rows[step][name] for step in steps])
 
+    in_cells = turns = None
+    if rules.in_metres:
+        in_cells = places_of(scenario, table("x"), table("y"))
+        # A report of the mission does not have them.
+        if all(_has_turns(rows[step]) for step in steps):
+            turns = np.stack([table("turn_action"), table("speed_action")], axis=2)
     actions, names = table("action"), np.array([*info.actions, ""])
     if (actions >= len(info.actions)).any():
         raise ValueError(f"step_report has action {actions.max()}, which agents does not name")
@@ -211,5 +225,7 @@ def _mission(
             scenario=scenario,
             seed=info.seed,
             run_id=key[0],
+            in_cells=in_cells,
+            turns=turns,
         )
     )

@@ -206,7 +206,7 @@ def tracks_figure(record: RecordedMission, theme: Theme) -> Figure:
     """Return the tracks beside each other, as a map: o is the start, a triangle the end."""
     figure, axes = _map_chart(record, theme)
     cell_km, drones = record.scenario.cell_size / 1000.0, len(record.agents)
-    for i, cells in enumerate(record.cells.swapaxes(0, 1)):
+    for i, cells in enumerate(record.places.swapaxes(0, 1)):
         beside = _BESIDE * ((i + 1) / (drones + 1) - 0.5)
         x, y = places_km(cells + (beside, -beside), record.grid_size, cell_km).T
         colour = drone_colour(i)

@@ -46,7 +46,8 @@ class Curves:
 
 def path_lengths(record: RecordedMission) -> Floats:
     """Return how far each drone has flown after each step, (K, N) in metres."""
-    legs = np.diff(record.cells, axis=0, prepend=record.cells[:1]).astype(float)
+    places = record.places
+    legs = np.diff(places, axis=0, prepend=places[:1]).astype(float)
     far: Floats = record.scenario.cell_size * np.hypot(legs[..., 0], legs[..., 1]).cumsum(axis=0)
     return far
 
@@ -102,7 +103,7 @@ def _close_approaches(record: RecordedMission) -> tuple[Ints, Floats]:
     """
     pairs = np.zeros(len(record.steps), np.int64)
     nearest_m = np.full(len(record.steps), np.nan)
-    for k, (cells, here) in enumerate(zip(record.cells, record.in_flight, strict=True)):
+    for k, (cells, here) in enumerate(zip(record.places, record.in_flight, strict=True)):
         cells = cells[here].astype(float)
         if len(cells) < 2:
             continue
@@ -267,7 +268,7 @@ METRICS = (
     ),
     Metric(
         "coverage", "Area coverage", "share",
-        "Share of the cells of the search area that were searched.",
+        "Share of the cells of the search area that were searched; in metres, flown over.",
         "Galceran and Carreras 2013",
         lambda record, progress: float(progress.cells_searched[-1]) / num_cells(record),
     ),
@@ -305,7 +306,8 @@ METRICS = (
     ),
     Metric(
         "path_length", "Path length, all drones", "m",
-        "Sum of the distances between the centres of the cells flown through.",
+        "Sum of the distances between the centres of the cells flown through; in metres "
+        "between the positions at the ends of the steps.",
         "Cabreira, Brisolara and Ferreira 2019",
         lambda record, progress: float(progress.path_length_m[-1]),
     ),
@@ -386,6 +388,9 @@ class Work:
 def work(record: RecordedMission) -> Work:
     """Return what each drone did."""
     moved = np.diff(record.cells, axis=0, prepend=record.cells[:1]).any(axis=2) & record.acted
+    if record.rules.in_metres:
+        # They search while they move.
+        moved &= ~record.searched
     searching, moving = record.searched.sum(axis=0), moved.sum(axis=0)
     waiting = np.zeros_like(searching) if record.waited is None else record.waited.sum(axis=0)
     lost = record.lost

@@ -6,16 +6,17 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterator
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dsse_ros.belief.beliefs import forecast_for as new_forecast
 from dsse_ros.belief.protocol import TargetForecast
-from dsse_ros.mission.mission import Mission
+from dsse_ros.mission.flight_mission import mission_of
 from dsse_ros.report.metrics import effort
 from dsse_ros.report.record import RecordedMission
-from dsse_ros.search import HOLD, FieldError, SearchEnv
+from dsse_ros.search import HOLD, FieldError, SearchEnv, search_env
 from dsse_ros.search.coverage import poc_of
 from dsse_ros.search.world_beliefs import DRIFT_SAMPLES
 from dsse_ros.sensors.sensor import SEARCH
@@ -43,7 +44,9 @@ def views(record: RecordedMission, wanted: Collection[int]) -> dict[int, Mission
     """
     if record.covers:
         return _views_of_coverage(record, wanted)
-    waited = np.zeros_like(record.searched) if record.waited is None else None
+    waited = None
+    if record.waited is None and not record.rules.in_metres:
+        waited = np.zeros_like(record.searched)
     if waited is not None:
         record = replace(record, waited=waited)
     shown: dict[int, MissionView] = {}
@@ -58,8 +61,11 @@ def views(record: RecordedMission, wanted: Collection[int]) -> dict[int, Mission
 
 
 def with_waits(record: RecordedMission) -> RecordedMission:
-    """Return the record with the drones that waited in each step; none do in a coverage task."""
-    if record.covers or record.waited is not None:
+    """Return the record with the drones that waited in each step.
+
+    None do in a coverage task or in metres.
+    """
+    if record.covers or record.rules.in_metres or record.waited is not None:
         return record
     waited = np.zeros_like(record.searched)
     for k, before, _ in _observed(record):
@@ -82,9 +88,11 @@ def _observed(
 
     The start of the mission has no map before it.
     """
-    env = SearchEnv(record.scenario, record.rules)
+    env = search_env(record.scenario, record.rules)
     # The map depends on neither drones nor persons: any seed and any actions give the same one.
-    env.reset(seed=0)
+    # A mission in which nobody can be found goes on to its limit, whatever the drones pass.
+    nobody = {"person_pod_multipliers": [0.0] * record.scenario.person_amount}
+    env.reset(seed=0, options=nobody if record.rules.in_metres else None)
     hold, step = np.full(len(record.agents), HOLD, np.int8), 0
     for k, recorded in enumerate(record.steps.tolist()):
         before = None
@@ -147,7 +155,7 @@ def _view(record: RecordedMission, k: int, of_map: MissionView) -> MissionView:
     nobody, nothing = np.zeros((0, 2), np.int64), np.zeros(0, bool)
     return replace(
         of_map,
-        tracks=record.cells[: k + 1].swapaxes(0, 1),
+        tracks=record.places[: k + 1].swapaxes(0, 1),
         alive=~record.lost[k],
         persons=nobody if record.persons is None else record.persons[k],
         found=nothing if record.person_found is None else record.person_found[k],
@@ -188,6 +196,8 @@ def forecast_for(record: RecordedMission, made: TargetForecast | None) -> Target
     """
     if record.missing_steps or record.covers or record.grid_size > LARGEST_BELIEF_GRID:
         return None
+    if record.rules.in_metres and (record.turns is None or record.seed is None):
+        return None
     if made is not None and (made.rules, made.scenario) == (record.rules, record.scenario):
         return made
     return new_forecast(record.scenario, record.rules, drift_samples=DRIFT_SAMPLES)
@@ -201,6 +211,8 @@ def follow_belief(
     The record does not contain which look of an action found a person: if there were several, the
     belief learns nothing from them.
 
+    In metres the mission is flown again: its paths are not recorded.
+
     Args:
         record: The record; it has every step from the start.
         forecast: Of its search.
@@ -208,7 +220,12 @@ def follow_belief(
 
     Returns:
         (K,) POS after each step, and the belief (G, G) after each wanted one.
+
+    Raises:
+        FieldError: If the record in metres is not of the mission with its seed.
     """
+    if record.rules.in_metres:
+        return _flown_again(record, wanted)
     belief, actions = forecast.belief(), forecast.rules.action_set
     looks = looks_of(forecast.scenario, forecast.rules)
     numbers = {name: action for action, name in enumerate(actions.names)}
@@ -235,6 +252,21 @@ def follow_belief(
     return pos, beliefs
 
 
+def _flown_again(
+    record: RecordedMission, wanted: Collection[int]
+) -> tuple[NDArray[np.float64], Maps]:
+    """See `follow_belief`."""
+    pos, beliefs = np.zeros(len(record.steps)), {}
+    try:
+        for k, view in enumerate(mission_views(record, belief=True)):
+            pos[k] = view.pos
+            if k in wanted:
+                beliefs[k] = view.probability
+    except ValueError as error:
+        raise FieldError(f"scenario: it does not match the record: {error}") from None
+    return pos, beliefs
+
+
 def mission_views(record: RecordedMission, *, belief: bool) -> Iterator[MissionView]:
     """Fly a mission again, and yield its views at the start and after each step.
 
@@ -245,16 +277,14 @@ def mission_views(record: RecordedMission, *, belief: bool) -> Iterator[MissionV
     Raises:
         ValueError: If the drones' cells differ from the record.
     """
-    assert record.commands is not None and record.seed is not None
-    env = SearchEnv(record.scenario, record.rules, "ansi")
-    mission = Mission(env, record.seed, belief=belief)
-    numbers = {name: number for number, name in enumerate(record.rules.actions)}
+    assert record.seed is not None
+    env = search_env(record.scenario, record.rules, "ansi")
+    mission = mission_of(env, record.seed, belief=belief)
+    commands = _commands(record)
     drones = env.world.drones[0]
     for step, cells in enumerate(record.cells):
         if step:
-            mission.command_all(
-                [numbers.get(name, HOLD) for name in record.commands[step].tolist()]
-            )
+            mission.command_all(commands[step])
             if record.work is not None:
                 mission.set_work(record.work[step])
             mission.advance("hold")
@@ -264,3 +294,16 @@ def mission_views(record: RecordedMission, *, belief: bool) -> Iterator[MissionV
         if belief:
             view = replace(view, probability=mission.belief(), pos=mission.pos, belief=True)
         yield view
+
+
+def _commands(record: RecordedMission) -> list[list[Any]]:
+    """Return the commands (K, N) of a record for `Mission.command_all`."""
+    if record.rules.in_metres:
+        assert record.turns is not None
+        return [
+            [None if is_held else action for action, is_held in zip(turns, held, strict=True)]
+            for turns, held in zip(record.turns.tolist(), record.held.tolist(), strict=True)
+        ]
+    assert record.commands is not None
+    numbers = {name: number for number, name in enumerate(record.rules.actions)}
+    return [[numbers.get(name, HOLD) for name in step] for step in record.commands.tolist()]

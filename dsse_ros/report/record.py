@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from dsse_ros.mission.definition_log import definition_file, read_definitions
 from dsse_ros.mission.mission_log import COLUMNS, OF_COVERAGE
+from dsse_ros.report.flown_over import check_flown, flown_over, places_of
 from dsse_ros.scenario.agents import definition_from
 from dsse_ros.scenario.definition import SearchDefinition
 from dsse_ros.scenario.frames import cell_to_map, scenario_frame
@@ -74,6 +75,9 @@ class RecordedMission:
         person_found: (K, P) bool; None if not recorded.
         seed: Seed of the mission; None if not known.
         run_id: run_id of the simulation; None if not known.
+        in_cells: (K, N, 2) float64 (col, row) of the drones in metres, whose fractions lie between
+            cells; None if drones move from cell to cell.
+        turns: (K, N, 2) float64, turns and speeds in metres; None if not recorded.
     """
 
     number: int
@@ -99,6 +103,13 @@ class RecordedMission:
     person_found: NDArray[np.bool_] | None = None
     seed: int | None = None
     run_id: int | None = None
+    in_cells: NDArray[np.float64] | None = None
+    turns: NDArray[np.float64] | None = None
+
+    @property
+    def places(self) -> NDArray[Any]:
+        """(K, N, 2) (col, row) of the drones; in metres, fractions lie between cells."""
+        return self.cells if self.in_cells is None else self.in_cells
 
     @property
     def grid_size(self) -> int:
@@ -152,7 +163,12 @@ class RecordedMission:
 
     @cached_property
     def searched(self) -> NDArray[np.bool_]:
-        """Which drones searched a cell of the grid in each step, (K, N); covering counts too."""
+        """Which drones searched a cell of the grid in each step, (K, N); covering counts too.
+
+        In metres all that fly do.
+        """
+        if self.rules.in_metres:
+            return self.acted
         looked = self.actions == SEARCH
         if self.covers:
             looked |= np.diff(self.cells, axis=0, prepend=self.cells[:1]).any(axis=2)
@@ -160,12 +176,15 @@ class RecordedMission:
 
     @property
     def looked_at(self) -> NDArray[np.int64]:
-        """Every look at a cell of the grid, (Q, 4) as (number of the step, drone, col, row)."""
+        """Every look at a cell of the grid, (Q, 4) as (number of the step, drone, col, row).
+
+        In metres these are the cells that a drone flew over between the ends of two steps.
+        """
         return self._looks[0]
 
     @property
     def pods_of_looks(self) -> NDArray[np.float64]:
-        """POD of each person in the cell of each look of `looked_at`, (Q, P)."""
+        """POD of each person in the cell of each look of `looked_at`, (Q, P); 0 in metres."""
         return self._looks[1]
 
     @cached_property
@@ -175,6 +194,9 @@ class RecordedMission:
             pod = self.scenario.probability_of_detection
             looked = np.column_stack([step, drone, self.cells[step, drone]])
             return looked, np.full((len(step), 1), pod)
+        if self.rules.in_metres:
+            cells = flown_over(self.places, self.acted, self.grid_size)
+            return cells, np.zeros((len(cells), self.scenario.person_amount))
         looks, parts = looks_of(self.scenario, self.rules), [np.empty((0, 4), np.int64)]
         pods = [np.empty((0, looks.pods.shape[1]))]
         for n in range(self.cells.shape[1]):
@@ -429,8 +451,15 @@ def _mission(
     drones, persons, everybody = slice(0, count), slice(count, None), slice(None)
     numbers = _increasing(column("step", np.int64, drones)[:, 0])
     col, row = (column(name, np.int64, everybody) for name in ("col", "row"))
+    east, north = (column(name, np.float64, everybody) for name in ("east_m", "north_m"))
+    in_cells = turns = None
+    if rules.in_metres:
+        in_cells = places_of(scenario, east[:, drones], north[:, drones])
+        check_flown(in_cells, col[:, drones], row[:, drones])
+        turns = np.stack([column(name, np.float64, drones) for name in ("turn", "speed")], axis=2)
+    checked = persons if rules.in_metres else everybody
     _check_positions(
-        scenario, [column(name, np.float64, everybody) for name in ("east_m", "north_m")], col, row
+        scenario, (east[:, checked], north[:, checked]), col[:, checked], row[:, checked]
     )
     cells, pos = np.stack([col, row], axis=2), table[:, 0, columns.index("pos")]
     # Not what was observed, which metres belong to.
@@ -465,5 +494,7 @@ def _mission(
             repeated_coverage=repeated,
             persons=cells[:, persons],
             person_found=flag("found", persons),
+            in_cells=in_cells,
+            turns=turns,
         )
     )

@@ -1,0 +1,165 @@
+# Copyright 2026 dsse_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""Missions in metres from their records: flown again, reported, replayed from a bag."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from rclpy.serialization import serialize_message
+from std_msgs.msg import String
+
+from dsse_ros.cli.report import main as report
+from dsse_ros.mission.flight_mission import FlightMission, mission_of
+from dsse_ros.mission.mission_log import MissionLog
+from dsse_ros.mission.step_messages import MESSAGES, StepMessages
+from dsse_ros.recording.bag import BagWriter, Recorded
+from dsse_ros.recording.replay import Replay
+from dsse_ros.report.bags import MissionBag
+from dsse_ros.report.metrics import metrics
+from dsse_ros.report.recomputed import follow_belief, forecast_for, mission_views
+from dsse_ros.report.record import RecordedMission, read_csv
+from dsse_ros.scenario.agents import AgentsInfo, agents_json
+from dsse_ros.scenario.frames import scenario_frame
+from dsse_ros.search import FieldError, SearchDefinition, parallel_env
+from msg_adapters.stamps import to_stamp
+from msg_adapters.topics import EACH_DRONE
+
+PLACE: dict[str, Any] = {
+    "rules": "flight", "person_motion": "constant_drift", "grid_size": 20, "particles": 500,
+    "drones_positions": ((9, 9), (10, 10), (3, 3)), "vector": (0.3, 0.1), "sigma": 3.0,
+    "wind_speed": 4.0, "timestep_limit": 12,
+}  # fmt: skip
+SEED = 4
+
+
+def flown() -> Iterator[FlightMission]:
+    """Yield a mission at its start and after each step, in some of which drones are held."""
+    mission, draw = mission_of(parallel_env(**PLACE), SEED), np.random.default_rng(1)
+    assert isinstance(mission, FlightMission)
+    yield mission
+    while not mission.done:
+        joint: list[Any] = draw.uniform(-1, 1, (3, 2)).tolist()
+        if mission.result.step % 3 == 1:
+            joint[1] = None
+        mission.command_all(joint)
+        mission.advance("hold")
+        yield mission
+
+
+def log_of(path: Path) -> tuple[RecordedMission, FlightMission]:
+    log: MissionLog | None = None
+    for mission in flown():
+        log = log or MissionLog(path, scenario_frame(mission.env.scenario), metres=True)
+        log.write(mission, mission.result)
+    assert log is not None
+    log.close()
+    return read_csv(path)[0], mission
+
+
+def messages_of() -> list[Recorded]:
+    """Return what `sim_node` publishes of the mission."""
+    found: list[Recorded] = []
+
+    def publish(topic: str, message: Any) -> None:
+        kind = f"{type(message).__module__.split('.')[0]}/msg/{type(message).__name__}"
+        time_ns = 10**18 + 10**6 * len(found)
+        found.append(
+            Recorded(f"/{topic}", kind, time_ns, time_ns, bytes(serialize_message(message)))
+        )
+
+    for mission in flown():
+        env, frame = mission.env, scenario_frame(mission.env.scenario)
+        if not found:
+            messages = StepMessages(mission, frame, 7)
+            info = AgentsInfo(
+                agents=tuple(env.possible_agents), actions=(), rules="flight", seed=SEED,
+                frame=frame, timestep_limit=12, step_duration_s=env.scenario.step_duration_s,
+                mission=1, run_id=7, definition=SearchDefinition(env.rules, env.scenario),
+            )  # fmt: skip
+            publish("agents", String(data=agents_json(info)))
+        stamp = to_stamp(mission.result.stamp_ns)
+        for topic in MESSAGES:
+            if topic == "mission_report" and not mission.done:
+                continue
+            drones = range(3) if topic.startswith(EACH_DRONE) else range(1)
+            for drone in drones:
+                message = messages.make(topic, stamp, drone)
+                if message is not None:
+                    publish(topic.replace(EACH_DRONE, f"drone{drone}/"), message)
+    return found
+
+
+def test_a_record_is_flown_again_to_the_same_views_and_pos(tmp_path: Path) -> None:
+    record, mission = log_of(tmp_path / "mission.csv")
+    *_, last = mission_views(record, belief=True)
+    assert record.pos is not None and last.pos == record.pos[-1] == mission.pos
+    assert last.probability.tobytes() == mission.belief().tobytes()
+    forecast = forecast_for(record, None)
+    assert forecast is not None
+    pos, beliefs = follow_belief(record, forecast, [len(record.steps) - 1])
+    assert pos.tolist() == record.pos.tolist()
+    assert beliefs[len(record.steps) - 1].tobytes() == mission.belief().tobytes()
+    # The record has three decimals of a metre.
+    assert np.allclose(record.places[-1], mission.result.places, rtol=0, atol=1e-5)
+
+
+def test_a_record_of_another_mission_is_refused(tmp_path: Path) -> None:
+    record, _ = log_of(tmp_path / "mission.csv")
+    other = record.scenario.override(drones_positions=((7, 7), (6, 7), (5, 7)))
+    moved = dataclasses.replace(record, scenario=other.resolve(record.rules))
+    forecast = forecast_for(moved, None)
+    assert forecast is not None
+    with pytest.raises(FieldError, match="it does not match the record: step 0 is not of"):
+        follow_belief(moved, forecast)
+
+
+@pytest.mark.slow
+def test_a_report_has_what_was_flown(tmp_path: Path) -> None:
+    record, mission = log_of(tmp_path / "mission.csv")
+    numbers = metrics(record)
+    ends = [step.result.places.copy() for step in flown()]
+    far = 130.0 * np.hypot(*np.moveaxis(np.diff(ends, axis=0), -1, 0)).sum()
+    assert numbers["path_length"] == pytest.approx(far, abs=0.1)
+    assert numbers["coverage"] is not None and 0.02 < numbers["coverage"] < 0.5
+    assert report([str(tmp_path / "mission.csv"), "--out", str(tmp_path / "report")]) == 0
+    page = (tmp_path / "report" / "report.html").read_text(encoding="utf-8")
+    assert "profile flight" in page and f"{mission.pos:.1%}" in page
+
+
+def test_a_bag_is_replayed_and_each_difference_is_found(tmp_path: Path) -> None:
+    messages = messages_of()
+    (outcome,) = Replay(messages).missions()
+    assert (outcome.difference, outcome.incomplete) == ("", "") and outcome.ended
+    assert {"drone<i>/pose", "drone<i>/path", "mission_report"} <= outcome.compared.keys()
+    place = next(i for i, one in enumerate(messages) if one.topic == "/drone2/pose" and i > 40)
+    data = bytearray(messages[place].data)
+    data[-4] ^= 1
+    messages[place] = dataclasses.replace(messages[place], data=bytes(data))
+    (outcome,) = Replay(messages).missions()
+    assert outcome.difference.endswith("drone2/pose: the message differs in the replay")
+
+
+def test_a_bag_has_the_same_record_as_a_log(tmp_path: Path) -> None:
+    record, _ = log_of(tmp_path / "mission.csv")
+    bag, topics = BagWriter(tmp_path / "mission.mcap"), {}
+    for one in messages_of():
+        if one.topic not in topics:
+            topics[one.topic] = bag.add_topic(one.topic, one.type_name, one.offered_qos)
+        bag.write(
+            topics[one.topic], one.data, log_time_ns=one.log_time_ns,
+            publish_time_ns=one.publish_time_ns,
+        )  # fmt: skip
+    bag.close()
+    (recorded,) = MissionBag(tmp_path / "mission.mcap").missions
+    assert recorded.turns is not None and record.turns is not None
+    assert recorded.turns.tolist() == record.turns.tolist()
+    assert np.allclose(recorded.places, record.places, rtol=0, atol=1e-4)
+    forecast = forecast_for(recorded, None)
+    assert forecast is not None and record.pos is not None
+    assert follow_belief(recorded, forecast)[0].tolist() == record.pos.tolist()
