@@ -43,9 +43,9 @@ class PlayedMissions:
         lost: (M,) int64, drones that had collided, left the grid or been withdrawn at the end;
             0 if every person was found.
         path_length_m: (M,) float64, distance that all drones flew until the end, from cell centre
-            to cell centre.
+            to cell centre; in metres along their paths.
         collisions: (M,) int64, pairs of active drones in the same cell after a step, summed over
-            the steps.
+            the steps; 0 in metres.
         planner_seeds: (M,) int64, seed of the planner; -1 if it drew nothing, so that any seed
             would have given the same mission.
     """
@@ -58,7 +58,7 @@ class PlayedMissions:
     planner_seeds: NDArray[np.int64]
 
 
-class _Batch:
+class Batch:
     """M missions that are stepped together: what their drones observe, and their results.
 
     Attributes:
@@ -115,7 +115,26 @@ class _Batch:
                 info.setdefault("action", last[n])
         return observations, infos
 
-    def step(self, joint: NDArray[np.int8]) -> None:
+    def action_of(self, agent: str, actions: Mapping[str, Any]) -> Any:
+        """Return the action of an agent, checked.
+
+        Raises:
+            FieldError: If it is missing or not allowed.
+        """
+        return action_of(self.world.rules, agent, actions)
+
+    def nothing(self) -> NDArray[Any]:
+        """Return the actions (M, N) of drones that do nothing."""
+        return np.full(self.world.drones.shape, HOLD, np.int8)
+
+    def fly(self, joint: NDArray[Any]) -> NDArray[np.float64]:
+        """Advance the world by actions (M, N); return how far each drone flew, (M, N) in cells."""
+        world = self.world
+        x, y = world.drones["x"].copy(), world.drones["y"].copy()
+        world.step(joint)
+        return np.hypot(world.drones["x"] - x, world.drones["y"] - y)
+
+    def step(self, joint: NDArray[Any]) -> None:
         """Advance all missions by one step, and note the results of those that go on.
 
         Worlds step on after their mission has ended; those steps do not count.
@@ -125,13 +144,12 @@ class _Batch:
         """
         world, results, going = self.world, self.results, self._going
         here = going[:, None] & ~(world.terminated | world.truncated)
-        x, y = world.drones["x"].copy(), world.drones["y"].copy()
-        world.step(joint)
+        legs = self.fly(joint) * here
         self._step += 1
-        legs = np.hypot(world.drones["x"] - x, world.drones["y"] - y) * here
         for drone in range(world.num_drones):
             results.path_length_m[:] += legs[:, drone]
-        results.collisions[:] += _collisions(world.drones, here & ~world.drones["clear"])
+        if not world.rules.in_metres:
+            results.collisions[:] += _collisions(world.drones, here & ~world.drones["clear"])
         done = world.worlds["done"]
         found = going & done & (world.worlds["num_missing"] == 0)
         results.found[found] = True
@@ -160,10 +178,10 @@ class _Group:
     seeds: NDArray[np.int64]
     planner: Planner
     thread: int
-    actions: dict[int, int] = field(default_factory=dict)
+    actions: dict[int, Any] = field(default_factory=dict)
     drawn: bool = True
 
-    def decide(self, batch: _Batch) -> list[_Group]:
+    def decide(self, batch: Batch) -> list[_Group]:
         """Choose the actions of the next step.
 
         Returns:
@@ -188,11 +206,11 @@ class _Group:
             groups.append(group)
         return groups
 
-    def _decide(self, batch: _Batch) -> None:
+    def _decide(self, batch: Batch) -> None:
         """Get the actions of the next step from the planner."""
         observations, infos = batch.observe(int(self.members[0]), self.actions)
-        chosen, rules = self.planner(observations, infos), batch.world.rules
-        self.actions = {number_of(name): action_of(rules, name, chosen) for name in observations}
+        chosen = self.planner(observations, infos)
+        self.actions = {number_of(name): batch.action_of(name, chosen) for name in observations}
 
     def split(self, world: World) -> list[_Group]:
         """Split the group by observation; missions that have ended are in no group."""
@@ -356,7 +374,7 @@ def play_missions(
     world = World(chosen, chosen_rules, count, write_maps=False, threads=threads)
     world.seed(seeds)
     world.reset()
-    batch = _Batch(world)
+    batch = _batch_of(world)
     groups = list(
         _groups(lambda one: factory(search, seed=one, **(options or {})), of_planners, threads)
     )
@@ -366,7 +384,7 @@ def play_missions(
     return batch.results
 
 
-def _play(batch: _Batch, groups: Sequence[_Group], withdraw_at: int | None, threads: int) -> None:
+def _play(batch: Batch, groups: Sequence[_Group], withdraw_at: int | None, threads: int) -> None:
     """Play the missions of a batch to their ends; the arguments are those of `play_missions`."""
     world = batch.world
     if world.faults is not None:
@@ -384,9 +402,18 @@ def _play(batch: _Batch, groups: Sequence[_Group], withdraw_at: int | None, thre
                 break
 
 
-def _joint(batch: _Batch, groups: Sequence[_Group]) -> NDArray[np.int8]:
+def _batch_of(world: World) -> Batch:
+    if world.rules.in_metres:
+        # It extends this module.
+        from dsse_ros.planners.flight_batch import FlightBatch
+
+        return FlightBatch(world)
+    return Batch(world)
+
+
+def _joint(batch: Batch, groups: Sequence[_Group]) -> NDArray[Any]:
     """Return the actions (M, N) that the groups have chosen; note the seeds that made them."""
-    joint = np.full(batch.world.drones.shape, HOLD, np.int8)
+    joint = batch.nothing()
     for group in groups:
         if group.drawn:
             batch.results.planner_seeds[group.members] = group.seeds

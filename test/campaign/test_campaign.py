@@ -27,6 +27,7 @@ from dsse_ros.campaign.config import Campaign
 from dsse_ros.campaign.engines import WorkerError, local, on_ray
 from dsse_ros.cli import campaign as program
 from dsse_ros.planners import planner_for
+from dsse_ros.planners import play as steps_of_play
 from dsse_ros.search import FieldError, parallel_env
 
 WAIT_S = 180.0
@@ -302,3 +303,20 @@ def test_a_page_and_its_numbers_agree(finished: Path) -> None:
     assert stated == pytest.approx(sum(found) / len(found))
     assert f"{stated:.1%}" in page
     assert "http:" not in page.replace("http://www.w3.org", "") and "<script" not in page
+
+
+def test_missions_in_metres_are_played_too() -> None:
+    fields: dict[str, Any] = {
+        "rules": "flight", "person_motion": "constant_drift", "grid_size": 14, "particles": 300,
+        "num_drones": 2, "sigma": 2.0, "timestep_limit": 15,
+    }  # fmt: skip
+    campaign = Campaign.from_dict(
+        {"planners": ["greedy"], "scenarios": [{"name": "m", **fields}], "seed": 30, "missions": 3}
+    )
+    (chunk,) = campaign.chunks()
+    columns, env = play(job(campaign, chunk)), parallel_env(**fields)
+    for m in range(3):
+        steps = list(steps_of_play(env, planner_for(env, "greedy", seed=30 + m), seed=30 + m))
+        found = bool(env.world.worlds["num_missing"][0] == 0)
+        assert columns["found"][m] == found
+        assert columns["steps"][m] == (len(steps) if found else 15)
