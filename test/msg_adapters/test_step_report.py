@@ -17,6 +17,7 @@ from msg_adapters.step_report import (
     MAX_ACTIONS,
     finds_of,
     make_step_report,
+    path_of,
     step_report_dtype,
     step_report_from_message,
     step_report_message,
@@ -251,3 +252,25 @@ def test_an_array_that_is_no_report_is_refused():
     for number in (0, MAX_ACTIONS + 1):
         with pytest.raises(ValueError, match="^num_actions must be "):
             step_report_dtype(number)
+
+
+@given(
+    st.integers(2, 17).flatmap(
+        lambda points: hnp.arrays(step_report_dtype(0, path_points=points), st.integers(1, 4))
+    )
+)
+def test_a_report_in_metres_comes_back(report):
+    back = step_report_from_message(step_report_message(header("map", STAMP), report))
+    assert back.dtype == report.dtype and back.tobytes() == report.tobytes()
+    assert path_of(back).tobytes() == report["path"].tobytes()
+
+
+@pytest.mark.parametrize("points", [1, 65, 2**20])
+def test_a_report_in_metres_with_a_path_that_is_none_is_refused(points):
+    with pytest.raises(ValueError, match="^path must be 2 to 64 points, got "):
+        step_report_dtype(0, path_points=points)
+    report = np.zeros(2, step_report_dtype(0, path_points=3))
+    message = step_report_message(header("map", STAMP), report)
+    message.fields[-1].count = 2 * points
+    with pytest.raises(ValueError, match="^path must be 2 to 64 points, got "):
+        step_report_from_message(message)
