@@ -13,6 +13,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from dsse_ros.mission.flight_commands import Velocity, action_of
 from dsse_ros.mission.flight_mission import FlightMission, mission_of
 from dsse_ros.mission.step_reports import mission_report_of, step_report_of
 from dsse_ros.scenario.frames import scenario_frame
@@ -130,6 +131,29 @@ def test_a_drone_without_a_command_flies_on_stops_or_circles(
     flown.advance("search")
     again = flown.advance("repeat")
     assert again.flown is not None and again.flown.actions[0].tolist() == [0.5, 0.0]
+
+
+@settings(max_examples=30, deadline=None)
+@given(
+    st.floats(-5, 30), st.floats(-1, 1), st.sampled_from([0.0, 60.0]), st.sampled_from([0.0, 6.0])
+)
+def test_a_velocity_is_flown_as_far_as_the_kind_of_drone_can(
+    forward: float, yaw_rate: float, radius: float, lowest: float
+) -> None:
+    plane = Searcher(doc="plane", speed=10.0, min_speed=lowest, turn_radius=radius)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setitem(registry.SEARCHERS, "plane", plane)
+        flown = mission(searchers=("plane",), wind_speed=0.0)
+        before = flown.env.world.flight.flights[0, 0].copy()  # type: ignore[union-attr]
+        flyer, step_s = flown.commands.flyers[0], flown.env.scenario.step_duration_s
+        flown.commands.set_action(0, action_of(Velocity(forward, yaw_rate), flyer, step_s))
+        after = flown.advance("search").flown.flights[0]  # type: ignore[union-attr]
+    speed = min(max(forward, lowest), 10.0)
+    assert after["speed"] == pytest.approx(speed)
+    most = min(speed * step_s / radius, math.pi) if radius else math.pi
+    turned = math.remainder(after["heading"] - before["heading"], 2 * math.pi)
+    wanted = -min(max(yaw_rate * step_s, -most), most)
+    assert math.cos(turned - wanted) == pytest.approx(1.0)
 
 
 def test_a_lost_drone_stays_where_it_is() -> None:
