@@ -31,9 +31,11 @@ SHOWN = {
 TITLES = {"v2": "`v2`", "v1": "`v1`", "santos_4": "`paper`", "shore": "Shore"}
 SHOWN_AT_SEA = (
     incidents.STOPS, "expanding_square", "greedy", "route", "belief_greedy", "belief",
-    *(f"{name}{incidents.IN_METRES}" for name in ("spiral", "expanding_square", "greedy")),
-    f"belief{incidents.IN_METRES}", incidents.ROUND,
 )  # fmt: skip
+SHOWN_IN_METRES = (
+    f"spiral{incidents.IN_METRES}", f"{incidents.BASELINE}{incidents.IN_METRES}", incidents.ROUND,
+)  # fmt: skip
+"""Rows of the table of searches in metres, once they have been flown."""
 ON_A_BELIEF = ("optimal_effort", "route", "belief_greedy", "belief")
 WITH_FAULTS = ("greedy", "optimal_effort", "belief_greedy", "belief")
 FIELDS = (
@@ -117,10 +119,10 @@ def cost_table(
 
 
 def at_sea_table(rows: Mapping[str, Row], head: str, baseline: str, beside: str) -> str:
-    """Return the shares found in the incidents by three times, and the paired difference."""
+    """Return the shares found in the incidents by two times, and the paired difference."""
     lines = [
         [
-            title, *(f"{100 * found:.1f}" for found in row["found"]),
+            title, *(f"{100 * row['found'][column]:.1f}" for column in (1, 2)),
             "" if title == baseline else difference(
                 100 * row["difference"][-1],
                 [100 * end for end in row["difference_interval"][-1]], 1,
@@ -128,7 +130,7 @@ def at_sea_table(rows: Mapping[str, Row], head: str, baseline: str, beside: str)
         ]
         for title, row in rows.items()
     ]  # fmt: skip
-    heads = [f"Found in {minutes} min, %" for minutes in incidents.MINUTES]
+    heads = [f"Found in {minutes} min, %" for minutes in incidents.MINUTES[1:]]
     return markdown([head, *heads, f"Points more than {beside}"], lines)
 
 
@@ -157,10 +159,19 @@ def tables(
     written["faults"] = cost_table(results["faults"], conditions, WITH_FAULTS)
     baseline = f"`{incidents.BASELINE}`"
     at_sea = {
-        f"`{name.split(',')[0]}`{name[len(name.split(',')[0]) :]}": row
+        f"{baseline}, stopping to search" if name == incidents.STOPS else f"`{name}`": row
         for name, row in _chosen(results["incidents"], SHOWN_AT_SEA).items()
     }
     written["incidents"] = at_sea_table(at_sea, "Planner", baseline, baseline)
+    in_metres = _chosen(results["incidents"], SHOWN_IN_METRES)
+    if in_metres:
+        rows = {
+            f"`{planner}`{where}": row
+            for name, row in in_metres.items()
+            for planner, comma, rest in [name.partition(",")]
+            for where in [comma + rest]
+        }
+        written["in_metres"] = at_sea_table(rows, "Planner", baseline, f"{baseline} on cells")
     by_error = {incidents.ERRORS[name]: row for name, row in results["wrong_drift"].items()}
     written["wrong_drift"] = at_sea_table(
         by_error, "What is wrong", incidents.ERRORS["none"], "with the right drift"
