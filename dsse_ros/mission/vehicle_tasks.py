@@ -70,7 +70,7 @@ class VehicleTasks:
             run_id: Identity of the simulation.
         """
         points = np.zeros(len(self.numbers), VEHICLE_TASK)
-        for name, values in place_columns(frame, *self.cells.T).items():
+        for name, values in place_columns(frame, self.cells, self.cells).items():
             points[name] = values
         points["run_id"], points["mission"] = run_id, mission.number
         points["task"], points["action"] = self.numbers, self.actions
