@@ -113,6 +113,13 @@ if __name__ == "__main__":
         "foxglove_viewer": started(ViewerNode, "-p", "exclude:=['*/odom']", "-p", "port:=0"),
         "dashboard": started(DashboardNode, "-p", "allowed_hosts:=['name.example']"),
     }
+    # What it publishes and takes in metres only.
+    in_metres = started(
+        SimNode, "-p", "rules:=flight", "-p", "scenario.particles:=10",
+        "-p", "scenario.timestep_limit:=10",
+    )  # fmt: skip
+    for kind in ("published", "subscribed"):
+        nodes["sim_node"][kind] |= in_metres[kind]
     # Which it subscribes to once there is a simulation.
     found = (*TOPICS, *EXACT_LAYERS, *(f"drone<i>/{topic}" for topic in OF_VEHICLE))
     for topic in found:
