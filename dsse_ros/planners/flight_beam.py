@@ -130,12 +130,12 @@ class Scratch(NamedTuple):
     Attributes:
         path: (K + 1, 2) float64.
         seen: The persons seen from it.
-        crowd: (Q, Q) int64, nodes in each square of half a leg, zeros between uses.
+        counts: (Q, Q) int64, nodes in each square of half a leg, zeros between uses.
     """
 
     path: NDArray[np.float64]
     seen: Seen
-    crowd: NDArray[np.int64]
+    counts: NDArray[np.int64]
 
 
 @compiled()
@@ -301,14 +301,14 @@ def keep_best(problem, tree, level, h, tried, order, after, scratch):
         after: `Level` out.
         scratch: Memory.
     """
-    kept, width, crowd = 0, tree.parents.shape[1], scratch.crowd
-    size = problem.side / len(crowd)
+    kept, width, counts = 0, tree.parents.shape[1], scratch.counts
+    size = problem.side / len(counts)
     for k in order:
         flight = tried.flights[k]
-        row, column = square_of(flight, size, len(crowd))
-        if crowd[row, column] >= CAP or is_twin(tree, h, tried, k, after, kept):
+        row, column = square_of(flight, size, len(counts))
+        if counts[row, column] >= CAP or is_twin(tree, h, tried, k, after, kept):
             continue
-        crowd[row, column] += 1
+        counts[row, column] += 1
         copy_flight(flight, tree.flights[h + 1, kept])
         tree.parents[h + 1, kept] = tried.parents[k]
         tree.actions[h + 1, kept, 0] = tried.actions[k, 0]
@@ -318,8 +318,8 @@ def keep_best(problem, tree, level, h, tried, order, after, scratch):
         if kept == width:
             break
     for node in range(kept):
-        row, column = square_of(tree.flights[h + 1, node], size, len(crowd))
-        crowd[row, column] = 0
+        row, column = square_of(tree.flights[h + 1, node], size, len(counts))
+        counts[row, column] = 0
         mark_seen(problem, tree, h, node, after, scratch)
     return kept
 

@@ -58,7 +58,10 @@ def test_a_million_steps_keep_the_world_whole(rules: str) -> None:
     out = np.zeros((batch, drones), bool)
     for _ in range(500):
         fresh = infos["over"]
-        actions = generator.integers(0, len(env.rules.actions), (batch, drones)).astype(np.int8)
+        if env.rules.in_metres:
+            actions = generator.uniform(-1.0, 1.0, (batch, drones, 2))
+        else:
+            actions = generator.integers(0, len(env.rules.actions), (batch, drones)).astype(np.int8)
         observations, rewards, terminated, truncated, infos = env.step(actions)
         p = observations["probability"]
         assert np.isfinite(p).all() and (p >= 0).all()
@@ -66,7 +69,8 @@ def test_a_million_steps_keep_the_world_whole(rules: str) -> None:
         assert total.max() <= 1 + 1e-6
         drifts_off = env.world.ensemble is not None
         assert env.rules.covers or drifts_off or total.min() >= 1 - 1e-6
-        cells = observations["positions"]
+        cells = np.stack([env.world.drones[axis] for axis in "xy"], axis=-1)
+        assert env.rules.in_metres or np.array_equal(cells, observations["positions"])
         assert ((cells >= -margin) & (cells < grid + margin)).all()
         persons = env.world.persons
         walked_out = (persons["x"] < 0) | (persons["y"] < 0)
