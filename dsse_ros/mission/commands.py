@@ -6,11 +6,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 from dsse_ros.result import Accepted, Rejected, Result
 from dsse_ros.scenario.fields import shown
 from dsse_ros.scenario.frames import GridFrame, map_to_cell
-from msg_adapters.poses import FramedPose
+
+if TYPE_CHECKING:
+    from msg_adapters.poses import FramedPose
 
 Cell = tuple[int, int]
 

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,8 +19,10 @@ from dsse_ros.scenario.frames import GridFrame
 from dsse_ros.search.flight_env import STRAIGHT_ON
 from dsse_ros.search.flights import Flights
 from dsse_ros.step.flight_paths import largest_turn
-from msg_adapters.poses import FramedPose
-from msg_adapters.velocities import FramedTwist
+
+if TYPE_CHECKING:
+    from msg_adapters.poses import FramedPose
+    from msg_adapters.velocities import FramedTwist
 
 Action = tuple[float, float]
 """A turn and a speed, -1 to 1, see `step.flight_paths`."""

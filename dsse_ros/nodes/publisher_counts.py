@@ -9,7 +9,7 @@ from collections.abc import Mapping
 
 from rclpy.node import Node
 
-from dsse_ros.mission.vehicle_steps import IGNORED
+from dsse_ros.mission.vehicle_time import IGNORED
 from dsse_ros.nodes.settings import SimSettings
 
 

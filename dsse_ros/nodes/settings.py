@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from dsse_ros.mission.command_buffer import MISSING_ACTIONS
-from dsse_ros.mission.vehicle_steps import FOLLOWED, VehicleTimeSettings
+from dsse_ros.mission.vehicle_time import FOLLOWED, VehicleTimeSettings
 from dsse_ros.planners import PLANNER_NAMES
 from dsse_ros.scenario.fields import FieldError, Spec, check_all, field, shown, specs
 from dsse_ros.scenario.limits import LARGEST_GRID_CELLS, MAX_ID

@@ -26,7 +26,8 @@ from dsse_ros.mission.flight_mission import mission_of
 from dsse_ros.mission.mission_files import MissionFiles
 from dsse_ros.mission.simulation_state import NEXT, Request, SimulationState, reason_to_refuse
 from dsse_ros.mission.step_scheduler import Due, StepScheduler
-from dsse_ros.mission.vehicle_steps import IGNORED, VehicleSteps
+from dsse_ros.mission.vehicle_steps import VehicleSteps
+from dsse_ros.mission.vehicle_time import IGNORED
 from dsse_ros.nodes import sim_services, simulation_interfaces
 from dsse_ros.nodes.navigate_to_pose import NavigateToPose
 from dsse_ros.nodes.node_diagnostics import PERIOD_S, NodeDiagnostics

@@ -13,7 +13,7 @@ import numpy as np
 from dsse_ros.drift.flow import utc
 from dsse_ros.mission.scenario_files import find_scenario
 from dsse_ros.mission.step_scheduler import Timing
-from dsse_ros.mission.vehicle_steps import FOLLOWED, IGNORED
+from dsse_ros.mission.vehicle_time import FOLLOWED, IGNORED
 from dsse_ros.nodes.settings import (
     FULL_NAMES,
     PROFILE,

@@ -13,7 +13,8 @@ from hypothesis import strategies as st
 
 from dsse_ros.mission.mission import Mission
 from dsse_ros.mission.step_scheduler import Due, StepScheduler, Timing
-from dsse_ros.mission.vehicle_steps import VehicleSteps, VehicleTimeSettings
+from dsse_ros.mission.vehicle_steps import VehicleSteps
+from dsse_ros.mission.vehicle_time import VehicleTimeSettings
 from dsse_ros.scenario.frames import cell_to_map, scenario_frame
 from dsse_ros.search import parallel_env
 from dsse_ros.step.fault_kernels import SEARCHING

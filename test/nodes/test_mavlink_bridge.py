@@ -118,7 +118,7 @@ def test_the_sea_takes_as_long_as_the_vehicles_and_finds_when_they_have_looked(r
 @pytest.mark.parametrize(
     ("fault", "mode", "lost"),
     [
-        ("pilot@airborne:60=LOITER", "LOITER", "taken over: in LOITER"),
+        ("pilot@airborne:30=LOITER", "LOITER", "taken over: in LOITER"),
         ("battery@airborne:60", "RTL", "battery failsafe"),
     ],
 )

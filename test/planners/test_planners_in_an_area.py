@@ -25,11 +25,11 @@ FITTING = [
     (name, rules)
     for name in NAMES
     for rules, of in PROFILES.items()
-    if name not in (COVERAGE_PLANNERS if not of.covers else PERSON_PLANNERS)
+    if of.actions and name not in (COVERAGE_PLANNERS if not of.covers else PERSON_PLANNERS)
 ]
-"""Planners, with the profiles whose task is theirs."""
-FINDING = [name for name, rules in PROFILES.items() if not rules.covers]
-"""Profiles with persons."""
+"""Planners, with the profiles on cells whose task is theirs."""
+FINDING = [name for name, rules in PROFILES.items() if rules.actions and not rules.covers]
+"""Profiles with persons, on cells."""
 
 
 @pytest.mark.slow

@@ -86,8 +86,10 @@ def step(env: SearchEnv, *actions: int) -> tuple[Any, ...]:
 
 def some_actions(
     env: SearchEnv, generator: np.random.Generator, *, careful: bool = False
-) -> dict[str, int]:
+) -> dict[str, Any]:
     """Random actions of the drones in flight; careful ones stay on the grid."""
+    if env.rules.in_metres:
+        return {agent: generator.uniform(-1.0, 1.0, 2) for agent in env.agents}
     weights = generator.random(env.action_masks().shape)
     if careful:
         weights *= env.action_masks()

@@ -41,7 +41,8 @@ def digest(rules: str, seed: int) -> str:
         sha.update(env.world.state_bytes())
         sha.update(env.probability.tobytes())
         for agent, (position, _) in observations.items():
-            sha.update(agent.encode() + position.tobytes() + infos[agent]["action_mask"].tobytes())
+            mask = np.asarray(infos[agent].get("action_mask", []))
+            sha.update(agent.encode() + position.tobytes() + mask.tobytes())
     assert missions > 2
     return sha.hexdigest()
 

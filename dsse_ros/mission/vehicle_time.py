@@ -1,0 +1,35 @@
+# Copyright 2026 dsse_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""What the time of vehicles counts for the sea."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from dsse_ros.mission.vehicle_missions import ArrivalSettings
+from dsse_ros.scenario.fields import check_all, field
+
+IGNORED, FOLLOWED, AWAITED = "ignored", "followed", "awaited"
+"""What the time of vehicles counts for the sea: nothing; the sea follows their clocks; or it stands
+still until they have done their tasks."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class VehicleTimeSettings(ArrivalSettings):
+    """Settings of the vehicles' part in the steps.
+
+    Raises:
+        FieldError: If a value is not allowed.
+    """
+
+    vehicle_time: str = field(
+        "str",
+        "What the time of vehicles counts for the sea: nothing; the sea follows their clocks, and "
+        "an action lasts as long as its vehicle needs; or the sea stands still until the vehicles "
+        "have done their actions.",
+        IGNORED,
+        choices=(IGNORED, FOLLOWED, AWAITED),
+    )
+
+    def __post_init__(self) -> None:
+        check_all(self)
