@@ -90,6 +90,8 @@ def main(argv: list[str] | None = None) -> int:
             arguments.scenario = None
         missions, bag = read(arguments)
         record = choose(missions, arguments.mission)
+        if record.rules.in_metres:
+            raise FieldError("file: space must be cells, got a mission in metres")
         wanted = chosen_steps(record, arguments.steps or (), MAPS)
         shown = pictures(record, wanted, forecast_for(record, None), bag)
     except FieldError as error:

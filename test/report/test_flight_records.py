@@ -163,3 +163,14 @@ def test_a_bag_has_the_same_record_as_a_log(tmp_path: Path) -> None:
     forecast = forecast_for(recorded, None)
     assert forecast is not None and record.pos is not None
     assert follow_belief(recorded, forecast)[0].tolist() == record.pos.tolist()
+
+
+def test_it_is_not_exported_as_cells(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    pytest.importorskip("rasterio")
+    from dsse_ros.cli.export_gis import main
+
+    log_of(tmp_path / "mission.csv")
+    assert main([str(tmp_path / "mission.csv"), "--out", str(tmp_path / "gis")]) == 2
+    assert capsys.readouterr().err == (
+        "export_gis: file: space must be cells, got a mission in metres\n"
+    )
