@@ -27,6 +27,7 @@ from dsse_ros.belief.protocol import TargetBelief, TargetForecast
 from dsse_ros.planners.avoidance import approach
 from dsse_ros.planners.beam_search import BeamSearch, steps_planned
 from dsse_ros.planners.masking import is_returning, is_under_way, masked_moves
+from dsse_ros.planners.matching import best_pairs
 from dsse_ros.planners.options import BeamOptions, BeliefOptions
 from dsse_ros.planners.planner import (
     Cell,
@@ -91,14 +92,9 @@ class GreedyOnBelief(DrawsNothing):
             if component is not None:
                 worth[drones] = np.where(component, worth[drones], -1.0)
         goals = list(present)
-        for _ in range(min(len(present), size * size)):
-            drone, row, col = np.unravel_index(int(np.argmax(worth)), worth.shape)
-            if worth[drone, row, col] < 0.0:
-                # The other drones are not observed in the area.
-                break
-            goals[drone] = (int(col), int(row))
-            worth[drone] = -1.0
-            worth[:, row, col] = -1.0
+        # Drones that are left without a cell are not observed in the area.
+        for drone, row, col in best_pairs(worth):
+            goals[drone] = (col, row)
         return goals
 
 

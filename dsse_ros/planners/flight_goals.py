@@ -7,6 +7,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from dsse_ros.planners.matching import best_pairs
+
 CLOSENESS = 0.7
 """Factor on the probability of a cell for each step's flight to it."""
 
@@ -34,11 +36,8 @@ def goals_on_map(
     south = centres[:, None] - flights["south"][:, None, None]
     worth = probability * CLOSENESS ** (np.hypot(east, south) / legs_m[:, None, None])
     goals = np.full((len(flights), 2), size * cell_m / 2)
-    for _ in range(min(len(flights), size * size)):
-        drone, row, col = np.unravel_index(int(np.argmax(worth)), worth.shape)
-        if worth[drone, row, col] <= 0.0:
-            break
+    # A cell without probability is none to fly to.
+    worth[worth <= 0.0] = -1.0
+    for drone, row, col in best_pairs(worth):
         goals[drone] = centres[col], centres[row]
-        worth[drone] = -1.0
-        worth[:, row, col] = -1.0
     return goals
