@@ -154,6 +154,16 @@ def close_weights(weights, persons, prior):
             weights[m, k] *= scale
 
 
+@part
+def restart(weights, persons, prior, beliefs, b):
+    """Set the weights of world b, and what is known of its persons, to the start of a mission."""
+    open_classes(persons)
+    for m in range(len(weights)):
+        for k in range(len(prior)):
+            weights[m, k] = persons.numbers[TOTAL, m] * prior[k]
+    forget(beliefs, b)
+
+
 @kernel
 def learn(constants, particles, links, weights, persons, looks, pos):
     """Update the weights with the looks of a step; return the new POS.
@@ -237,11 +247,7 @@ def follow_particles(followed, tables, beliefs, scratch, links, first, last):
         weights = beliefs.beliefs[b]
         persons = persons_of(beliefs, tables.class_of, scratch, b)
         if constants[0].auto_reset and followed.done[b]:
-            open_classes(persons)
-            for m in range(len(weights)):
-                for k in range(len(prior)):
-                    weights[m, k] = persons.numbers[TOTAL, m] * prior[k]
-            forget(beliefs, b)
+            restart(weights, persons, prior, beliefs, b)
             continue
         t = followed.batch.worlds[b].t - 1
         if not acts_at(constants[0], t):

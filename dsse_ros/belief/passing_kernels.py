@@ -16,8 +16,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from dsse_ros.belief.follow_kernels import forget, persons_of
-from dsse_ros.belief.particle_kernels import Particles, close_weights
+from dsse_ros.belief.follow_kernels import persons_of
+from dsse_ros.belief.particle_kernels import Particles, close_weights, restart
 from dsse_ros.belief.search_outcomes import (
     APART,
     MIXED,
@@ -214,11 +214,7 @@ def follow_paths(followed, tables, beliefs, scratch, seen, first, last):
         weights = beliefs.beliefs[b]
         persons = persons_of(beliefs, tables.class_of, scratch, b)
         if constants[0].auto_reset and followed.done[b]:
-            open_classes(persons)
-            for m in range(len(weights)):
-                for k in range(len(prior)):
-                    weights[m, k] = persons.numbers[TOTAL, m] * prior[k]
-            forget(beliefs, b)
+            restart(weights, persons, prior, beliefs, b)
             continue
         t = followed.batch.worlds[b].t - 1
         if not acts_at(constants[0], t):
