@@ -80,10 +80,10 @@ def step_world(constants, world, sea, crew, task, scratch, actions, coverage, fl
     for n in range(len(drones)):
         drone, action = drones[n], actions[n]
         drone.found = False
-        if flight is not None:
-            stay(flight, n)
         if not drone.alive:
             drone.reward = 0.0
+            if flight is not None:
+                stay(flight, n)
             # A withdrawn drone has no flag yet.
             eventful |= not (drone.terminated or drone.truncated)
             continue
@@ -91,6 +91,8 @@ def step_world(constants, world, sea, crew, task, scratch, actions, coverage, fl
         if flight is not None:
             if acts:
                 event, amount = fly_and_look(constants, world, sea, crew, task, n, flight)
+            else:
+                stay(flight, n)
         elif acts and 0 <= action < turn.num_actions:
             event, amount = move(turn, world, sea, drone, action, coverage)
             if coverage is None and (event == SEARCHED or turn.moves_look):
