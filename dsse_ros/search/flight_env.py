@@ -111,11 +111,19 @@ class FlightEnv(SearchEnv):
         self.world.flight.actions[0, self._live] = taken
 
 
-def flight_action_of(agent: str, actions: Mapping[str, Any]) -> NDArray[np.float64]:
+def flight_action_of(
+    agent: str, actions: Mapping[str, Any], *, low: float = -1.0, names: str = "turn and speed"
+) -> NDArray[np.float64]:
     """Return the action of an agent, (2,).
 
+    Args:
+        agent: The agent.
+        actions: By agent.
+        low: Smallest of the two numbers; the largest is 1.
+        names: What they are.
+
     Raises:
-        FieldError: If it is missing or not two numbers from -1 to 1.
+        FieldError: If it is missing or not two such numbers.
     """
     if agent not in actions:
         raise FieldError(f"actions: {agent} is missing; one action per live agent")
@@ -124,9 +132,9 @@ def flight_action_of(agent: str, actions: Mapping[str, Any]) -> NDArray[np.float
     except (TypeError, ValueError):
         action = np.full(2, np.nan)
     # This form of the comparison also refuses NaN.
-    if action.shape != (2,) or not (np.abs(action) <= 1.0).all():
+    if action.shape != (2,) or not ((action >= low) & (action <= 1.0)).all():
         raise FieldError(
-            f"action of {agent} must be two numbers from -1 to 1, turn and speed, got "
+            f"action of {agent} must be two numbers from {low:g} to 1, {names}, got "
             f"{shown(actions[agent])}"
         )
     return action

@@ -13,7 +13,7 @@ from pettingzoo.utils.wrappers import BaseParallelWrapper
 
 from dsse_ros.scenario.fields import FieldError, shown
 from dsse_ros.scenario.swarm import number_of
-from dsse_ros.search.flight_env import FlightEnv
+from dsse_ros.search.flight_env import FlightEnv, flight_action_of
 from dsse_ros.step.flight_paths import shares_of
 from dsse_ros.step.flight_steering import steer
 
@@ -55,8 +55,12 @@ class FlightWaypoints(BaseParallelWrapper[str, Any, Any]):
         flyers, wind = world.flight.flyers[world.looks.kind], world.flight.wind
         side_m = world.grid_size * world.scenario.cell_size
         goals = np.zeros((world.num_drones, 2))
+        if not isinstance(actions, Mapping):
+            raise FieldError(f"actions must be two numbers per live agent, got {shown(actions)}")
         for agent in self._env.agents:
-            goals[number_of(agent)] = self._checked(agent, actions)
+            goals[number_of(agent)] = flight_action_of(
+                agent, actions, low=0.0, names="east and south"
+            )
         chosen = steer(
             flyers, wind, side_m, world.flight.flights[0], goals * side_m, True,
             np.empty((world.flight.paths.shape[2], 2)),
@@ -67,23 +71,3 @@ class FlightWaypoints(BaseParallelWrapper[str, Any, Any]):
             turn, speed = chosen[n].tolist()
             shares[agent] = shares_of(flyers[n], turn, speed, wind.step_s)
         return self._env.step(shares)
-
-    def _checked(self, agent: str, actions: Mapping[str, Any]) -> Any:
-        """Return an agent's position, (2,).
-
-        Raises:
-            FieldError: If it is missing or not on the grid.
-        """
-        if not isinstance(actions, Mapping) or agent not in actions:
-            raise FieldError(f"actions: {agent} is missing; one action per live agent")
-        try:
-            place = np.asarray(actions[agent], np.float64)
-        except (TypeError, ValueError):
-            place = np.full(2, np.nan)
-        # This form of the comparison also refuses NaN.
-        if place.shape != (2,) or not ((place >= 0.0) & (place <= 1.0)).all():
-            raise FieldError(
-                f"action of {agent} must be two numbers from 0 to 1, east and south, got "
-                f"{shown(actions[agent])}"
-            )
-        return place
