@@ -132,8 +132,3 @@ def lateral_ranges(scenario: ResolvedScenario) -> list[LateralRange]:
         except ValueError as error:
             raise FieldError(f"sensor: {kind.sensor}: {error}") from None
     return ranges
-
-
-def headings(flights: NDArray[np.void]) -> NDArray[np.float64]:
-    """Return the headings as unit vectors to the east and to the south, (..., 2)."""
-    return np.stack([np.sin(flights["heading"]), -np.cos(flights["heading"])], axis=-1)
