@@ -18,7 +18,7 @@ from dsse_ros.scenario.fields import shown
 from dsse_ros.scenario.frames import GridFrame
 from dsse_ros.search.flight_env import STRAIGHT_ON
 from dsse_ros.search.flights import Flights
-from dsse_ros.step.flight_paths import largest_turn
+from dsse_ros.step.flight_paths import shares_of
 
 if TYPE_CHECKING:
     from msg_adapters.poses import FramedPose
@@ -117,12 +117,8 @@ def action_of(velocity: Velocity, flyer: np.record, step_s: float) -> Action:
         flyer: The kind of drone, one of `flight_paths.FLYERS`.
         step_s: Time of the step.
     """
-    lowest, cruise = float(flyer.slowest), float(flyer.cruise)
-    speed = min(max(velocity.forward, lowest), cruise)
-    most = float(largest_turn.py_func(flyer, speed, step_s))
-    turn = -velocity.yaw_rate * step_s / most if most > 0.0 else 0.0
-    share = 2.0 * (speed - lowest) / (cruise - lowest) - 1.0 if cruise > lowest else 1.0
-    return min(max(turn, -1.0), 1.0), share
+    speed = min(max(velocity.forward, float(flyer.slowest)), float(flyer.cruise))
+    return shares_of(flyer, -velocity.yaw_rate * step_s, speed, step_s)
 
 
 def parse_track(poses: Sequence[FramedPose], frame: GridFrame) -> Result[NDArray[np.float64]]:
@@ -231,9 +227,8 @@ class FlightCommands:
     def _commanded(self, drone: int) -> Action | None:
         if drone not in self._tracks:
             return self._actions.get(drone)
-        flyer, wind = self.flyers[drone], self._flights.wind
-        most = float(largest_turn.py_func(flyer, float(flyer.cruise), wind.step_s))
-        return steer(self._tracks[drone], self._flights.flights[0, drone], flyer, wind, most)
+        flight, wind = self._flights.flights[0, drone], self._flights.wind
+        return steer(self._tracks[drone], flight, self.flyers[drone], wind)
 
     def _without(self, drone: int, missing_action: str) -> Action:
         if missing_action == "hold":

@@ -10,10 +10,11 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from dsse_ros.planners.flight_patterns import Datum, points_at
+from dsse_ros.planners.flight_patterns import Datum
 from dsse_ros.planners.planner import DrawsNothing
 from dsse_ros.step.flight_paths import Wind, pieces_of
 from dsse_ros.step.flight_steering import steer
+from dsse_ros.step.polylines import points_at
 
 Floats = NDArray[np.float64]
 

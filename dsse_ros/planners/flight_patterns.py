@@ -33,6 +33,7 @@ from dsse_ros.planners.patterns import (
 )
 from dsse_ros.planners.sector import PATTERN_TURN_DEG
 from dsse_ros.planners.sweep import split
+from dsse_ros.step.polylines import along, points_at
 
 Floats = NDArray[np.float64]
 
@@ -183,11 +184,6 @@ def inside(points: Floats, datum: Datum, layout: Layout, speed: float) -> Floats
     return dense[((there >= 0.0) & (there <= layout.side_m)).all(axis=1)]
 
 
-def along(points: Floats) -> Floats:
-    """Return the length of a track to each of its points, (K,)."""
-    return np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))])
-
-
 def assigned(starts: Floats, tracks: list[Floats]) -> list[Floats]:
     """Return the track of each drone, the nearest pairs of starts and first points first.
 
@@ -242,12 +238,6 @@ def tracks_along(
         inner = lengths[(lengths > first) & (lengths < last)]
         stretches.append(points_at(points, np.array([first, *inner, last])))
     return _flown(stretches, datum, layout, starts, speeds)
-
-
-def points_at(points: Floats, lengths: Floats) -> Floats:
-    """Return the points of a track at these lengths of it, (..., 2)."""
-    known = along(points)
-    return np.stack([np.interp(lengths, known, points[:, axis]) for axis in (0, 1)], axis=-1)
 
 
 def _flown(

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from dsse_ros.planners import flight_beam, flight_futures
 from dsse_ros.planners.flight_futures import Futures, Seen
 from dsse_ros.planners.options import BeamOptions
-from dsse_ros.step.flight_paths import Wind, largest_turn_of, pieces_of, shares_of
+from dsse_ros.step.flight_paths import Wind, largest_turn, pieces_of, shares_of
 from dsse_ros.step.flight_steering import steer
 from dsse_ros.step.sightings import DEFINITE, INVERSE_CUBE
 
@@ -102,7 +102,7 @@ def turns_of(flyer: np.void, step_s: float) -> Floats:
         flyer: One of `FLYERS`.
         step_s: Time of a step.
     """
-    largest = largest_turn_of(flyer, float(flyer["cruise"]), step_s)
+    largest = largest_turn(float(flyer["radius"]), float(flyer["cruise"]), step_s)
     count = max(math.ceil(TURNS * largest / math.pi), 2)
     right = largest * (np.arange(1, count + 1) / count) ** BEND
     # A drone without a radius turns around to the right only.

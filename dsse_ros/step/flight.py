@@ -86,7 +86,7 @@ def fly(constants, crew, flight, n):
     action = flight.actions[n]
     flyer = flight.flyers[crew.kinds[n]]
     speed = flyer.slowest + 0.5 * (1.0 + share_of(action[1])) * (flyer.cruise - flyer.slowest)
-    turn = share_of(action[0]) * largest_turn(flyer, speed, flight.wind.step_s)
+    turn = share_of(action[0]) * largest_turn(flyer.radius, speed, flight.wind.step_s)
     write_path(flyer, flight.wind, state, turn, speed, path)
     side, inside = constants.grid_size * flight.cell_m, True
     for k in range(len(path)):

@@ -21,7 +21,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from dsse_ros.compiled.jit import inlined, part
+from dsse_ros.compiled.jit import inlined, kernel, part
 
 FLYERS = np.dtype(
     [
@@ -78,18 +78,11 @@ def pieces_of(flyers: NDArray[np.void], step_s: float) -> int:
     return most
 
 
-def largest_turn_of(flyer: np.void, speed: float, step_s: float) -> float:
-    """Return the largest turn of a step at a speed, in radians, see `flight_paths.largest_turn`."""
-    if flyer["radius"] <= 0.0:
-        return math.pi
-    return min(speed * step_s / float(flyer["radius"]), math.pi)
-
-
 def shares_of(flyer: np.void, turn: float, speed: float, step_s: float) -> tuple[float, float]:
     """Return the action of a turn in radians and an airspeed, see `flight_paths`."""
     span = float(flyer["cruise"] - flyer["slowest"])
     share = 2 * (speed - float(flyer["slowest"])) / span - 1 if span > 0.0 else 1.0
-    largest = largest_turn_of(flyer, speed, step_s)
+    largest = largest_turn(float(flyer["radius"]), speed, step_s)
     return min(max(turn / largest, -1.0), 1.0) if largest > 0.0 else 0.0, share
 
 
@@ -99,12 +92,12 @@ def share_of(value):
     return min(max(value, -1.0), 1.0) if math.isfinite(value) else 0.0
 
 
-@inlined
-def largest_turn(flyer, speed, step_s):
+@kernel
+def largest_turn(radius, speed, step_s):
     """Return the largest turn of a step at a speed, in radians."""
-    if flyer.radius <= 0.0:
+    if radius <= 0.0:
         return math.pi
-    return min(speed * step_s / flyer.radius, math.pi)
+    return min(speed * step_s / radius, math.pi)
 
 
 @part

@@ -9,7 +9,7 @@ import math
 
 import numpy as np
 
-from dsse_ros.compiled.jit import compiled, inlined, part
+from dsse_ros.compiled.jit import compiled, inlined, kernel, part
 from dsse_ros.step.flight_paths import FLIGHTS, largest_turn, write_path
 
 TRIED = 24
@@ -82,7 +82,9 @@ def room_of_turn(flyer, wind, side, flight, way):
         way: 1 to the right, -1 to the left.
     """
     radius, sin, cos = flyer.radius, math.sin(flight.heading), math.cos(flight.heading)
-    turn = tangent_turn(radius, flight, side / 2 - flight.east, side / 2 - flight.south, way)
+    turn = tangent_turn(
+        radius, flight.heading, side / 2 - flight.east, side / 2 - flight.south, way
+    )
     if turn > math.pi:
         return -np.inf
     x, y = flight.east + way * radius * cos, flight.south + way * radius * sin
@@ -102,18 +104,18 @@ def wrapped(angle):
     return (angle + math.pi) % (2 * math.pi) - math.pi
 
 
-@inlined
-def tangent_turn(radius, flight, east, south, way):
+@kernel
+def tangent_turn(radius, heading, east, south, way):
     """Return the turn, 0 to 2 pi, after which a drone flies straight to a position.
 
     Args:
         radius: Of the turn.
-        flight: One of `FLIGHTS`.
+        heading: Of the drone.
         east: To the position, from the drone, in the air.
         south: The same.
         way: 1 to the right, -1 to the left.
     """
-    sin, cos = math.sin(flight.heading), math.cos(flight.heading)
+    sin, cos = math.sin(heading), math.cos(heading)
     ahead, inwards = east * sin - south * cos, radius - way * (east * cos + south * sin)
     distance = math.hypot(ahead, inwards)
     if distance < radius:
@@ -140,8 +142,8 @@ def aim(flyer, wind, flight, east, south, in_time):
     if flyer.radius > 0.0:
         right = east * math.cos(flight.heading) + south * math.sin(flight.heading)
         way = 1.0 if right >= 0.0 else -1.0
-        turn = tangent_turn(flyer.radius, flight, east, south, way)
-        return way * min(turn, largest_turn(flyer, speed, wind.step_s)), speed
+        turn = tangent_turn(flyer.radius, flight.heading, east, south, way)
+        return way * min(turn, largest_turn(flyer.radius, speed, wind.step_s)), speed
     before_x = flight.speed * math.sin(flight.heading)
     before_y = -flight.speed * math.cos(flight.heading)
     x, y = east / wind.step_s, south / wind.step_s
@@ -197,7 +199,7 @@ def avoid(flyer, wind, side, flight, action, flown, path):
     If none leaves enough room, it is the one that leaves most; if all lead off the grid, a turn to
     its middle.
     """
-    wanted, fast, most = action[0], action[1], largest_turn(flyer, flyer.cruise, wind.step_s)
+    wanted, fast, most = action[0], action[1], largest_turn(flyer.radius, flyer.cruise, wind.step_s)
     best, turn_of_best, speed_of_best = -np.inf, 0.0, flyer.cruise
     for speed in (fast, flyer.cruise, flyer.slowest):
         for k in range(2 * TRIED + 1):

@@ -19,14 +19,13 @@ from dsse_ros.planners.flight_patterns import (
     LAYOUTS,
     Datum,
     Layout,
-    along,
-    points_at,
     tracks_along,
     tracks_of,
 )
 from dsse_ros.planners.patterns import SearchPattern
 from dsse_ros.step.flight_paths import FLIGHTS, FLYERS, Wind, pieces_of, write_path
 from dsse_ros.step.flight_steering import steer
+from dsse_ros.step.polylines import along, points_at
 
 Floats = NDArray[np.float64]
 

@@ -35,7 +35,7 @@ def fly(flyers, wind, flights, n, action, path):  # type: ignore[no-untyped-def]
     """Fly drone n by an action as the step does."""
     flyer = flyers[0]
     speed = flyer.slowest + 0.5 * (1.0 + action[1]) * (flyer.cruise - flyer.slowest)
-    turn = action[0] * largest_turn(flyer, speed, wind.step_s)
+    turn = action[0] * largest_turn(flyer.radius, speed, wind.step_s)
     write_path(flyer, wind, flights[n], turn, speed, path)
 
 
