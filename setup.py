@@ -66,7 +66,7 @@ setup(
         "area": ["shapely>=2.0.3"],
         "land": ["roaring-landmask>=0.11"],
         # Wind and current from NetCDF files.
-        "drift": ["netCDF4>=1.6", "xarray>=2024.2"],
+        "drift": ["netCDF4>=1.6", "scipy>=1.11", "xarray>=2024.2"],
         # Probability matrices from GeoTIFF files.
         "geotiff": ["rasterio>=1.4"],
         # The program `export_gis`.

@@ -42,6 +42,8 @@ class Flow:
         east_mps: (T, Y, X) float32, velocity to the east; NaN where there is none, as on land.
         north_mps: (T, Y, X) float32, velocity to the north.
         source: File and variables, for messages.
+        extent: What the file covers, for messages; None for what the axes cover.
+        gap_cells: Cells over which gaps are filled already, for messages.
     """
 
     times_s: NDArray[np.float64]
@@ -50,6 +52,8 @@ class Flow:
     east_mps: NDArray[np.float32]
     north_mps: NDArray[np.float32]
     source: str = ""
+    extent: Extent | None = None
+    gap_cells: int = 0
 
     @property
     def arrays(self) -> FlowArrays:
@@ -68,14 +72,58 @@ class Flow:
         return digest_of(self.arrays)
 
     def covered(self) -> str:
-        """Return the times and the area that it covers, for messages."""
+        """Return the times and the area that the file covers, for messages."""
+        return (self.extent or Extent.of(self.times_s, self.lats_deg, self.lons_deg)).shown()
+
+    def why_none(self, lat_deg: float, lon_deg: float, begin_s: float, end_s: float) -> str:
+        """Return why the flow has no value at a place between two times, for messages."""
+        read = Extent.of(self.times_s, self.lats_deg, self.lons_deg)
+        if read.holds(lat_deg, lon_deg, begin_s, end_s):
+            return (
+                f"it has a gap there, with no value within {self.gap_cells} cells; give a shore "
+                "that ends the drift before the gap, or more gap_cells"
+            )
+        if (self.extent or read).holds(lat_deg, lon_deg, begin_s, end_s):
+            return f"only a part around the sightings was read; the file covers {self.covered()}"
+        return f"it covers {self.covered()}"
+
+
+class Extent(NamedTuple):
+    """First and last time, latitude and longitude; infinite where a flow does not change."""
+
+    begin_s: float
+    end_s: float
+    south_deg: float
+    north_deg: float
+    west_deg: float
+    east_deg: float
+
+    @classmethod
+    def of(cls, *axes: NDArray[np.float64]) -> Extent:
+        """Return the extent of times, latitudes and longitudes in any order of each."""
+        anywhere = (-math.inf, math.inf)
+        ends = [(axis.min(), axis.max()) if len(axis) > 1 else anywhere for axis in axes]
+        return cls(*(float(end) for pair in ends for end in pair))
+
+    def holds(self, lat_deg: float, lon_deg: float, begin_s: float, end_s: float) -> bool:
+        """Return whether a place lies within it between two times, whole turns apart."""
+        return (
+            self.begin_s <= begin_s
+            and end_s <= self.end_s
+            and self.south_deg <= lat_deg <= self.north_deg
+            and any(
+                self.west_deg <= lon_deg + turn <= self.east_deg for turn in (-360.0, 0.0, 360.0)
+            )
+        )
+
+    def shown(self) -> str:
+        """Return what it covers, for messages."""
         parts = []
-        if len(self.times_s) > 1:
-            parts.append(f"{utc(self.times_s[0])} to {utc(self.times_s[-1])}")
-        for axis, (low, high) in ((self.lats_deg, "SN"), (self.lons_deg, "WE")):
-            if len(axis) > 1:
-                ends = (f"{abs(v):.4f} {low if v < 0 else high}" for v in (axis[0], axis[-1]))
-                parts.append(" to ".join(ends))
+        if math.isfinite(self.begin_s):
+            parts.append(f"{utc(self.begin_s)} to {utc(self.end_s)}")
+        for ends, (low, high) in ((self[2:4], "SN"), (self[4:6], "WE")):
+            if math.isfinite(ends[0]):
+                parts.append(" to ".join(f"{abs(v):.4f} {low if v < 0 else high}" for v in ends))
         return ", ".join(parts)
 
 

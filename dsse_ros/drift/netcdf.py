@@ -18,6 +18,11 @@ from dsse_ros.extras import pip_install
 
 MAX_AT_ONCE = 20_000_000
 """Values of an axis or a chunk at most; either is read as a whole."""
+_CALENDARS = ("standard", "gregorian", "proleptic_gregorian")
+
+
+class Unfit(Exception):
+    """Why a file does not serve, in one line without the name of the file."""
 
 
 def check_installed(what: str) -> None:
@@ -85,21 +90,40 @@ def in_seconds(
     Args:
         times: (T,).
         units: CF units such as `hours since 1900-01-01`.
-        calendar: CF calendar.
+        calendar: CF calendar, in any case.
 
     Raises:
-        ValueError: If units or calendar are not those of CF; the message has the allowed ones.
+        Unfit: If units or calendar are not those of CF, or a time is missing; what times must have.
     """
     import cftime
 
-    if calendar not in ("standard", "gregorian", "proleptic_gregorian"):
-        raise ValueError(f"the standard calendar, got {calendar!r}")
-    values = np.asarray(times, np.float64)
+    calendar = calendar.lower() or "standard"
+    if calendar not in _CALENDARS:
+        raise Unfit(f"the standard calendar, got {calendar!r}")
+    values = np.ma.filled(np.ma.asarray(np.atleast_1d(times), np.float64), np.nan)
+    if not values.size or not np.isfinite(values).all():
+        raise Unfit("values without gaps")
     low, high = values.min(), values.max()
     try:
         # The units are linear, so the ends of a long axis suffice.
-        ends = cftime.date2num(cftime.num2date([low, high], units), "seconds since 1970-01-01")
+        dates = cftime.num2date([low, high], units, calendar)
+        ends = cftime.date2num(dates, "seconds since 1970-01-01", calendar)
     except (OverflowError, TypeError, ValueError):
-        raise ValueError(f"units like 'hours since 1900-01-01', got {units!r}") from None
+        raise Unfit(f"units like 'hours since 1900-01-01', got {units!r}") from None
     share = (values - low) / (high - low) if high > low else np.zeros(len(values))
     return np.asarray(ends[0] + share * (ends[1] - ends[0]), np.float64)
+
+
+def times_of(variable: Any) -> NDArray[np.float64]:
+    """Return the times of an `xarray` variable in seconds since 1970-01-01 UTC, (T,) float64.
+
+    Raises:
+        Unfit: See `in_seconds`.
+    """
+    about = variable.attrs
+    try:
+        return in_seconds(
+            variable.values, str(about.get("units", "")), str(about.get("calendar", ""))
+        )
+    except Unfit as unfit:
+        raise Unfit(f"{variable.name} must have {unfit}") from None

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dsse_ros.drift.flow import utc
-from dsse_ros.drift.netcdf import check_installed, in_seconds, opened
+from dsse_ros.drift.netcdf import Unfit, check_installed, opened, times_of
 from dsse_ros.drift.tracks import DriftTracks
 
 MAX_POSITIONS = 20_000_000
@@ -36,16 +36,12 @@ def read_tracks(path: str | os.PathLike[str]) -> DriftTracks:
     try:
         with opened(path) as dataset:
             times_s, lats, lons = _positions(dataset)
-    except _Unfit as unfit:
-        raise ValueError(f"tracks {name!r} must have {unfit}") from None
+    except Unfit as unfit:
+        raise ValueError(f"tracks {name!r}: {unfit}") from None
     except (KeyError, OSError, RuntimeError, TypeError, ValueError) as error:
         reason = " ".join(str(error).split())[:200]
         raise ValueError(f"tracks {name!r} must be a NetCDF file of OpenDrift: {reason}") from None
     return _filled(times_s, lats, lons)
-
-
-class _Unfit(Exception):
-    """What a file lacks."""
 
 
 def _positions(
@@ -54,25 +50,22 @@ def _positions(
     """Return times (T,), latitudes and longitudes (T, M) of a data set, NaN where there are none.
 
     Raises:
-        _Unfit: If it does not have them.
+        Unfit: If it does not have them.
     """
     for name in ("time", "lat", "lon"):
         if name not in dataset.variables:
-            raise _Unfit(f"a variable {name}, got {', '.join(map(str, dataset.variables))}")
+            raise Unfit(
+                f"file must have a variable {name}, got {', '.join(map(str, dataset.variables))}"
+            )
     for name in ("lat", "lon"):
         if set(dataset[name].dims) != set(_DIMENSIONS):
-            raise _Unfit(
-                f"{name} along {' and '.join(_DIMENSIONS)}, got {', '.join(dataset[name].dims)}"
-            )
+            dims = " and ".join(map(str, dataset[name].dims)) or "none"
+            raise Unfit(f"{name} must be along {' and '.join(_DIMENSIONS)}, got {dims}")
     if dataset["lat"].size > MAX_POSITIONS:
-        raise _Unfit(f"at most {MAX_POSITIONS} positions, got {dataset['lat'].size}")
-    time = dataset["time"]
-    try:
-        times_s = in_seconds(time.values, str(time.attrs.get("units", "")))
-    except ValueError as error:
-        raise _Unfit(str(error)) from None
+        raise Unfit(f"file must have at most {MAX_POSITIONS} positions, got {dataset['lat'].size}")
+    times_s = times_of(dataset["time"])
     if not len(times_s) or not (np.diff(times_s) > 0).all():
-        raise _Unfit("increasing times")
+        raise Unfit("times must increase")
     lats, lons = (
         np.asarray(dataset[name].transpose(*_DIMENSIONS).values, np.float64)
         for name in ("lat", "lon")
@@ -81,7 +74,7 @@ def _positions(
     lats, lons = np.where(on_earth, lats, np.nan), np.where(on_earth, lons, np.nan)
     some = on_earth.any(axis=0)
     if not some.any():
-        raise _Unfit("positions")
+        raise Unfit("file must have positions")
     return times_s, lats[:, some], lons[:, some]
 
 

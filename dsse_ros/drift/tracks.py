@@ -164,9 +164,10 @@ def _step(
         return
     flow, kind = (drift.wind, "wind") if lacks == NO_WIND else (drift.current, "current")
     lat, lon = particles.lat_deg[number], particles.lon_deg[number]
+    reason = flow.why_none(lat, lon, *sorted((time_s, time_s + step_s)))
     raise ValueError(
         f"{kind} {flow.source!r} has no value at {lat:.4f}, {lon:.4f} between {utc(time_s)} and "
-        f"{utc(time_s + step_s)}; it covers {flow.covered()}"
+        f"{utc(time_s + step_s)}; {reason}"
     )
 
 

@@ -14,17 +14,22 @@ import numpy as np
 from dsse_ros.drift.flow import (
     MAX_SPEED_MPS,
     SENSE,
+    Extent,
     Flow,
     Kind,
     Uncertainty,
     constant_flow,
     read_table,
 )
-from dsse_ros.drift.flow_files import Span, read_netcdf
+from dsse_ros.drift.flow_files import GAP_CELLS, read_forecast
+from dsse_ros.drift.flow_grids import Span
+from dsse_ros.drift.velocity_pairs import Choice
 from dsse_ros.scenario.fields import FieldError, Spec, check_known, shown
 
 _NOT_NEGATIVE = Spec("float", "", low=0, high=1e6)
 _OF_ERROR = ("error", "correlation_minutes")
+_OF_FILE = ("file", "variables", "select", "gap_cells")
+_MAX_GAP_CELLS = 100
 
 
 def read_flow(
@@ -52,11 +57,8 @@ def read_flow(
     if "times_s" in values:
         return _flow_of(name, values), law
     if "file" in values:
-        check_known(name, values, ("file", *_OF_ERROR))
-        path = os.path.join(folder, Spec("str", "").check(f"{name}.file", values["file"]))
-        is_table = path.lower().endswith(".csv")
-        return read_table(kind, path) if is_table else read_netcdf(kind, path, span), law
-    check_known(name, values, ("speed", sense, "file", *_OF_ERROR))
+        return _flow_of_file(name, kind, values, folder, span), law
+    check_known(name, values, ("speed", sense, *_OF_FILE, *_OF_ERROR))
     for part in ("speed", sense):
         if part not in values:
             raise FieldError(f"{name} must have speed and {sense}, or a file")
@@ -67,6 +69,28 @@ def read_flow(
         f"{name}.{sense}", values[sense]
     )
     return constant_flow(kind, speed, toward), law
+
+
+def _flow_of_file(
+    name: str, kind: Kind, values: Mapping[str, Any], folder: str, span: Span
+) -> Flow:
+    """Return the flow of a file; see `read_flow`."""
+    path = os.path.join(folder, Spec("str", "").check(f"{name}.file", values["file"]))
+    if path.lower().endswith(".csv"):
+        check_known(f"{name} with a table", values, ("file", *_OF_ERROR))
+        return read_table(kind, path)
+    check_known(name, values, (*_OF_FILE, *_OF_ERROR))
+    variables = Spec("names", "").check(f"{name}.variables", values.get("variables", []))
+    if len(variables) not in (0, 2):
+        raise FieldError(
+            f"{name}.variables must be two names, of the components to the east and to the "
+            f"north, got {shown(values['variables'])}"
+        )
+    cells = Spec("int", "", low=0, high=_MAX_GAP_CELLS).check(
+        f"{name}.gap_cells", values.get("gap_cells", GAP_CELLS)
+    )
+    select = mapping(f"{name}.select", values.get("select", {}))
+    return read_forecast(kind, path, span, Choice(variables, select), cells)
 
 
 _AXES = ("times_s", "lats_deg", "lons_deg")
@@ -80,7 +104,10 @@ def flow_dict(flow: Flow, law: Uncertainty) -> dict[str, Any]:
         numbers = getattr(flow, name).ravel().tolist()
         # JSON has no NaN.
         values[name] = [None if math.isnan(number) else number for number in numbers]
-    return values | {"source": flow.source} | _error_dict(law)
+    values |= {"source": flow.source, "gap_cells": flow.gap_cells}
+    if flow.extent is not None:
+        values["extent"] = list(flow.extent)
+    return values | _error_dict(law)
 
 
 def flow_identity(flow: Flow, law: Uncertainty) -> dict[str, Any]:
@@ -101,7 +128,8 @@ def _flow_of(name: str, values: Mapping[str, Any]) -> Flow:
     Raises:
         FieldError: If the values are not such a flow.
     """
-    check_known(name, values, (*_AXES, *_COMPONENTS, "source", *_OF_ERROR))
+    check_known(name, values, (*_AXES, *_COMPONENTS, "source", "gap_cells", "extent", *_OF_ERROR))
+    extent = values.get("extent")
     try:
         axes = [np.array(values[part], np.float64) for part in _AXES]
         shape = tuple(len(axis) for axis in axes)
@@ -110,6 +138,8 @@ def _flow_of(name: str, values: Mapping[str, Any]) -> Flow:
             axis.ndim == 1 and len(axis) and np.isfinite(axis).all() and (np.diff(axis) > 0).all()
             for axis in axes
         ) and not any((np.abs(part) > MAX_SPEED_MPS).any() for part in parts)
+        extent = None if extent is None else Extent(*(float(end) for end in extent))
+        cells = int(values.get("gap_cells", 0))
     except (KeyError, TypeError, ValueError):
         fits = False
     if not fits:
@@ -117,7 +147,7 @@ def _flow_of(name: str, values: Mapping[str, Any]) -> Flow:
             f"{name} must have increasing axes and a velocity for each of their points"
         )
     (times, lats, lons), (east, north) = axes, parts
-    return Flow(times, lats, lons, east, north, str(values.get("source", "")))
+    return Flow(times, lats, lons, east, north, str(values.get("source", "")), extent, cells)
 
 
 def mapping(name: str, value: Any) -> Mapping[str, Any]:

@@ -12,7 +12,8 @@ import numpy as np
 import pytest
 
 from dsse_ros.drift.flow import seconds
-from dsse_ros.drift.flow_files import Span, read_netcdf
+from dsse_ros.drift.flow_files import read_forecast
+from dsse_ros.drift.flow_grids import Span
 from dsse_ros.drift.shore import Box
 from dsse_ros.search import Scenario, profile
 
@@ -36,13 +37,13 @@ def test_the_file_is_small_and_is_what_the_script_makes(
     assert SHIPPED.stat().st_size < 100_000
     script["main"](str(tmp_path / "made.nc"))
     # Names of files are no part of a flow's equality.
-    assert read_netcdf("current", SHIPPED, SPAN) == read_netcdf(
+    assert read_forecast("current", SHIPPED, SPAN) == read_forecast(
         "current", tmp_path / "made.nc", SPAN
     )
 
 
 def test_its_current_is_a_tide_and_an_eddy(script: dict[str, Any]) -> None:
-    flow = read_netcdf("current", SHIPPED, SPAN)
+    flow = read_forecast("current", SHIPPED, SPAN)
     hours = (flow.times_s - START_S) / 3600
     wanted = script["current"](hours[:, None, None], flow.lats_deg[:, None], flow.lons_deg)
     for got, exact in zip((flow.east_mps, flow.north_mps), wanted, strict=True):

@@ -13,7 +13,8 @@ import pytest
 from drifting import drift_of, little_memory
 
 from dsse_ros.drift.flow import Flow, seconds
-from dsse_ros.drift.flow_files import Span, read_netcdf
+from dsse_ros.drift.flow_files import read_forecast
+from dsse_ros.drift.flow_grids import Span
 from dsse_ros.drift.shore import Box
 from dsse_ros.drift.tracks import Sighting, drift_tracks
 
@@ -35,7 +36,7 @@ def of_place(lat: np.ndarray, lon: np.ndarray, hour: np.ndarray) -> np.ndarray:
 def write(path: Path, *, lats: Any = LATS, lons: Any = LONS, times: Any = TIMES,
           units: str = "hours since 2026-01-17 12:00", speed: str = "m s-1", depths: int = 0,
           standard: bool = True, north: bool = True, fill: float | None = None, hole: Any = None,
-          hours: Any = TIMES) -> Path:  # fmt: skip
+          hours: Any = TIMES, calendar: str | None = None) -> Path:  # fmt: skip
     """Write a file of a current."""
     with netcdf.Dataset(path, "w") as file:
         dims = []
@@ -44,6 +45,8 @@ def write(path: Path, *, lats: Any = LATS, lons: Any = LONS, times: Any = TIMES,
             time = file.createVariable("time", "f8", ("time",))
             time[:], time.units, time.standard_name = times, units, "time"
             dims.append("time")
+            if calendar is not None:
+                time.calendar = calendar
         if depths:
             file.createDimension("depth", depths)
             depth = file.createVariable("depth", "f4", ("depth",))
@@ -87,9 +90,9 @@ def value(flow: Flow, lat: float, lon: float, time_s: float) -> tuple[float, flo
     return found[0], found[1]
 
 
-def check(flow: Flow, *, constant: bool = False) -> None:
+def check(flow: Flow) -> None:
     for lat, lon, after_s in ((-24.1, -46.2, 1800), (-23.8, -45.8, 3000), (-24.25, -46.0, 5400)):
-        wanted = of_place(lat, lon, 0.0 if constant else after_s / 3600)
+        wanted = of_place(lat, lon, after_s / 3600)
         east, north = value(flow, lat, lon, START_S + after_s)
         assert east == pytest.approx(wanted, abs=1e-5)
         assert north == pytest.approx(-wanted, abs=1e-5)
@@ -101,6 +104,14 @@ RIGHT: dict[str, dict[str, Any]] = {
     "descending latitudes": {"lats": LATS[::-1]},
     "longitudes from 0": {"lons": LONS + 360},
     "longitudes around the globe from 0": {"lons": np.arange(0.0, 360.0, 0.5)},
+    "the first meridian twice": {"lons": np.arange(0.0, 361.0, 0.5)},
+    "the antimeridian twice": {"lons": np.arange(-180.0, 180.5, 0.5)},
+    "a calendar in another case": {"calendar": "Gregorian"},
+    "a calendar of before 1582": {
+        "calendar": "proleptic_gregorian",
+        "units": "hours since 0001-01-01",
+        "times": TIMES + (START_S + 719162 * 86400.0) / 3600,
+    },
     "hours since 1900": {"times": TIMES + SINCE_1900, "units": "hours since 1900-01-01"},
     "seconds since 1970": {"times": TIMES * 3600 + START_S, "units": "seconds since 1970-01-01"},
     "depths, the deepest first": {"depths": 3},
@@ -114,18 +125,13 @@ RIGHT: dict[str, dict[str, Any]] = {
 
 @pytest.mark.parametrize("name", RIGHT)
 def test_a_file_is_read_right(tmp_path: Path, name: str) -> None:
-    check(read_netcdf("current", write(tmp_path / "sea.nc", **RIGHT[name]), SPAN))
-
-
-def test_a_file_without_times_is_constant(tmp_path: Path) -> None:
-    flow = read_netcdf("current", write(tmp_path / "sea.nc", times=None), SPAN)
-    check(flow, constant=True)
+    check(read_forecast("current", write(tmp_path / "sea.nc", **RIGHT[name]), SPAN))
 
 
 def test_an_area_across_the_seam_of_the_file_is_read_right(tmp_path: Path) -> None:
     file = write(tmp_path / "sea.nc", lons=np.arange(0.0, 360.0, 0.5))
     span = SPAN._replace(box=Box(-24.25, -23.75, -1.2, 1.2))
-    flow = read_netcdf("current", file, span)
+    flow = read_forecast("current", file, span)
     for lon in (-1.0, -0.1, 0.4):
         wanted = of_place(-24.0, lon, 0.5)
         assert value(flow, -24.0, lon, START_S + 1800)[0] == pytest.approx(wanted, abs=1e-4)
@@ -134,20 +140,21 @@ def test_an_area_across_the_seam_of_the_file_is_read_right(tmp_path: Path) -> No
 @pytest.mark.parametrize("fill", [None, -32767.0, 1e20])
 def test_a_gap_stays_a_gap(tmp_path: Path, fill: float | None) -> None:
     file = write(tmp_path / "sea.nc", fill=fill, hole=np.s_[:, 4, 4])
-    flow = read_netcdf("current", file, SPAN)
+    flow = read_forecast("current", file, SPAN, gap_cells=0)
     gap = np.isnan(flow.east_mps)
     assert gap.sum() == len(flow.times_s)
     assert gap[0, flow.lats_deg == -24.0, flow.lons_deg == -46.0].all()
 
 
 def test_only_what_is_needed_is_read(tmp_path: Path) -> None:
-    flow = read_netcdf("current", write(tmp_path / "sea.nc"), SPAN)
-    assert flow.east_mps.shape == (3, 3, 3)
+    file = write(tmp_path / "sea.nc")
+    assert read_forecast("current", file, SPAN, gap_cells=0).east_mps.shape == (3, 3, 3)
+    assert read_forecast("current", file, SPAN, gap_cells=1).east_mps.shape == (3, 5, 5)
 
 
 def test_a_file_of_less_than_the_span_serves_where_it_reaches(tmp_path: Path) -> None:
     file = write(tmp_path / "harbour.nc", lats=LATS[4:], times=TIMES[:2], hours=TIMES[:2])
-    flow = read_netcdf("current", file, SPAN)
+    flow = read_forecast("current", file, SPAN)
     assert flow.lats_deg[0] == -24.0 and flow.times_s[-1] == START_S + 3600
     times = np.array([START_S + 1800, START_S + 3600.0])
     seen = Sighting(-23.9, -46.0, times[0])
@@ -185,11 +192,11 @@ def sparse(path: Path, *, lats: int = 4500, chunk: int = 100) -> Path:
 
 
 def test_of_a_large_file_only_what_is_needed_takes_memory(tmp_path: Path) -> None:
-    read_netcdf("current", write(tmp_path / "first.nc"), SPAN)
+    read_forecast("current", write(tmp_path / "first.nc"), SPAN)
     file = sparse(tmp_path / "sea.nc")
     with little_memory():
-        flow = read_netcdf("current", file, SPAN)
-    assert flow.east_mps.shape == (3, 227, 227)
+        flow = read_forecast("current", file, SPAN)
+    assert flow.east_mps.shape == (3, 231, 231)
     assert (flow.east_mps == 0.25).all()
 
 
@@ -204,24 +211,24 @@ def test_of_a_large_file_only_what_is_needed_takes_memory(tmp_path: Path) -> Non
 def test_a_file_that_would_fill_the_memory_is_refused_in_a_line(
     tmp_path: Path, options: dict[str, int], width_deg: float, message: str
 ) -> None:
-    read_netcdf("current", write(tmp_path / "first.nc"), SPAN)
+    read_forecast("current", write(tmp_path / "first.nc"), SPAN)
     file = sparse(tmp_path / "sea.nc", **options)
     box = Box(-24 - width_deg, -24 + width_deg, -46 - width_deg, -46 + width_deg)
     span = Span(box, START_S, START_S + 19 * 3600) if width_deg > 1 else SPAN
     with little_memory(), pytest.raises(ValueError) as error:
-        read_netcdf("current", file, span)
+        read_forecast("current", file, span)
     assert message in str(error.value) and "sea.nc" in str(error.value)
     assert "\n" not in str(error.value)
 
 
 REFUSED: dict[str, tuple[dict[str, Any], str]] = {
-    "no variable": ({"north": False}, "must have a variable northward_sea_water_velocity"),
+    "no variable": ({"north": False}, "got uo (eastward_sea_water_velocity); choose"),
     "units": ({"speed": "knots"}, "uo must be in m/s, got units 'knots'"),
     "too late": (
         {"times": TIMES + 24},
         "must cover time within 2026-01-17T12:30:00Z to 2026-01-17T13:30:00Z, got 2026-01-18",
     ),
-    "one time": ({"times": TIMES[:1], "hours": TIMES[:1]}, "must cover time"),
+    "another calendar": ({"calendar": "noleap"}, "time must have the standard calendar, got 'nole"),
     "elsewhere": ({"lats": LATS + 10}, "must cover latitude within -24.2500 to -23.7500, got -15."),
     "another sea": ({"lons": LONS + 90}, "must cover longitude"),
     "strange times": ({"units": "fortnights"}, "units like 'hours since"),
@@ -237,9 +244,54 @@ REFUSED: dict[str, tuple[dict[str, Any], str]] = {
 def test_a_file_that_does_not_fit_is_refused_in_a_line(tmp_path: Path, name: str) -> None:
     options, message = REFUSED[name]
     with pytest.raises(ValueError) as error:
-        read_netcdf("current", write(tmp_path / "sea.nc", **options), SPAN)
+        read_forecast("current", write(tmp_path / "sea.nc", **options), SPAN)
     assert message in str(error.value) and "sea.nc" in str(error.value)
     assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize("lons", [np.arange(-180.0, 180.1), np.arange(0.0, 360.1)])
+def test_a_file_with_a_meridian_twice_is_read_everywhere(tmp_path: Path, lons: Any) -> None:
+    file = write(tmp_path / "sea.nc", lons=lons)
+    for centre in np.random.default_rng(0).uniform(-180, 180, 30).round(3):
+        span = SPAN._replace(box=Box(-24.25, -23.75, centre - 0.5, centre + 0.5))
+        flow = read_forecast("current", file, span)
+        assert flow.lons_deg[0] <= centre - 0.5 and flow.lons_deg[-1] >= centre + 0.5
+
+
+def coast(folder: Path) -> Path:
+    """A current whose model ends two cells before the place of `SPAN` in the east."""
+    return write(folder / "coast.nc", fill=1e20, hole=np.s_[:, :, 4:])
+
+
+def test_a_gap_at_the_coast_takes_the_nearest_value(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    flow = read_forecast("current", coast(tmp_path), SPAN)
+    assert "54 of 54 cells" not in caplog.text and "at most 2 cells away" in caplog.text
+    # The last longitude with values is 46.25 W, and two cells of 0.25 degrees count.
+    hour = (flow.times_s[0] - START_S) / 3600
+    for lon in (-46.0, -45.75):
+        value = flow.east_mps[0, flow.lats_deg == -24.0, flow.lons_deg == lon]
+        assert value == pytest.approx(of_place(-24.0, -46.25, hour), abs=1e-6)
+    assert np.isnan(flow.east_mps[0, flow.lats_deg == -24.0, flow.lons_deg == -45.5]).all()
+
+
+def test_a_drift_into_a_gap_or_out_of_the_part_that_was_read_is_refused_as_such(
+    tmp_path: Path,
+) -> None:
+    def refusal(flow: Flow, lon: float) -> str:
+        times = START_S + np.array([1800.0, 5400.0])
+        seen = Sighting(-24.0, lon, times[0])
+        with pytest.raises(ValueError) as error:
+            drift_tracks(drift_of(current=flow), [seen], times, 1, np.random.default_rng(1))
+        return str(error.value)
+
+    flow = read_forecast("current", coast(tmp_path), SPAN, gap_cells=1)
+    assert "has a gap there, with no value within 1 cells; give a shore" in refusal(flow, -45.6)
+    whole = read_forecast("current", write(tmp_path / "sea.nc"), SPAN)
+    covered = "the file covers 2026-01-17T12:00:00Z to 2026-01-17T15:00:00Z, 25.0000 S to 23.0000 S"
+    assert covered in refusal(whole, -45.1)
+    assert "it covers 2026-01-17T12:00:00Z to" in refusal(whole, -44.0)
 
 
 @pytest.mark.parametrize("content", [b"", b"CDF\x01", b"hello", b"\x89HDF\r\n\x1a\n" + bytes(99)])
@@ -247,7 +299,7 @@ def test_a_file_of_another_kind_is_refused_in_a_line(tmp_path: Path, content: by
     file = tmp_path / "sea.nc"
     file.write_bytes(content)
     with pytest.raises(ValueError, match="current .*sea.nc' must be a NetCDF file"):
-        read_netcdf("current", file, SPAN)
+        read_forecast("current", file, SPAN)
 
 
 def test_a_curvilinear_grid_is_refused_in_a_line(tmp_path: Path) -> None:
@@ -258,7 +310,7 @@ def test_a_curvilinear_grid_is_refused_in_a_line(tmp_path: Path) -> None:
         for name in ("u", "v"):
             made.createVariable(name, "f4", ("y", "x")).units = "m s-1"
     with pytest.raises(ValueError, match="u must be on a regular grid of latitude and longitude"):
-        read_netcdf("current", file, SPAN)
+        read_forecast("current", file, SPAN)
 
 
 def test_a_missing_library_is_refused_with_the_command_that_installs_it(
@@ -269,4 +321,4 @@ def test_a_missing_library_is_refused_with_the_command_that_installs_it(
     with pytest.raises(
         ValueError, match=r"sea.nc': xarray is missing; .* -m pip install '.*\[drift\]'"
     ):
-        read_netcdf("current", file, SPAN)
+        read_forecast("current", file, SPAN)

@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+from datetime import datetime
 from pathlib import Path
 from typing import Any
 
@@ -26,12 +27,14 @@ LONS = np.where(np.isfinite(LATS), LATS - 22.0, NAN)
 
 def write(path: Path, *, dims: tuple[str, ...] = ("trajectory", "time"), lats: Any = LATS,
           fill: float = 9.96921e36, units: str = "seconds since 1970-01-01 00:00:00",
-          names: tuple[str, str] = ("lat", "lon")) -> Path:  # fmt: skip
+          names: tuple[str, str] = ("lat", "lon"), since_s: float = 0.0,
+          calendar: str = "standard") -> Path:  # fmt: skip
     with netcdf.Dataset(path, "w") as file:
         file.createDimension("trajectory", len(lats))
         file.createDimension("time", lats.shape[1])
         time = file.createVariable("time", "f8", ("time",))
-        time[:], time.units = START_S + 600.0 * np.arange(lats.shape[1]), units
+        time[:] = START_S - since_s + 600.0 * np.arange(lats.shape[1])
+        time.units, time.calendar = units, calendar
         for name, values in zip(names, (lats, lats - 22.0), strict=True):
             variable = file.createVariable(name, "f4", dims, fill_value=fill)
             values = np.where(np.isfinite(values), values, fill)
@@ -49,6 +52,16 @@ def test_each_particle_is_where_its_file_has_it(tmp_path: Path, dims: tuple[str,
     assert tracks.stranded.tolist() == [[False] * 3, [False] * 3, [False, True, False]]
 
 
+def test_a_calendar_is_that_of_the_file(tmp_path: Path) -> None:
+    # Days of the proleptic Gregorian calendar from the first of year 1, as `datetime` has them.
+    since_s = -(datetime(1970, 1, 1) - datetime(1, 1, 1)).total_seconds()
+    units = "seconds since 0001-01-01 00:00:00"
+    file = write(
+        tmp_path / "drift.nc", units=units, since_s=since_s, calendar="proleptic_gregorian"
+    )
+    assert read_tracks(file).times_s[0] == START_S
+
+
 def test_tracks_are_linear_between_their_times(tmp_path: Path) -> None:
     tracks = read_tracks(write(tmp_path / "drift.nc"))
     between = at_times(tracks, np.array([START_S + 300.0, START_S + 1200.0]))
@@ -61,7 +74,7 @@ def test_tracks_are_linear_between_their_times(tmp_path: Path) -> None:
     ("options", "message"),
     [
         ({"names": ("latitude", "lon")}, "must have a variable lat, got"),
-        ({"dims": ("trajectory",)}, "must have lat along time and trajectory, got trajectory"),
+        ({"dims": ("trajectory",)}, "lat must be along time and trajectory, got trajectory"),
         ({"lats": np.full((2, 3), NAN)}, "must have positions"),
         ({"units": "moons"}, "must have units like 'hours since 1900-01-01', got 'moons'"),
     ],

@@ -260,6 +260,15 @@ def test_a_snapshot_has_the_digest_of_a_flow_and_fits_no_other_flow() -> None:
         ({"base": 3}, "incident.base must be [lat, lon], got 3"),
         ({"wind": {"toward": 3, "speed": 1}}, "'toward' is not a field of incident.wind"),
         ({"wind": {"speed": 1}}, "incident.wind must have speed and from, or a file"),
+        (
+            {"wind": {"file": "a.nc", "variables": ["u"]}},
+            "incident.wind.variables must be two names, of the components to the east and to the",
+        ),
+        (
+            {"wind": {"file": "a.csv", "gap_cells": 1}},
+            "'gap_cells' is not a field of incident.wind with a table",
+        ),
+        ({"wind": {"file": "a.nc", "select": 3}}, "incident.wind.select must be a mapping"),
         ({"current": {"file": "none.csv"}}, "current 'none.csv': No such file"),
         ({"wind": {"times_s": [1, 0]}}, "incident.wind must have increasing axes"),
         ({"winds": {}}, "'winds' is not a field of the incident; did you mean wind?"),

@@ -1,0 +1,175 @@
+# Copyright 2026 dsse_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""What the coordinates of a variable mean, by the CF conventions: time, place and level.
+
+A standard name decides; without one the units, then the name. See
+https://cfconventions.org/cf-conventions/cf-conventions.html#coordinate-types.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from typing import Any, Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dsse_ros.drift.flow import utc
+from dsse_ros.drift.netcdf import Unfit, times_of
+
+Role = Literal["time", "lat", "lon", "y", "x", "height", "depth", "sigma", "floor", "level", ""]
+"""Meaning of a coordinate: `height` above the ground or the sea, `depth` below the surface, ocean
+`sigma` (0 at the surface), height above the sea `floor`; any other vertical `level`."""
+VERTICAL = ("height", "depth", "sigma", "floor", "level")
+
+_BY_STANDARD_NAME: dict[str, Role] = {
+    "time": "time",
+    "latitude": "lat", "latitude_at_u_location": "lat", "latitude_at_v_location": "lat",
+    "longitude": "lon", "longitude_at_u_location": "lon", "longitude_at_v_location": "lon",
+    "projection_y_coordinate": "y", "grid_latitude": "y",
+    "projection_x_coordinate": "x", "grid_longitude": "x",
+    "height": "height", "height_above_mean_sea_level": "height", "altitude": "height",
+    "depth": "depth", "height_above_sea_floor": "floor", "air_pressure": "level",
+}  # fmt: skip
+_BY_UNITS: dict[str, Role] = {
+    **dict.fromkeys(("degrees_north", "degree_north", "degree_n", "degrees_n"), "lat"),
+    **dict.fromkeys(("degrees_east", "degree_east", "degree_e", "degrees_e"), "lon"),
+    **dict.fromkeys(("pa", "hpa", "kpa", "mb", "mbar", "millibar", "millibars"), "level"),
+}
+_METRES = {"m": 1.0, "meter": 1.0, "meters": 1.0, "metre": 1.0, "metres": 1.0, "km": 1000.0}
+_BY_NAME: tuple[tuple[str, Role], ...] = (
+    (r"lat|latitude|nav_lat|xlat|(lat|tlat|ulat)_?(rho|u|v|c|t)?", "lat"),
+    (r"lon|longitude|nav_lon|xlong|(lon|tlon|ulon)_?(rho|u|v|c|t)?", "lon"),
+    (r"time|valid_time|ocean_time|time_counter|mt", "time"),
+    (r".*height_?above_?(ground|sea|mean_sea_level).*|height\d*", "height"),
+    (r"depth.*", "depth"),
+    (r"s_rho|siglay|sigma", "sigma"),
+    (r"lev|level|levels|z|.*(isobaric|pressure|hybrid|sigma|model_?level).*", "level"),
+)
+"""Names without a standard name and telling units."""
+
+
+def role(variable: Any) -> Role:
+    """Return what an `xarray` variable means as a coordinate."""
+    name = str(variable.attrs.get("standard_name", "")).lower()
+    if name in _BY_STANDARD_NAME:
+        return _BY_STANDARD_NAME[name]
+    if name.startswith(("ocean_s", "ocean_double_sigma")):
+        return "sigma"
+    if name.startswith("atmosphere_"):
+        return "level"
+    if name and name != "unknown":
+        return ""
+    units = " ".join(str(variable.attrs.get("units", "")).lower().split())
+    if units in _BY_UNITS:
+        return _BY_UNITS[units]
+    if " since " in units:
+        return "time"
+    by_name = _by_name(str(variable.name))
+    positive = str(variable.attrs.get("positive", "")).lower()
+    if units in _METRES and by_name not in ("height", "depth") and positive in ("up", "down"):
+        return "depth" if positive == "down" else "height"
+    return by_name
+
+
+def _by_name(name: str) -> Role:
+    for pattern, meaning in _BY_NAME:
+        if re.fullmatch(pattern, name.lower()):
+            return meaning
+    return ""
+
+
+def coordinates(dataset: Any, variable: Any) -> Iterator[Any]:
+    """Yield the variables of a data set that may be coordinates of a variable, the nearest first.
+
+    These are those of its dimensions, those that it names, and those along its dimensions.
+    """
+    named = [dim for dim in variable.dims if dim in dataset.variables]
+    named += [name for name in variable.coords if name not in named]
+    others = [
+        name
+        for name, other in dataset.variables.items()
+        if name not in named and other.dims and set(other.dims) <= set(variable.dims)
+    ]
+    for name in (*named, *others):
+        if name != variable.name:
+            yield dataset[name]
+
+
+def time_of(dataset: Any, variable: Any) -> Any:
+    """Return the coordinate of time of a variable, along one of its dimensions.
+
+    Raises:
+        Unfit: If it has none, or only a single time.
+    """
+    found = [one for one in coordinates(dataset, variable) if role(one) == "time"]
+    # A forecast has the time at which it was made, too; `valid_time` is the one that it is for.
+    found.sort(key=lambda one: one.name != "valid_time")
+    axes = [one for one in found if one.ndim == 1 and one.sizes[one.dims[0]] > 1]
+    if axes:
+        return axes[0]
+    several = [one for one in found if one.ndim > 1]
+    if several:
+        raise Unfit(
+            f"{variable.name} must have times along one dimension, got {several[0].name} along "
+            f"{', '.join(map(str, several[0].dims))}; choose from one of them by select"
+        )
+    if found:
+        raise Unfit(f"{variable.name} must cover two or more times, got only {_shown(found[0])}")
+    raise Unfit(f"{variable.name} must have times, got the {_dimensions(variable)}")
+
+
+def _shown(time: Any) -> str:
+    return utc(float(times_of(time)[0]))
+
+
+def _dimensions(variable: Any) -> str:
+    return f"dimensions {', '.join(map(str, variable.dims)) or 'none'}"
+
+
+class Place(NamedTuple):
+    """The horizontal coordinates of a variable.
+
+    Attributes:
+        lat: Its latitudes, along one dimension.
+        lon: Its longitudes, along another one.
+    """
+
+    lat: Any
+    lon: Any
+
+    @property
+    def dims(self) -> tuple[str, ...]:
+        """The dimensions, rows first."""
+        return (*self.lat.dims, *self.lon.dims)
+
+
+def place_of(dataset: Any, variable: Any) -> Place:
+    """Return the horizontal coordinates of a variable.
+
+    Raises:
+        Unfit: If it is not on a grid of latitude and longitude.
+    """
+    found: dict[str, Any] = {}
+    for one in coordinates(dataset, variable):
+        meaning = role(one)
+        if meaning in ("lat", "lon") and one.ndim == 1:
+            found.setdefault(meaning, one)
+    if len(found) == 2 and found["lat"].dims != found["lon"].dims:
+        return Place(found["lat"], found["lon"])
+    raise Unfit(
+        f"{variable.name} must be on a regular grid of latitude and longitude, got the "
+        f"{_dimensions(variable)}"
+    )
+
+
+def metres(variable: Any) -> NDArray[np.float64]:
+    """Return the values of a vertical coordinate, in metres where its units are lengths."""
+    units = str(variable.attrs.get("units", "")).lower()
+    return np.atleast_1d(np.asarray(variable.values, np.float64)) * _METRES.get(units, 1.0)
+
+
+def is_level(variable: Any) -> bool:
+    """Return whether a coordinate is vertical."""
+    return role(variable) in VERTICAL

@@ -1,0 +1,392 @@
+# Copyright 2026 dsse_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""Which two variables of a file are the wind at 10 m, or the current at the surface.
+
+`flow_names.csv` has the CF standard names and common names of the two components in the order of
+preference, and whether they point to the east and north (`earth`) or along the axes of their grid
+(`grid`). Neither is stated for names that models use differently.
+"""
+
+from __future__ import annotations
+
+import csv
+import re
+from collections.abc import Mapping
+from functools import lru_cache
+from itertools import product
+from pathlib import Path
+from typing import Any, Literal, NamedTuple
+
+import numpy as np
+
+from dsse_ros.drift.coordinates import coordinates, is_level, metres, place_of, role
+from dsse_ros.drift.flow import Kind
+from dsse_ros.drift.netcdf import Unfit
+
+WIND_HEIGHT_M = 10.0
+DEEPEST_M = 10.0
+"""Greatest depth of a level that counts as the surface; models have their first within 10 m."""
+LOWEST_SIGMA = 0.2
+"""The same in sigma coordinates, as a share of the depth."""
+
+_FILE = Path(__file__).with_name("flow_names.csv")
+_WORDS = {
+    "current": ("sea_water", "sea water", "ocean", "current"),
+    "wind": ("wind", "air_velocity"),
+    "ice": ("sea_ice", "sea ice", "ice velocity"),
+    "waves": ("stokes", "sea_surface_wave"),
+}
+"""Words of standard names and long names by what moves."""
+_PART = re.compile(
+    r"due_to|tide|geostrophic|barotropic|sea.floor|bottom|depth.?(mean|average)"
+    r"|vertical(ly)?.(mean|averag|integrat)"
+)
+"""A part of the current, or its mean over the depth."""
+_OTHER_LEVEL = re.compile(r"\d+ ?h?pa\b|\d+ ?mb\b|isobaric|pressure|sigma|hybrid")
+_HEIGHT = re.compile(
+    r"(?:^|[^\d.])(\d+(?:\.\d+)?)[ _-]?(?:metres?|meters?|m)(?:above|agl|(?![a-z0-9/]| ?s\b))"
+)
+_SIDES = re.compile(r"eastward|northward|east|north|zonal|meridional|ew|ns|zo|me|[uvxy]")
+
+Axes = Literal["earth", "grid", ""]
+
+
+class Choice(NamedTuple):
+    """What a scenario states about the variables of a file.
+
+    Attributes:
+        variables: Names of the components to the east and to the north; empty to find them.
+        select: Values of dimensions other than time and place, such as a depth or an ensemble
+            member.
+    """
+
+    variables: tuple[str, ...] = ()
+    select: Mapping[str, Any] = {}
+
+
+ANY = Choice()
+"""Find the variables; nothing is to be selected."""
+
+
+class Pair(NamedTuple):
+    """The two components of a velocity, at one level.
+
+    Attributes:
+        east: `xarray` variable of the component to the east, or along the rows of its grid.
+        north: The other one.
+        axes: Which of them; "" if unknown.
+        note: Which other pairs the file has, "" for none.
+    """
+
+    east: Any
+    north: Any
+    axes: Axes
+    note: str = ""
+
+    @property
+    def names(self) -> str:
+        """Both names, for messages."""
+        return f"{self.east.name} and {self.north.name}"
+
+
+class _Row(NamedTuple):
+    """A row of the table of names."""
+
+    medium: str
+    found_by: str
+    east: str
+    north: str
+    axes: Axes
+
+
+class _Level(NamedTuple):
+    """The level of a variable.
+
+    Attributes:
+        fits: Whether it is the wanted one; None if the file does not state it.
+        shown: The levels that the file has, for messages.
+    """
+
+    fits: bool | None = None
+    shown: str = ""
+
+
+class _Candidate(NamedTuple):
+    """A pair, the number of its row and its level."""
+
+    rank: int
+    pair: Pair
+    level: _Level
+
+    @property
+    def shown(self) -> str:
+        """Names and levels, for messages."""
+        return f"{self.pair.names} at {self.level.shown or 'no stated level'}"
+
+
+@lru_cache(maxsize=1)
+def _rows() -> tuple[_Row, ...]:
+    with _FILE.open(encoding="utf-8", newline="") as file:
+        return tuple(_Row._make(row.values()) for row in csv.DictReader(file))
+
+
+def find_pair(dataset: Any, kind: Kind, choice: Choice) -> Pair:
+    """Return the wind at 10 m or the current at the surface.
+
+    Args:
+        dataset: The file as an `xarray.Dataset`, with times as numbers.
+        kind: Which of them.
+        choice: What the scenario states.
+
+    Raises:
+        Unfit: If the file has no such pair, or several that nothing distinguishes.
+    """
+    ranked = _stated(dataset, kind, choice) if choice.variables else _named(dataset, kind)
+    found: list[_Candidate] = []
+    failures = []
+    for rank, pair in ranked:
+        try:
+            found.append(_at_level(dataset, kind, choice, rank, pair))
+        except Unfit as unfit:
+            failures.append(unfit)
+    if not found:
+        raise failures[0] if failures else Unfit(_nothing(dataset, kind))
+    return _best(kind, found)
+
+
+def _best(kind: Kind, found: list[_Candidate]) -> Pair:
+    """Return the pair at the wanted level.
+
+    Raises:
+        Unfit: If there is none, or nothing distinguishes several.
+    """
+    fitting = [one for one in found if one.level.fits]
+    if not fitting and all(one.level.fits is None for one in found):
+        fitting = found
+    if not fitting:
+        wanted = f"{WIND_HEIGHT_M:g} m above ground" if kind == "wind" else "the surface"
+        shown = "; ".join(one.shown for one in found)
+        raise Unfit(f"{kind} must be at {wanted}, got {shown}; choose by variables or select")
+    best = min(one.rank for one in fitting)
+    first, *more = [one for one in fitting if one.rank == best]
+    if more:
+        names = "; ".join(one.shown for one in (first, *more))
+        raise Unfit(f"{kind} must be one pair of variables, got {names}; choose by variables")
+    others = [one.pair.names for one in fitting if one is not first]
+    note = f"takes {first.pair.names}, not {', '.join(others)}" if others else ""
+    return first.pair._replace(note=note)
+
+
+def _stated(dataset: Any, kind: Kind, choice: Choice) -> list[tuple[int, Pair]]:
+    """Return the pair that a scenario names.
+
+    Raises:
+        Unfit: If the file does not have it, or it is of another medium.
+    """
+    for name in choice.variables:
+        if name not in dataset.variables:
+            raise Unfit(f"file must have the variable {name}, got {_all(dataset)}")
+        if _medium(dataset[name]) not in (kind, ""):
+            raise Unfit(f"{name} must be a {kind}, got {_described(dataset[name])}")
+    east, north = (dataset[name] for name in choice.variables)
+    row = next((row for row in _rows_of(kind) if _is_of(east, row, "east")), None)
+    return [(0, Pair(east, north, "" if row is None else row.axes))]
+
+
+def _named(dataset: Any, kind: Kind) -> list[tuple[int, Pair]]:
+    """Return the pairs of the table that a file has, with the numbers of their rows."""
+    found: dict[str, tuple[int, Pair]] = {}
+    for rank, row in enumerate(_rows_of(kind)):
+        sides = [
+            [one for one in _variables(dataset, kind) if _is_of(one, row, side)]
+            for side in ("east", "north")
+        ]
+        for east, north in product(*sides):
+            pair = Pair(east, north, row.axes)
+            if _belong_together(east, north):
+                found.setdefault(pair.names, (rank, pair))
+    return list(found.values())
+
+
+def _rows_of(kind: Kind) -> list[_Row]:
+    return [row for row in _rows() if row.medium == kind]
+
+
+def _variables(dataset: Any, kind: Kind) -> list[Any]:
+    """Return the variables of a medium, or of none that is stated."""
+    every = [dataset[name] for name, one in dataset.variables.items() if one.ndim > 1]
+    return [one for one in every if _medium(one) in (kind, "") and not _PART.search(_words(one))]
+
+
+def _is_of(variable: Any, row: _Row, side: str) -> bool:
+    """Return whether a variable has a name of the table."""
+    by_standard_name = row.found_by == "standard_name"
+    name = variable.attrs.get("standard_name", "") if by_standard_name else variable.name
+    return str(name).lower() == getattr(row, side)
+
+
+def _words(variable: Any) -> str:
+    names = (variable.attrs.get(name, "") for name in ("standard_name", "long_name"))
+    return " ".join(map(str, names)).lower()
+
+
+def _medium(variable: Any) -> str:
+    """Return what moves by the standard name, or else the long name; "" if they do not tell."""
+    for name in ("standard_name", "long_name"):
+        text = str(variable.attrs.get(name, "")).lower()
+        media = [medium for medium, words in _WORDS.items() if any(word in text for word in words)]
+        if len(media) == 1:
+            return media[0]
+    return ""
+
+
+def _belong_together(east: Any, north: Any) -> bool:
+    """Return whether two components have the same name but for their side, and the same form."""
+    stems = {_SIDES.sub("*", str(one.name).lower()) for one in (east, north)}
+    units = {str(one.attrs.get("units", "")).strip() for one in (east, north)}
+    return len(stems) == len(units) == 1 and east.dims == north.dims
+
+
+def _nothing(dataset: Any, kind: Kind) -> str:
+    """Return why a file has no pair, with the variables that come nearest."""
+    rows = _rows_of(kind)
+    every = [dataset[name] for name in dataset.variables]
+    near = [
+        f"{one.name} ({_described(one)})"
+        for one in every
+        if any(_is_of(one, row, side) for row in rows for side in ("east", "north"))
+    ]
+    cf = next(row for row in rows if (row.found_by, row.axes) == ("standard_name", "earth"))
+    return (
+        f"file must have a pair of variables such as {cf.east} and {cf.north}, got "
+        f"{', '.join(near) or _all(dataset)}; choose by variables"
+    )
+
+
+def _described(variable: Any) -> str:
+    words = (variable.attrs.get(name) for name in ("standard_name", "long_name", "units"))
+    return next((str(word) for word in words if word), "without a description")
+
+
+def _all(dataset: Any) -> str:
+    names = ", ".join(map(str, dataset.variables)) or "none"
+    return names if len(names) <= 300 else names[:297] + "..."
+
+
+def _at_level(dataset: Any, kind: Kind, choice: Choice, rank: int, pair: Pair) -> _Candidate:
+    """Return a pair at the wanted level, or at that of the file.
+
+    Raises:
+        Unfit: If its components differ, or a dimension is left that nothing selects.
+    """
+    east, level = _sliced(dataset, kind, choice, pair.east)
+    north, other = _sliced(dataset, kind, choice, pair.north)
+    if level != other:
+        raise Unfit(
+            f"{pair.names} must be at one level, got {level.shown or 'none stated'} and "
+            f"{other.shown or 'none stated'}"
+        )
+    # Who names two variables knows their level, unless they have several.
+    if choice.variables and east.ndim == pair.east.ndim:
+        level = level._replace(fits=True)
+    return _Candidate(rank, pair._replace(east=east, north=north), level)
+
+
+def _sliced(dataset: Any, kind: Kind, choice: Choice, variable: Any) -> tuple[Any, _Level]:
+    """Return a variable along time and place alone, and its level.
+
+    Raises:
+        Unfit: If another dimension is left.
+    """
+    for name in choice.select:
+        if name not in variable.dims:
+            dims = ", ".join(map(str, variable.dims))
+            raise Unfit(f"select must name dimensions of {variable.name}, {dims}, got {name}")
+    along = {
+        dim: [one for one in coordinates(dataset, variable) if one.dims == (dim,)]
+        for dim in variable.dims
+    }
+    place = place_of(dataset, variable).dims
+    level = _Level()
+    for dim, found in along.items():
+        levels = [one for one in found if is_level(one)]
+        if dim in choice.select:
+            index = _selected(variable, dim, found, choice.select[dim])
+            level = _Level(True) if levels else level
+        elif dim in place or any(role(one) == "time" for one in found):
+            continue
+        elif levels:
+            index, level = _nearest(kind, levels[0])
+        elif variable.sizes[dim] == 1:
+            index = 0
+        else:
+            raise Unfit(
+                f"{variable.name} must have one {dim}, got {variable.sizes[dim]}; choose by "
+                f"select: {{{dim}: ...}}"
+            )
+        variable = variable.isel({dim: index})
+    scalars = [one for one in variable.coords.values() if one.ndim == 0 and is_level(one)]
+    if level.fits is None and not level.shown and scalars:
+        _, level = _nearest(kind, scalars[0])
+    return variable, _by_words(kind, variable, level)
+
+
+def _selected(variable: Any, dim: str, found: list[Any], value: Any) -> int:
+    """Return the index of a value along a dimension; without a coordinate, the value.
+
+    Raises:
+        Unfit: If there is no such value.
+    """
+    own = next((one for one in found if one.name == dim), found[0] if found else None)
+    values = np.arange(variable.sizes[dim]) if own is None else own.values
+    matches = [i for i, one in enumerate(values.tolist()) if _equal(one, value)]
+    if len(matches) != 1:
+        shown = ", ".join(map(str, values[:8].tolist())) + (", ..." if len(values) > 8 else "")
+        raise Unfit(f"select must have one of the values of {dim}, {shown}, got {value}")
+    return matches[0]
+
+
+def _equal(one: Any, value: Any) -> bool:
+    try:
+        return abs(float(one) - float(value)) <= 1e-4 * max(abs(float(value)), 1.0)
+    except (TypeError, ValueError):
+        return str(one) == str(value)
+
+
+def _nearest(kind: Kind, coordinate: Any) -> tuple[int, _Level]:
+    """Return the index of the level nearest to the wanted one, and whether that fits."""
+    values, meaning = metres(coordinate), role(coordinate)
+    if not np.isfinite(values).all():
+        return 0, _Level(False, f"{coordinate.name} without values")
+    raw = np.atleast_1d(coordinate.values)[:8]
+    shown = f"{coordinate.name} {', '.join(f'{value:g}' for value in raw)}"
+    shown += ", ..." if len(values) > 8 else ""
+    shown = f"{shown} {coordinate.attrs.get('units', '')}".rstrip()
+    index, fits = 0, False
+    if kind == "wind" and meaning == "height":
+        index = int(np.abs(values - WIND_HEIGHT_M).argmin())
+        fits = bool(abs(values[index] - WIND_HEIGHT_M) < 0.5)
+    elif kind == "current" and meaning == "floor":
+        index, fits = int(values.argmax()), True
+    elif kind == "current" and (
+        meaning in ("depth", "sigma") or (meaning == "height" and values.max() <= 0.0)
+    ):
+        index = int(np.abs(values).argmin())
+        limit = LOWEST_SIGMA if meaning == "sigma" else DEEPEST_M
+        fits = bool(abs(values[index]) <= limit)
+    return index, _Level(fits, shown)
+
+
+def _by_words(kind: Kind, variable: Any, level: _Level) -> _Level:
+    """Return the level that the names of a wind state where its coordinates do not."""
+    if kind != "wind" or level.fits:
+        return level
+    words = f"{_words(variable)} {variable.name}".lower()
+    height = _HEIGHT.search(words) or re.fullmatch(r"[uv]_?(\d+)|(\d+)[uv]", words.split()[-1])
+    if height:
+        value = float(next(filter(None, height.groups())))
+        if abs(value - WIND_HEIGHT_M) < 0.5:
+            return _Level(True, "10 m")
+        return _Level(False, level.shown or f"{value:g} m")
+    elsewhere = _OTHER_LEVEL.search(words)
+    return _Level(False, elsewhere[0]) if level.fits is None and elsewhere else level
