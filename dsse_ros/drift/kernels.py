@@ -152,10 +152,9 @@ def _velocity(p, m, lat_deg, lon_deg, time_s, wind, current):
     x, y = (wind_east / speed, wind_north / speed) if speed > 0.0 else (0.0, 1.0)
     leeway = p.leeway
     down = leeway.downwind_slope[m] * speed + leeway.downwind_mps[m]
-    slope = leeway.crosswind_slope[m] + leeway.crosswind_error[m]
-    cross = slope * speed + leeway.crosswind_mps[m]
-    east += p.current_error[0, m] + down * x - cross * y
-    north += p.current_error[1, m] + down * y + cross * x
+    cross = leeway.crosswind_slope[m] * speed + leeway.crosswind_mps[m]
+    east += p.current_error[0, m] + down * x + cross * y
+    north += p.current_error[1, m] + down * y - cross * x
     return east, north, MOVED
 
 
@@ -193,6 +192,14 @@ def _strand_or_go(p, m, lat_deg, lon_deg, shore):
             p.afloat[m] = False
             return
         p.lat_deg[m], p.lon_deg[m] = next_lat, next_lon
+
+
+@inlined
+def _jibe(leeway, m):
+    """Exchange the crosswind coefficients of a particle with those of the other side."""
+    slope, mps = leeway.crosswind_slope[m], leeway.crosswind_mps[m]
+    leeway.crosswind_slope[m], leeway.crosswind_mps[m] = leeway.other_slope[m], leeway.other_mps[m]
+    leeway.other_slope[m], leeway.other_mps[m] = slope, mps
 
 
 @kernel
@@ -246,5 +253,5 @@ def move(p, time_s, step_s, wind, current, shore, jibing, jibing_per_hour):
             if dt != step_s:
                 chance = 1.0 - (1.0 - jibing_per_hour) ** (abs(dt) / 3600.0)
             if jibing[m] < chance:
-                p.leeway.crosswind_slope[m] = -p.leeway.crosswind_slope[m]
+                _jibe(p.leeway, m)
     return MOVED, -1

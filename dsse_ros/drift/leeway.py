@@ -25,18 +25,10 @@ import csv
 import difflib
 from functools import lru_cache
 from pathlib import Path
-from typing import Literal, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-
-Side = Literal["left", "right"]
-"""Side of the wind's direction, seen downwind, to which a positive crosswind component points.
-
-The reports measure the leeway angle clockwise from downwind, so positive is to the right. In
-OpenDrift 1.14 it is to the left, in its later source to the right. This makes no difference where
-the sides of a class are mirror images of each other.
-"""
 
 _FILE = Path(__file__).with_name("leeway_classes.csv")
 
@@ -61,8 +53,8 @@ class LeewayClass(NamedTuple):
     Attributes:
         description: Objects of the class.
         downwind: Component along the wind.
-        right: Crosswind component of half of the particles; see `Side` for its sign.
-        left: Crosswind component of the other half.
+        right: Crosswind component, positive to the right of downwind, of half of the particles.
+        left: Crosswind component of the other half, with the same sign.
     """
 
     description: str
@@ -72,21 +64,23 @@ class LeewayClass(NamedTuple):
 
 
 class Leeway(NamedTuple):
-    """The leeway of M particles: each component is its slopes x wind speed + offset.
+    """The leeway of M particles: each component is its slope x wind speed + offset.
 
     Attributes:
         downwind_slope: (M,) float64.
         downwind_mps: (M,) float64, offset in m/s.
-        crosswind_slope: (M,) float64, positive to the left; jibing changes its sign.
-        crosswind_error: (M,) float64, error of this slope, whose sign stays.
+        crosswind_slope: (M,) float64, positive to the right of downwind.
         crosswind_mps: (M,) float64, offset in m/s.
+        other_slope: (M,) float64, crosswind slope after jibing, which exchanges both.
+        other_mps: (M,) float64, its offset.
     """
 
     downwind_slope: NDArray[np.float64]
     downwind_mps: NDArray[np.float64]
     crosswind_slope: NDArray[np.float64]
-    crosswind_error: NDArray[np.float64]
     crosswind_mps: NDArray[np.float64]
+    other_slope: NDArray[np.float64]
+    other_mps: NDArray[np.float64]
 
 
 @lru_cache(maxsize=1)
@@ -123,22 +117,22 @@ def leeway_class(key: str) -> LeewayClass:
     return classes[key]
 
 
-def draw_leeway(
-    of: LeewayClass, count: int, rng: np.random.Generator, positive_crosswind: Side = "left"
-) -> Leeway:
+def draw_leeway(of: LeewayClass, count: int, rng: np.random.Generator) -> Leeway:
     """Draw the leeway of `count` particles of a class."""
     slope, offset, std = of.downwind
     error = std * rng.standard_normal(count)
     while (negative := slope + error / 20 < 0).any():
         error[negative] = std * rng.standard_normal(int(negative.sum()))
     # Alternating sides make the halves exact, also of the first particles alone.
-    side = np.where(np.arange(count)[:, None] % 2 == 0, of.right, of.left)
-    cross_slope, cross_offset, cross_std = side.T if positive_crosswind == "left" else -side.T
-    cross_error = cross_std * rng.standard_normal(count)
-    return Leeway(
-        (slope + error / 20) / 100,
-        (offset + error / 2) / 100,
-        cross_slope / 100,
-        cross_error / 2000,
-        (cross_offset + cross_error / 2) / 100,
-    )
+    is_right = np.arange(count)[:, None] % 2 == 0
+    draw = rng.standard_normal(count)
+    sides = (np.where(is_right, of.right, of.left), np.where(is_right, of.left, of.right))
+    crosswind = [
+        part
+        for cross_slope, cross_offset, cross_std in (side.T for side in sides)
+        for part in (
+            (cross_slope + cross_std * draw / 20) / 100,
+            (cross_offset + cross_std * draw / 2) / 100,
+        )
+    ]
+    return Leeway((slope + error / 20) / 100, (offset + error / 2) / 100, *crosswind)

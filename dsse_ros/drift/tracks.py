@@ -21,7 +21,7 @@ from dsse_ros.drift.kernels import (
     mark_land,
     move,
 )
-from dsse_ros.drift.leeway import LeewayClass, Side, draw_leeway
+from dsse_ros.drift.leeway import LeewayClass, draw_leeway
 from dsse_ros.drift.shore import Shore
 
 LONGEST_STEP_S = 60.0
@@ -60,11 +60,9 @@ class Drift:
         current: The current at the surface.
         wind_error: Uncertainty of the wind.
         current_error: Uncertainty of the current.
-        jibing_per_hour: Probability that its crosswind slope has changed its sign after an hour.
-            As in OpenDrift an object jibes at most once per step, after it has moved, and offset
-            and error keep their sign.
+        jibing_per_hour: Probability that it has jibed after an hour, at most once per step, after
+            it has moved; see `leeway`.
         shore: Land to strand on; None for none.
-        positive_crosswind: See `leeway.Side`.
     """
 
     leeway: LeewayClass
@@ -74,7 +72,6 @@ class Drift:
     current_error: Uncertainty = Uncertainty()
     jibing_per_hour: float = 0.04
     shore: Shore | None = None
-    positive_crosswind: Side = "left"
 
 
 class DriftTracks(NamedTuple):
@@ -231,8 +228,7 @@ def _release(
             )
     return Particles(
         lats, lons, released, np.ones(count, np.bool_),
-        draw_leeway(drift.leeway, count, rng, drift.positive_crosswind),
-        np.zeros((2, count)), np.zeros((2, count)),
+        draw_leeway(drift.leeway, count, rng), np.zeros((2, count)), np.zeros((2, count)),
     )  # fmt: skip
 
 

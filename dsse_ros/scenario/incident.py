@@ -12,7 +12,7 @@ import json
 import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar, NamedTuple, get_args
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,7 +26,7 @@ from dsse_ros.drift.flow import (
     utc,
 )
 from dsse_ros.drift.flow_grids import Span
-from dsse_ros.drift.leeway import Side, leeway_class
+from dsse_ros.drift.leeway import leeway_class
 from dsse_ros.drift.shore import Box, Shore, box_around, shore_of
 from dsse_ros.drift.track_files import at_times
 from dsse_ros.drift.tracks import Drift, DriftTracks, Sighting, drift_tracks
@@ -46,10 +46,10 @@ MAX_SPREAD_M = 500_000.0
 _LAT = Spec("float", "", low=-85, high=85, unit="deg")
 _LON = Spec("float", "", low=-360, high=360, unit="deg")
 _OF_INCIDENT = (
-    "object", "seen", "search_start", "base", "wind", "current", "jibing", "positive_crosswind",
-    "shore", "tracks", "truth", "laid",
+    "object", "seen", "search_start", "base", "wind", "current", "jibing", "shore", "tracks",
+    "truth", "laid",
 )  # fmt: skip
-_OF_LAW = ("object", "wind", "current", "jibing", "positive_crosswind")
+_OF_LAW = ("object", "wind", "current", "jibing")
 _OF_TRACKS = ("tracks", "search_start", "base", "laid")
 _OF_SIGHTING = {
     "lat": (_LAT, None),
@@ -89,7 +89,6 @@ class Incident:
         current: The current.
         current_error: Its uncertainty.
         jibing: See `drift.tracks.Drift`.
-        positive_crosswind: See `drift.tracks.Drift`.
         land: Polygons of land to strand on; None for none.
         laid: What the grid determines, once it is laid out; None before.
         given: Tracks of another model, which then replace sightings, wind, current and land.
@@ -110,7 +109,6 @@ class Incident:
     current: Flow
     current_error: Uncertainty
     jibing: float = 0.04
-    positive_crosswind: Side = "left"
     land: Area | None = None
     laid: Laid | None = None
     given: GivenTracks | None = None
@@ -200,7 +198,6 @@ class Incident:
             "wind": of_flow(self.wind, self.wind_error),
             "current": of_flow(self.current, self.current_error),
             "jibing": self.jibing,
-            "positive_crosswind": self.positive_crosswind,
         }
 
     def tracks(
@@ -242,7 +239,6 @@ class Incident:
         drift = Drift(
             leeway_class(self.key), self.wind, self.current, self.wind_error, self.current_error,
             self.jibing, None if self.land is None else _shore(self.land, self._box()),
-            self.positive_crosswind,
         )  # fmt: skip
         try:
             return drift_tracks(drift, seen, times_s, count, rng)
@@ -331,11 +327,6 @@ def _law(name: str, values: Mapping[str, Any], folder: str, span: Span) -> dict[
     if "jibing" in values:
         jibing = Spec("float", "", low=0, high=0.999)
         law["jibing"] = jibing.check(f"{name}.jibing", values["jibing"])
-    if "positive_crosswind" in values:
-        side = Spec("str", "", choices=get_args(Side))
-        law["positive_crosswind"] = side.check(
-            f"{name}.positive_crosswind", values["positive_crosswind"]
-        )
     return law
 
 

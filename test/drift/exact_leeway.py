@@ -17,7 +17,7 @@ NORMAL = NormalDist()
 
 
 class Displacement(NamedTuple):
-    """Mean and standard deviation in metres, downwind and crosswind (positive to the left)."""
+    """Mean and standard deviation in metres, downwind and crosswind (positive to the right)."""
 
     down: float
     down_std: float
@@ -39,17 +39,17 @@ def exact(
     share = wind_mps / 20 + 0.5
     down = 0.01 * (slope * wind_mps + offset + share * mean) * time_s
     down_std = 0.01 * share * math.sqrt(variance) * time_s
-    # The sum of the signs of a slope that jibes with this correlation from step to step.
+    # An object is s = +-1 on the right or the left, with this correlation from step to step.
     kept = 1 - 2 * (1 - (1 - jibing) ** (step_s / 3600))
-    signs = sum(kept**i for i in range(steps))
     squares = steps + 2 * sum((steps - lag) * kept**lag for lag in range(1, steps))
-    means, second = [], []
-    for cross_slope, cross_offset, cross_std in (of.right, of.left):
-        of_side = cross_slope * wind_mps * signs + cross_offset * steps
-        spread = (cross_slope * wind_mps) ** 2 * (squares - signs**2)
-        spread += (share * cross_std * steps) ** 2
-        means.append(of_side)
-        second.append(spread + of_side**2)
-    cross = sum(means) / 2
-    cross_std = math.sqrt(max(sum(second) / 2 - cross**2, 0.0))
-    return Displacement(down, down_std, 0.01 * step_s * cross, 0.01 * step_s * cross_std)
+    right, left = (cross_slope * wind_mps + cross_offset
+                   for cross_slope, cross_offset, _ in (of.right, of.left))  # fmt: skip
+    mean_speed, half = (right + left) / 2, (right - left) / 2
+    mean_std, half_std = (
+        (of.right.std_cmps + of.left.std_cmps) / 2,
+        (of.right.std_cmps - of.left.std_cmps) / 2,
+    )
+    # In each step the speed is mean + half s + share z (mean_std + half_std s), z standard normal.
+    spread = half**2 * squares + share**2 * (steps**2 * mean_std**2 + squares * half_std**2)
+    cross = 0.01 * step_s * steps * mean_speed
+    return Displacement(down, down_std, cross, 0.01 * step_s * math.sqrt(spread))

@@ -273,7 +273,6 @@ def test_a_snapshot_has_the_digest_of_a_flow_and_fits_no_other_flow() -> None:
         ({"wind": {"times_s": [1, 0]}}, "incident.wind must have increasing axes"),
         ({"winds": {}}, "'winds' is not a field of the incident; did you mean wind?"),
         ({"shore": {"type": "Point"}}, "incident.shore must be a GeoJSON file of a Polygon"),
-        ({"positive_crosswind": "up"}, "incident.positive_crosswind must be one of left, right"),
         ({"truth": {"object": "X"}}, "incident.truth.object must be a class of leeway, got 'X'"),
         ({"seen": [SEEN, {**SEEN, "lat": 30}]}, "incident must have particles within 10000 cells"),
         ({"truth": {"seen": []}}, "'seen' is not a field of incident.truth"),
