@@ -65,8 +65,15 @@ setup(
         # What a scenario's fields of the same names need.
         "area": ["shapely>=2.0.3"],
         "land": ["roaring-landmask>=0.11"],
-        # Wind and current from NetCDF files.
-        "drift": ["netCDF4>=1.6", "scipy>=1.11", "xarray>=2024.2"],
+        # Wind and current from forecasts: grids, projections, units.
+        "drift": [
+            "cf-xarray>=0.9",
+            "netCDF4>=1.6",
+            "pint>=0.24",
+            "pyproj>=3.6",
+            "scipy>=1.11",
+            "xarray>=2024.2",
+        ],
         # Probability matrices from GeoTIFF files.
         "geotiff": ["rasterio>=1.4"],
         # The program `export_gis`.

@@ -9,7 +9,7 @@ https://cfconventions.org/cf-conventions/cf-conventions.html#coordinate-types.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
@@ -18,10 +18,10 @@ from numpy.typing import NDArray
 from dsse_ros.drift.flow import utc
 from dsse_ros.drift.netcdf import Unfit, times_of
 
-Role = Literal["time", "lat", "lon", "y", "x", "height", "depth", "sigma", "floor", "level", ""]
+Role = Literal["time", "lat", "lon", "y", "x", "height", "depth", "sigma", "seabed", "level", ""]
 """Meaning of a coordinate: `height` above the ground or the sea, `depth` below the surface, ocean
-`sigma` (0 at the surface), height above the sea `floor`; any other vertical `level`."""
-VERTICAL = ("height", "depth", "sigma", "floor", "level")
+`sigma` (0 at the surface), height above the `seabed`; any other vertical `level`."""
+VERTICAL = ("height", "depth", "sigma", "seabed", "level")
 
 _BY_STANDARD_NAME: dict[str, Role] = {
     "time": "time",
@@ -30,7 +30,7 @@ _BY_STANDARD_NAME: dict[str, Role] = {
     "projection_y_coordinate": "y", "grid_latitude": "y",
     "projection_x_coordinate": "x", "grid_longitude": "x",
     "height": "height", "height_above_mean_sea_level": "height", "altitude": "height",
-    "depth": "depth", "height_above_sea_floor": "floor", "air_pressure": "level",
+    "depth": "depth", "height_above_sea_floor": "seabed", "air_pressure": "level",
 }  # fmt: skip
 _BY_UNITS: dict[str, Role] = {
     **dict.fromkeys(("degrees_north", "degree_north", "degree_n", "degrees_n"), "lat"),
@@ -132,36 +132,66 @@ class Place(NamedTuple):
     """The horizontal coordinates of a variable.
 
     Attributes:
-        lat: Its latitudes, along one dimension.
-        lon: Its longitudes, along another one.
+        lat: Its latitudes, along one dimension or both; None if only a projection gives them.
+        lon: Its longitudes.
+        y: Coordinate of the rows in the plane of a projection; None without one.
+        x: Coordinate of the columns.
+        mapping: Attributes of the projection.
     """
 
-    lat: Any
-    lon: Any
+    lat: Any = None
+    lon: Any = None
+    y: Any = None
+    x: Any = None
+    mapping: Mapping[str, Any] = {}
+
+    @property
+    def is_regular(self) -> bool:
+        """Whether it is a grid of latitude and longitude."""
+        return self.lat is not None and len(self.dims) == 2 and self.lat.ndim == 1
 
     @property
     def dims(self) -> tuple[str, ...]:
         """The dimensions, rows first."""
-        return (*self.lat.dims, *self.lon.dims)
+        rows, cols = (self.lat, self.lon) if self.y is None else (self.y, self.x)
+        return tuple(dict.fromkeys((*rows.dims, *cols.dims)))
 
 
 def place_of(dataset: Any, variable: Any) -> Place:
     """Return the horizontal coordinates of a variable.
 
     Raises:
-        Unfit: If it is not on a grid of latitude and longitude.
+        Unfit: If it has none.
     """
-    found: dict[str, Any] = {}
+    found: dict[str, list[Any]] = {"lat": [], "lon": [], "y": [], "x": []}
     for one in coordinates(dataset, variable):
-        meaning = role(one)
-        if meaning in ("lat", "lon") and one.ndim == 1:
-            found.setdefault(meaning, one)
-    if len(found) == 2 and found["lat"].dims != found["lon"].dims:
-        return Place(found["lat"], found["lon"])
+        if (meaning := role(one)) in found and one.ndim:
+            found[meaning].append(one)
+    by_dims = {one.dims: one for one in reversed(found["lon"])}
+    for lat in found["lat"]:
+        if lat.ndim == 1:
+            for lon in found["lon"]:
+                if lon.ndim == 1 and lon.dims != lat.dims:
+                    return Place(lat, lon)
+    flat = [(lat, by_dims[lat.dims]) for lat in found["lat"] if lat.dims in by_dims]
+    lat, lon = next(((*pair,) for pair in flat if pair[0].ndim == 2), (None, None))
+    mapping = _mapping(dataset, variable)
+    if mapping and found["y"] and found["x"]:
+        return Place(lat, lon, found["y"][0], found["x"][0], mapping)
+    if lat is not None:
+        return Place(lat, lon)
     raise Unfit(
-        f"{variable.name} must be on a regular grid of latitude and longitude, got the "
-        f"{_dimensions(variable)}"
+        f"{variable.name} must have latitudes and longitudes, or the coordinates of a projection, "
+        f"got the {_dimensions(variable)}"
     )
+
+
+def _mapping(dataset: Any, variable: Any) -> Mapping[str, Any]:
+    """Return the attributes of the projection of a variable, empty if it has none."""
+    name = variable.attrs.get("grid_mapping", variable.encoding.get("grid_mapping", ""))
+    if name in dataset.variables:
+        return dict(dataset[name].attrs)
+    return {}
 
 
 def metres(variable: Any) -> NDArray[np.float64]:

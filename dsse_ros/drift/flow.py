@@ -13,7 +13,7 @@ import hashlib
 import math
 import os
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from datetime import datetime, timezone
 from functools import cached_property
 from typing import Any, Literal, NamedTuple
@@ -26,6 +26,8 @@ SENSE: dict[Kind, str] = {"wind": "from", "current": "toward"}
 """How the direction of each is stated."""
 MAX_SPEED_MPS = 100.0
 MAX_BYTES = 10_000_000
+NO_LOOKUP = np.empty((0, 0))
+"""`rows` and `cols` of a `Flow` on a grid of latitude and longitude."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,6 +36,9 @@ class Flow:
 
     An axis of length 1 means that the flow does not change along it. Values
     are interpolated linearly along an axis; beyond its ends there is none.
+
+    On a grid that is not of latitude and longitude, `rows` and `cols` are the row and the column in
+    the velocities, (T, J, I), of the places at `lats_deg` and `lons_deg`.
 
     Attributes:
         times_s: (T,) float64, increasing, seconds since 1970-01-01 UTC.
@@ -44,6 +49,8 @@ class Flow:
         source: File and variables, for messages.
         extent: What the file covers, for messages; None for what the axes cover.
         gap_cells: Cells over which gaps are filled already, for messages.
+        rows: (Y, X) float64, NaN off the grid; (0, 0) on a grid of latitude and longitude.
+        cols: (Y, X) float64.
     """
 
     times_s: NDArray[np.float64]
@@ -54,11 +61,16 @@ class Flow:
     source: str = ""
     extent: Extent | None = None
     gap_cells: int = 0
+    rows: NDArray[np.float64] = field(default_factory=lambda: NO_LOOKUP)
+    cols: NDArray[np.float64] = field(default_factory=lambda: NO_LOOKUP)
 
     @property
     def arrays(self) -> FlowArrays:
         """The arrays, as the compiled functions read them."""
-        return FlowArrays(self.times_s, self.lats_deg, self.lons_deg, self.east_mps, self.north_mps)
+        return FlowArrays(
+            self.times_s, self.lats_deg, self.lons_deg, self.east_mps, self.north_mps, self.rows,
+            self.cols,
+        )  # fmt: skip
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, Flow) and self.sha256 == other.sha256
@@ -78,14 +90,24 @@ class Flow:
     def why_none(self, lat_deg: float, lon_deg: float, begin_s: float, end_s: float) -> str:
         """Return why the flow has no value at a place between two times, for messages."""
         read = Extent.of(self.times_s, self.lats_deg, self.lons_deg)
-        if read.holds(lat_deg, lon_deg, begin_s, end_s):
+        within = read.holds(lat_deg, lon_deg, begin_s, end_s)
+        if within and self._is_on_grid(lat_deg, lon_deg):
             return (
                 f"it has a gap there, with no value within {self.gap_cells} cells; give a shore "
                 "that ends the drift before the gap, or more gap_cells"
             )
-        if (self.extent or read).holds(lat_deg, lon_deg, begin_s, end_s):
+        if not within and (self.extent or read).holds(lat_deg, lon_deg, begin_s, end_s):
             return f"only a part around the sightings was read; the file covers {self.covered()}"
         return f"it covers {self.covered()}"
+
+    def _is_on_grid(self, lat_deg: float, lon_deg: float) -> bool:
+        """Return whether the grid has a row and a column near a place within the axes."""
+        if not self.rows.size:
+            return True
+        row = int(np.abs(self.lats_deg - lat_deg).argmin())
+        turns = np.abs((self.lons_deg - lon_deg + 180.0) % 360.0 - 180.0)
+        at = self.rows[row, turns.argmin()], self.cols[row, turns.argmin()]
+        return all(0 <= v <= n - 1 for v, n in zip(at, self.east_mps.shape[1:], strict=True))
 
 
 class Extent(NamedTuple):
@@ -144,6 +166,8 @@ class FlowArrays(NamedTuple):
     lons_deg: NDArray[np.float64]
     east_mps: NDArray[np.float32]
     north_mps: NDArray[np.float32]
+    rows: NDArray[np.float64]
+    cols: NDArray[np.float64]
 
 
 class Uncertainty(NamedTuple):

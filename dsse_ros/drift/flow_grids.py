@@ -12,16 +12,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dsse_ros.drift.coordinates import Place, place_of, time_of
-from dsse_ros.drift.flow import MAX_SPEED_MPS, Extent, Flow, utc
+from dsse_ros.drift.flow import MAX_SPEED_MPS, NO_LOOKUP, Extent, Flow, utc
+from dsse_ros.drift.native_grids import Lookup, Shifts, curvilinear, projected
 from dsse_ros.drift.netcdf import Unfit, times_of
 from dsse_ros.drift.shore import Box
+from dsse_ros.drift.units import metres_per_second
 from dsse_ros.drift.velocity_pairs import Pair
 
 MAX_VALUES = 20_000_000
 """Values of a variable that are read at most, 80 MB."""
 SAME_MERIDIAN_DEG = 1e-4
 """Longitudes that differ by less are one: files of the globe have their first meridian twice."""
-_MPS = ("m s-1", "m s^-1", "m/s", "m s**-1", "meter second-1", "meter/sec", "m.s-1", "mps")
 _LOGGER = logging.getLogger(__name__)
 
 
@@ -53,6 +54,26 @@ class _Axis(NamedTuple):
     values: NDArray[np.float64]
 
 
+class _Grid(NamedTuple):
+    """The part of a grid that is read.
+
+    Attributes:
+        indices: Rows and columns.
+        shifts: See `native_grids.Shifts`, for each component.
+        lookup: See `Flow`.
+        turn: See `NativeGrid`; None for velocities to the east and north.
+        lats_deg: Latitudes of the whole file.
+        lons_deg: Its longitudes.
+    """
+
+    indices: tuple[NDArray[np.int64], NDArray[np.int64]]
+    shifts: tuple[Shifts, Shifts]
+    lookup: Lookup
+    turn: NDArray[np.float64] | None
+    lats_deg: NDArray[np.float64]
+    lons_deg: NDArray[np.float64]
+
+
 def flow_on_grid(dataset: Any, pair: Pair, span: Span, gap_cells: int, source: str) -> Flow:
     """Return the flow of a pair in a span.
 
@@ -66,21 +87,24 @@ def flow_on_grid(dataset: Any, pair: Pair, span: Span, gap_cells: int, source: s
     Raises:
         Unfit: If the file does not have it.
     """
-    place, time = place_of(dataset, pair.east), time_of(dataset, pair.east)
-    times_s, lats, lons = times_of(time), _values(place.lat), _values(place.lon)
-    extent, box = Extent.of(times_s, lats, lons), span.box
-    axes = (
-        _part("time", time.dims[0], times_s, span.begin_s, span.end_s, 0),
-        _part("latitude", place.lat.dims[0], lats, box.south_deg, box.north_deg, gap_cells),
-        _longitudes(place, lons, box, gap_cells),
-    )
-    shape = tuple(len(axis.indices) for axis in axes)
+    sides = pair.east, pair.north
+    places = place_of(dataset, pair.east), place_of(dataset, pair.north)
+    time = time_of(dataset, pair.east)
+    times_s = times_of(time)
+    axis = _part("time", time.dims[0], times_s, span.begin_s, span.end_s, 0)
+    grid = _grid(dataset, pair, places, span.box, gap_cells)
+    shape = len(axis.indices), *(len(part) for part in grid.indices)
     if math.prod(shape) > MAX_VALUES:
         raise Unfit(
             f"{pair.names} must have at most {MAX_VALUES} values in the area and the times needed, "
             f"got {' x '.join(map(str, shape))}"
         )
-    east, north = (_read(variable, axes) for variable in (pair.east, pair.north))
+    east, north = (
+        _read(variable, axis, place.dims, grid.indices, shifts)
+        for variable, place, shifts in zip(sides, places, grid.shifts, strict=True)
+    )
+    if grid.turn is not None:
+        east, north = _turned(east, north, grid.turn)
     gaps = np.isnan(east + north)
     if gaps.all():
         raise Unfit(f"{pair.names} has no value in the area and the times needed")
@@ -90,8 +114,46 @@ def flow_on_grid(dataset: Any, pair: Pair, span: Span, gap_cells: int, source: s
             "%s: %d of %d cells without a value take the nearest one, at most %d cells away",
             source, filled, int(gaps.any(axis=0).sum()), gap_cells,
         )  # fmt: skip
-    times, rows, cols = (axis.values for axis in axes)
-    return Flow(times, rows, cols, east, north, source, extent, gap_cells)
+    lats, lons, rows, cols = grid.lookup
+    extent = Extent.of(times_s, grid.lats_deg, grid.lons_deg)
+    return Flow(axis.values, lats, lons, east, north, source, extent, gap_cells, rows, cols)
+
+
+def _grid(dataset: Any, pair: Pair, places: tuple[Place, Place], box: Box, margin: int) -> _Grid:
+    """Return the part of the grid of a pair that holds a box.
+
+    Raises:
+        Unfit: If the grid is not understood, or it holds nothing of the box.
+    """
+    place = places[0]
+    alike = place.dims == places[1].dims
+    if place.is_regular and alike:
+        return _regular(place, box, margin)
+    native = projected(place, box, margin) if alike and place.y is not None else None
+    if native is None:
+        native = curvilinear(dataset, places, box, margin)
+    axes: str = pair.axes or ("grid" if native.shifts[0] != native.shifts[1] else "")
+    if not axes:
+        raise Unfit(
+            f"{pair.names} may point to the east and north or along the grid; state axes: earth or "
+            "axes: grid"
+        )
+    return _Grid(
+        (np.arange(*native.rows), np.arange(*native.cols)), native.shifts, native.lookup,
+        native.turn if axes == "grid" else None, native.lats_deg, native.lons_deg,
+    )  # fmt: skip
+
+
+def _regular(place: Place, box: Box, margin: int) -> _Grid:
+    """Return the part of a grid of latitude and longitude; see `_grid`."""
+    lats, lons = _values(place.lat), _values(place.lon)
+    south, north = box.south_deg, box.north_deg
+    rows = _part("latitude", place.lat.dims[0], lats, south, north, margin)
+    cols = _longitudes(place, lons, box, margin)
+    indices = rows.indices, cols.indices
+    here: Shifts = ((0, 0),)
+    lookup = Lookup(rows.values, cols.values, NO_LOOKUP, NO_LOOKUP)
+    return _Grid(indices, (here, here), lookup, None, lats, lons)
 
 
 def _values(coordinate: Any) -> NDArray[np.float64]:
@@ -145,25 +207,46 @@ def _longitudes(place: Place, given: NDArray[np.float64], box: Box, margin: int)
     return part._replace(indices=once[part.indices])
 
 
-def _read(variable: Any, axes: tuple[_Axis, ...]) -> NDArray[np.float32]:
-    """Return a variable along these axes in m/s, NaN where there is no value.
+def _read(
+    variable: Any, time: _Axis, dims: tuple[str, ...], indices: tuple[NDArray[np.int64], ...],
+    shifts: Shifts,
+) -> NDArray[np.float32]:  # fmt: skip
+    """Return a variable in m/s, (T, J, I), NaN where there is no value.
 
     Raises:
         Unfit: If its units are no speed.
     """
-    units = " ".join(str(variable.attrs.get("units", "")).split()).lower()
-    if units not in _MPS:
-        raise Unfit(f"{variable.name} must be in m/s, got units {units!r}")
-    chosen = {axis.dim: _as_slice(axis.indices) for axis in axes}
-    part = variable.isel(chosen).transpose(*(axis.dim for axis in axes))
-    found = np.ma.filled(np.ma.asarray(part.values, np.float32), np.nan)
-    # Restore the increasing order of axes that were read backward.
-    for number, axis in enumerate(axes):
-        if isinstance(chosen[axis.dim], slice) and axis.indices[0] > axis.indices[-1]:
-            found = np.flip(found, number)
-    # Fill values that the file does not declare are beyond any speed.
-    found = np.where(np.abs(found) <= MAX_SPEED_MPS, found, np.nan)
-    return np.ascontiguousarray(found, np.float32)
+    factor = metres_per_second(variable)
+    parts = []
+    for shift in shifts:
+        wanted = (time.indices, *(index + by for index, by in zip(indices, shift, strict=True)))
+        names = time.dim, *dims
+        chosen = [_as_slice(index) for index in wanted]
+        part = variable.isel(dict(zip(names, chosen, strict=True))).transpose(*names)
+        found = np.ma.filled(np.ma.asarray(part.values, np.float32), np.nan)
+        # Restore the increasing order of axes that were read backward.
+        for number, (index, read) in enumerate(zip(wanted, chosen, strict=True)):
+            if isinstance(read, slice) and index[0] > index[-1]:
+                found = np.flip(found, number)
+        found = found * np.float32(factor)
+        # Fill values that the file does not declare are beyond any speed.
+        parts.append(np.where(np.abs(found) <= MAX_SPEED_MPS, found, np.nan))
+    return np.ascontiguousarray(_mean(parts), np.float32)
+
+
+def _mean(parts: list[NDArray[np.float32]]) -> NDArray[np.float32]:
+    """Return the mean of one or two arrays; a side of a cell on land does not count."""
+    first, last = parts[0], parts[-1]
+    mean = np.float32(0.5) * (first + last)
+    return np.where(np.isnan(mean), np.where(np.isnan(first), last, first), mean)
+
+
+def _turned(
+    along_rows: NDArray[np.float32], across: NDArray[np.float32], turn: NDArray[np.float64]
+) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """Return velocities along the axes of a grid as velocities to the east and to the north."""
+    cos, sin = np.cos(turn).astype(np.float32), np.sin(turn).astype(np.float32)
+    return cos * along_rows - sin * across, sin * along_rows + cos * across
 
 
 def _as_slice(index: NDArray[np.int64]) -> Any:

@@ -110,6 +110,23 @@ def _at_time(flow, t, j, i, v, u):
 
 
 @inlined
+def _index(lookup, j, i, v, u, last):
+    """Return index and weight of the next one that a lookup has at a place; -1 off the grid."""
+    value = lookup[j, i]
+    if v > 0.0 or u > 0.0:
+        # A single row or column has no next one.
+        nj, ni = min(j + 1, lookup.shape[0] - 1), min(i + 1, lookup.shape[1] - 1)
+        south = (1.0 - u) * value + u * lookup[j, ni]
+        north = (1.0 - u) * lookup[nj, i] + u * lookup[nj, ni]
+        value = (1.0 - v) * south + v * north
+    # Rounding must not lose the last point.
+    if not -1e-9 <= value <= last + 1e-9:
+        return -1, 0.0
+    index = min(max(int(math.floor(value)), 0), max(last - 1, 0))
+    return index, min(max(value - index, 0.0), 1.0)
+
+
+@inlined
 def flow_at(flow, lat_deg, lon_deg, time_s):
     """Return the velocity (east, north) of a flow in m/s, or NaN where it has none."""
     t, w = _below(flow.times_s, time_s)
@@ -122,6 +139,12 @@ def flow_at(flow, lat_deg, lon_deg, time_s):
         i, u = _below(flow.lons_deg, lon_deg - 360.0)
     if t < 0 or j < 0 or i < 0:
         return math.nan, math.nan
+    if len(flow.rows) > 0:
+        row, v_of_row = _index(flow.rows, j, i, v, u, flow.east_mps.shape[1] - 1)
+        col, u_of_col = _index(flow.cols, j, i, v, u, flow.east_mps.shape[2] - 1)
+        if row < 0 or col < 0:
+            return math.nan, math.nan
+        j, v, i, u = row, v_of_row, col, u_of_col
     east, north = _at_time(flow, t, j, i, v, u)
     if w > 0.0:
         later_east, later_north = _at_time(flow, t + 1, j, i, v, u)

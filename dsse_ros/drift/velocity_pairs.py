@@ -38,7 +38,7 @@ _WORDS = {
 }
 """Words of standard names and long names by what moves."""
 _PART = re.compile(
-    r"due_to|tide|geostrophic|barotropic|sea.floor|bottom|depth.?(mean|average)"
+    r"due_to|tide|geostrophic|barotropic|sea_floor|seabed|bottom|depth.?(mean|average)"
     r"|vertical(ly)?.(mean|averag|integrat)"
 )
 """A part of the current, or its mean over the depth."""
@@ -58,10 +58,14 @@ class Choice(NamedTuple):
         variables: Names of the components to the east and to the north; empty to find them.
         select: Values of dimensions other than time and place, such as a depth or an ensemble
             member.
+        units: Units of variables that have none, "" if not stated.
+        axes: Whether they point to the east and north or along their grid, "" if not stated.
     """
 
     variables: tuple[str, ...] = ()
     select: Mapping[str, Any] = {}
+    units: str = ""
+    axes: Axes = ""
 
 
 ANY = Choice()
@@ -231,7 +235,7 @@ def _words(variable: Any) -> str:
 
 
 def _medium(variable: Any) -> str:
-    """Return what moves by the standard name, or else the long name; "" if they do not tell."""
+    """Return what moves by the standard name, or else the long name; "" if neither says."""
     for name in ("standard_name", "long_name"):
         text = str(variable.attrs.get(name, "")).lower()
         media = [medium for medium, words in _WORDS.items() if any(word in text for word in words)]
@@ -244,7 +248,7 @@ def _belong_together(east: Any, north: Any) -> bool:
     """Return whether two components have the same name but for their side, and the same form."""
     stems = {_SIDES.sub("*", str(one.name).lower()) for one in (east, north)}
     units = {str(one.attrs.get("units", "")).strip() for one in (east, north)}
-    return len(stems) == len(units) == 1 and east.dims == north.dims
+    return len(stems) == len(units) == 1 and east.ndim == north.ndim
 
 
 def _nothing(dataset: Any, kind: Kind) -> str:
@@ -289,7 +293,11 @@ def _at_level(dataset: Any, kind: Kind, choice: Choice, rank: int, pair: Pair) -
     # Who names two variables knows their level, unless they have several.
     if choice.variables and east.ndim == pair.east.ndim:
         level = level._replace(fits=True)
-    return _Candidate(rank, pair._replace(east=east, north=north), level)
+    for one in (east, north):
+        if choice.units and not str(one.attrs.get("units", "")).strip():
+            one.attrs["units"] = choice.units
+    axes = choice.axes or pair.axes
+    return _Candidate(rank, pair._replace(east=east, north=north, axes=axes), level)
 
 
 def _sliced(dataset: Any, kind: Kind, choice: Choice, variable: Any) -> tuple[Any, _Level]:
@@ -366,7 +374,7 @@ def _nearest(kind: Kind, coordinate: Any) -> tuple[int, _Level]:
     if kind == "wind" and meaning == "height":
         index = int(np.abs(values - WIND_HEIGHT_M).argmin())
         fits = bool(abs(values[index] - WIND_HEIGHT_M) < 0.5)
-    elif kind == "current" and meaning == "floor":
+    elif kind == "current" and meaning == "seabed":
         index, fits = int(values.argmax()), True
     elif kind == "current" and (
         meaning in ("depth", "sigma") or (meaning == "height" and values.max() <= 0.0)

@@ -7,12 +7,14 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
+from numpy.typing import NDArray
 
 from dsse_ros.drift.flow import (
     MAX_SPEED_MPS,
+    NO_LOOKUP,
     SENSE,
     Extent,
     Flow,
@@ -23,12 +25,12 @@ from dsse_ros.drift.flow import (
 )
 from dsse_ros.drift.flow_files import GAP_CELLS, read_forecast
 from dsse_ros.drift.flow_grids import Span
-from dsse_ros.drift.velocity_pairs import Choice
+from dsse_ros.drift.velocity_pairs import Axes, Choice
 from dsse_ros.scenario.fields import FieldError, Spec, check_known, shown
 
 _NOT_NEGATIVE = Spec("float", "", low=0, high=1e6)
 _OF_ERROR = ("error", "correlation_minutes")
-_OF_FILE = ("file", "variables", "select", "gap_cells")
+_OF_FILE = ("file", "variables", "select", "units", "axes", "gap_cells")
 _MAX_GAP_CELLS = 100
 
 
@@ -90,24 +92,33 @@ def _flow_of_file(
         f"{name}.gap_cells", values.get("gap_cells", GAP_CELLS)
     )
     select = mapping(f"{name}.select", values.get("select", {}))
-    return read_forecast(kind, path, span, Choice(variables, select), cells)
+    units = Spec("str", "").check(f"{name}.units", values.get("units", ""))
+    axes = Spec("str", "", choices=get_args(Axes)).check(f"{name}.axes", values.get("axes", ""))
+    return read_forecast(kind, path, span, Choice(variables, select, units, axes), cells)
 
 
 _AXES = ("times_s", "lats_deg", "lons_deg")
 _COMPONENTS = ("east_mps", "north_mps")
+_LOOKUP = ("rows", "cols")
+_ABOUT = ("shape", "source", "gap_cells", "extent")
 
 
 def flow_dict(flow: Flow, law: Uncertainty) -> dict[str, Any]:
     """Return a flow and its uncertainty for JSON, without the name of a file to read."""
     values: dict[str, Any] = {name: getattr(flow, name).tolist() for name in _AXES}
-    for name in _COMPONENTS:
-        numbers = getattr(flow, name).ravel().tolist()
-        # JSON has no NaN.
-        values[name] = [None if math.isnan(number) else number for number in numbers]
+    values |= {name: _numbers(getattr(flow, name)) for name in _COMPONENTS}
+    if flow.rows.size:
+        values |= {name: _numbers(getattr(flow, name)) for name in _LOOKUP}
+        values["shape"] = list(flow.east_mps.shape[1:])
     values |= {"source": flow.source, "gap_cells": flow.gap_cells}
     if flow.extent is not None:
         values["extent"] = list(flow.extent)
     return values | _error_dict(law)
+
+
+def _numbers(values: NDArray[Any]) -> list[float | None]:
+    """Return the values of an array in a list; JSON has no NaN."""
+    return [None if math.isnan(number) else number for number in values.ravel().tolist()]
 
 
 def flow_identity(flow: Flow, law: Uncertainty) -> dict[str, Any]:
@@ -128,17 +139,19 @@ def _flow_of(name: str, values: Mapping[str, Any]) -> Flow:
     Raises:
         FieldError: If the values are not such a flow.
     """
-    check_known(name, values, (*_AXES, *_COMPONENTS, "source", "gap_cells", "extent", *_OF_ERROR))
-    extent = values.get("extent")
+    check_known(name, values, (*_AXES, *_COMPONENTS, *_LOOKUP, *_ABOUT, *_OF_ERROR))
     try:
         axes = [np.array(values[part], np.float64) for part in _AXES]
-        shape = tuple(len(axis) for axis in axes)
-        parts = [np.array(values[part], np.float32).reshape(shape) for part in _COMPONENTS]
+        times, *place = (len(axis) for axis in axes)
+        shape = tuple(int(count) for count in values.get("shape", place))
+        parts = [np.array(values[part], np.float32).reshape(times, *shape) for part in _COMPONENTS]
+        lookup = [np.array(values[part], np.float64).reshape(place) for part in _LOOKUP
+                  if "shape" in values]  # fmt: skip
         fits = all(
             axis.ndim == 1 and len(axis) and np.isfinite(axis).all() and (np.diff(axis) > 0).all()
             for axis in axes
         ) and not any((np.abs(part) > MAX_SPEED_MPS).any() for part in parts)
-        extent = None if extent is None else Extent(*(float(end) for end in extent))
+        extent = Extent(*(float(end) for end in values["extent"])) if "extent" in values else None
         cells = int(values.get("gap_cells", 0))
     except (KeyError, TypeError, ValueError):
         fits = False
@@ -146,8 +159,10 @@ def _flow_of(name: str, values: Mapping[str, Any]) -> Flow:
         raise FieldError(
             f"{name} must have increasing axes and a velocity for each of their points"
         )
-    (times, lats, lons), (east, north) = axes, parts
-    return Flow(times, lats, lons, east, north, str(values.get("source", "")), extent, cells)
+    rows, cols = lookup or (NO_LOOKUP, NO_LOOKUP)
+    (times_s, lats, lons), (east, north) = axes, parts
+    source = str(values.get("source", ""))
+    return Flow(times_s, lats, lons, east, north, source, extent, cells, rows, cols)
 
 
 def mapping(name: str, value: Any) -> Mapping[str, Any]:

@@ -47,9 +47,12 @@ OPENDRIFT = [
     ("PIW-1", 0.04, (2371.6, 2304.9, 10797.2, 2301.6)),
     ("PIW-1", 0.0, (2371.6, 2304.9, 10795.8, 2343.6)),
     ("PIW-1", 0.5, (2371.6, 2304.9, 10797.8, 2099.6)),
+    ("PIW-4", 0.0, (3933.6, 846.1, 10113.7, 1578.8)),
+    ("SKIFF-2", 0.0, (7057.2, 716.9, 11328.1, 840.0)),
+    ("LIFE-RAFT-DB-11", 0.0, (7168.0, 1377.8, 10863.5, 1261.1)),
 ]
 """Class, jibing per hour; mean and deviation to the east, then to the north, in m:
-OpenDrift 1.14.11 with 100 000 particles after 6 h in steps of 600 s, wind 10 m/s to the east,
+OpenDrift 1.14.12 with 100 000 particles after 6 h in steps of 600 s, wind 10 m/s to the east,
 current .5 m/s to the north. The sides of its coefficients are mirrored, because up to 1.14.12 a
 positive crosswind component points to the left. There jibing changes the sign of the slope, which
 is the same for classes whose sides are mirror images."""

@@ -82,7 +82,7 @@ RIGHT: dict[str, tuple[str, Callable[[], Any], tuple[str, str], dict[str, Any]]]
                        standard_name="ocean_s_coordinate_g2"),
         ("uo", "vo"), {"s_rho": -0.1},
     ),
-    "heights above the sea floor": (
+    "heights above the seabed": (
         "current",
         lambda: levels(current(), "z", [1, 40], [0.1, 1], standard_name="height_above_sea_floor"),
         ("uo", "vo"), {"z": 40},
@@ -243,7 +243,7 @@ REFUSED: dict[str, tuple[str, Callable[[], Any], str]] = {
             "lat": axis("lat", np.arange(3.0), standard_name="grid_latitude", units="degrees"),
             "lon": axis("lon", np.arange(3.0), standard_name="grid_longitude", units="degrees"),
         }),
-        "uo must be on a regular grid of latitude and longitude",
+        "uo must have latitudes and longitudes, or the coordinates of a projection",
     ),
 }  # fmt: skip
 
