@@ -248,7 +248,7 @@ def _bags() -> tuple[Take, list[bytes]]:
     from mcap.writer import Writer
 
     from dsse_ros.recording.bag import read_bag
-    from dsse_ros.recording.replay import Replay
+    from dsse_ros.recording.bag_replay import Replay
     from dsse_ros.search import FieldError
 
     path = _file("fuzzed.mcap")
@@ -323,5 +323,5 @@ PARSERS = {
     "snapshots": Parser(
         "snapshots", _snapshots, ("dsse_ros.search.snapshot", "dsse_ros.mission.mission")
     ),
-    "bags": Parser("bags", _bags, ("dsse_ros.recording.bag", "dsse_ros.recording.replay")),
+    "bags": Parser("bags", _bags, ("dsse_ros.recording.bag", "dsse_ros.recording.bag_replay")),
 }

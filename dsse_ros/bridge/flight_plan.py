@@ -15,9 +15,9 @@ from dsse_ros.flight.orders import GoTo
 from dsse_ros.flight.vehicle_state import VehicleState
 from dsse_ros.mission.vehicle_missions import Track, layers, search_missions
 from dsse_ros.mission_items.items import Home
+from dsse_ros.mission_items.reduced_tracks import without_repeats
 from dsse_ros.mission_items.separation import Space, place_of, track_spaces
 from dsse_ros.mission_items.track_missions import Leg, acceptance_radius_m
-from dsse_ros.mission_items.tracks import without_repeats
 from dsse_ros.result import Rejected, Result
 from dsse_ros.scenario.agents import AgentsInfo
 from dsse_ros.scenario.fields import FieldError

@@ -13,7 +13,7 @@ from dsse_ros.flight.orders import FlyMission, GoTo, Search
 from dsse_ros.flight.vehicle_controller import Order
 from dsse_ros.flight.vehicle_state import VehicleState
 from dsse_ros.mission.vehicle_missions import FlightSettings
-from dsse_ros.mission_items.items import NAV_WAYPOINT, Mission
+from dsse_ros.mission_items.items import NAV_WAYPOINT, VehicleMission
 from dsse_ros.mission_items.track_missions import Leg, acceptance_radius_m
 from dsse_ros.result import Accepted, Rejected, Result
 from dsse_ros.scenario.frames import GridFrame
@@ -54,7 +54,7 @@ def leg_task(
 
 
 def mission_task(
-    mission: Mission, fence: Fence, autopilot: Autopilot, *, holds_over_home: bool = False
+    mission: VehicleMission, fence: Fence, autopilot: Autopilot, *, holds_over_home: bool = False
 ) -> Result[Task]:
     """Return the order to fly a mission, or why the vehicle may not fly it.
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from dsse_ros.cli.command_line import Parser, place
 from dsse_ros.mission.vehicle_missions import FlightSettings
-from dsse_ros.mission_items.items import NAV_WAYPOINT, Home, Mission
+from dsse_ros.mission_items.items import NAV_WAYPOINT, Home, VehicleMission
 from dsse_ros.mission_items.track_missions import TrackStyle, track_mission
 from dsse_ros.planners.patterns import SearchPattern
 from dsse_ros.scenario.fields import FieldError, specs
@@ -100,7 +100,7 @@ class PatternMission:
             alt_m=frame.alt_of(0), alts_m=(),
         )  # fmt: skip
 
-    def mission(self, settings: FlightSettings, home: Home | None) -> Mission:
+    def mission(self, settings: FlightSettings, home: Home | None) -> VehicleMission:
         """Return the mission: the turning points, at the altitude of the scenario."""
         spacing_m = self._pattern.track_spacing or self._pattern.length
         return track_mission(
@@ -110,7 +110,7 @@ class PatternMission:
             style=TrackStyle(acceptance_radius_m=min(settings.acceptance_radius, spacing_m / 2)),
         )
 
-    def summary(self, mission: Mission) -> Iterator[str]:
+    def summary(self, mission: VehicleMission) -> Iterator[str]:
         """Yield lines with what a coordinator checks."""
         track, spacing_m = self._pattern.track, self._pattern.track_spacing
         start = next(item for item in mission.items if item.command == NAV_WAYPOINT)

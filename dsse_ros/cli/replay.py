@@ -11,7 +11,7 @@ from pathlib import Path
 from dsse_ros.cli.command_line import Parser
 from dsse_ros.mission.status import counted
 from dsse_ros.recording.bag import read_bag
-from dsse_ros.recording.replay import Replay, ReplayedMission
+from dsse_ros.recording.bag_replay import Replay, ReplayedMission
 from dsse_ros.runtime.exit_codes import FAILED, fail
 from dsse_ros.scenario.limits import LARGEST_GRID_CELLS
 from dsse_ros.search import FieldError

@@ -43,7 +43,7 @@ _MAX_VEHICLES = 1000
 
 
 @dataclass
-class Vehicle:
+class ShownVehicle:
     """The vehicle of a drone, as the bridge reports it.
 
     Attributes:
@@ -78,7 +78,7 @@ class _Map(NamedTuple):
     image: MapImage
 
 
-class Mission:
+class ShownMission:
     """The mission of one simulation.
 
     A map has no `run_id`, and runs start at the same stamp. A map therefore belongs to the report
@@ -107,7 +107,7 @@ class Mission:
     def __init__(self, namespace: str) -> None:
         self.namespace = namespace
         self.history: SearchHistory | None = None
-        self.vehicles: dict[str, Vehicle] = {}
+        self.vehicles: dict[str, ShownVehicle] = {}
         self.state = ""
         self.level = 0
         self.paused = False
@@ -319,13 +319,13 @@ class Mission:
         known = is_placed and pose.frame_id == info.frame.map_frame
         self._vehicle(drone).place = cell_of(info.frame, x_m, y_m) if known else None
 
-    def _vehicle(self, drone: str) -> Vehicle:
+    def _vehicle(self, drone: str) -> ShownVehicle:
         if drone not in self.vehicles and len(self.vehicles) >= _MAX_VEHICLES:
             raise ValueError(f"vehicles must be at most {_MAX_VEHICLES}, got another one: {drone}")
-        return self.vehicles.setdefault(drone, Vehicle())
+        return self.vehicles.setdefault(drone, ShownVehicle())
 
 
-class Missions:
+class ShownMissions:
     """The missions by namespace, including those that are gone while there is room.
 
     Args:
@@ -337,7 +337,7 @@ class Missions:
     """
 
     def __init__(self, max_missions: int = MAX_MISSIONS, max_bytes: int = MAX_BYTES) -> None:
-        self.by_namespace: dict[str, Mission] = {}
+        self.by_namespace: dict[str, ShownMission] = {}
         self._max_missions = max_missions
         self._max_bytes = max_bytes
         self._heard = 0
@@ -349,7 +349,7 @@ class Missions:
             if mission is None:
                 if len(self.by_namespace) >= self._max_missions and not self._drop():
                     continue
-                mission = Mission(one.namespace)
+                mission = ShownMission(one.namespace)
                 self.by_namespace[one.namespace] = mission
                 self.by_namespace = dict(sorted(self.by_namespace.items()))
             self._heard += 1

@@ -17,7 +17,7 @@ from dsse_ros.dashboard.clicks import BUTTON, Clicks
 from dsse_ros.dashboard.commands import Command
 from dsse_ros.dashboard.inbox import Inbox
 from dsse_ros.dashboard.map_chart import Window
-from dsse_ros.dashboard.missions import Missions
+from dsse_ros.dashboard.missions import ShownMissions
 from dsse_ros.dashboard.vehicles_card import VehiclesCard
 from dsse_ros.dashboard.view import ORDERS, RATES, PageView, layers_of
 
@@ -54,7 +54,9 @@ class MissionPage:
         domain: ROS domain, shown while the page waits for a mission.
     """
 
-    def __init__(self, missions: Missions, inbox: Inbox, frame_rate: float, domain: int) -> None:
+    def __init__(
+        self, missions: ShownMissions, inbox: Inbox, frame_rate: float, domain: int
+    ) -> None:
         self._missions = missions
         self._inbox = inbox
         self._domain = domain

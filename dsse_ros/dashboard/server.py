@@ -18,7 +18,7 @@ from nicegui import ui
 
 from dsse_ros.dashboard.guard import Guard
 from dsse_ros.dashboard.inbox import Inbox
-from dsse_ros.dashboard.missions import Missions
+from dsse_ros.dashboard.missions import ShownMissions
 from dsse_ros.dashboard.page import MissionPage
 from dsse_ros.dashboard.settings import DashboardSettings
 from dsse_ros.scenario.fields import FieldError
@@ -49,7 +49,7 @@ class PageServer:
     def __init__(self, inbox: Inbox, settings: DashboardSettings, domain: int) -> None:
         self._inbox = inbox
         self._settings = settings
-        self.missions = Missions()
+        self.missions = ShownMissions()
         token = settings.read_token()
         self._socket = bind(settings.host, settings.port)
         host, port = self._socket.getsockname()[:2]

@@ -11,7 +11,7 @@ from nicegui import ui
 
 from dsse_ros.dashboard.clicks import BUTTON, Clicks
 from dsse_ros.dashboard.commands import Command
-from dsse_ros.dashboard.missions import Mission
+from dsse_ros.dashboard.missions import ShownMission
 
 _OPERATIONS = {
     "arm": ("Arm", "flight_takeoff"),
@@ -38,7 +38,7 @@ class VehiclesCard:
     """
 
     def __init__(
-        self, clicks: Clicks, mission: Callable[[], Mission | None],
+        self, clicks: Clicks, mission: Callable[[], ShownMission | None],
         send: Callable[[Command], None],
     ) -> None:  # fmt: skip
         self._clicks, self._mission, self._send = clicks, mission, send

@@ -16,7 +16,7 @@ from dsse_ros.dashboard.drone_states import battery_of, collided_with, state_of
 from dsse_ros.dashboard.history import LAYERS, DroneState, MapImage, SearchHistory, has_field
 from dsse_ros.dashboard.map_chart import Window, chart_of, edges_of
 from dsse_ros.dashboard.map_image import level_at
-from dsse_ros.dashboard.missions import Mission, Missions
+from dsse_ros.dashboard.missions import ShownMission, ShownMissions
 from dsse_ros.scenario.geodesy import cell_to_geodetic
 from dsse_ros.scenario.sea_state import SeaState
 from dsse_ros.view.mission_view import ending
@@ -77,7 +77,7 @@ class PageView:
         rate: Speed of the replay in steps per second.
     """
 
-    def __init__(self, missions: Missions) -> None:
+    def __init__(self, missions: ShownMissions) -> None:
         self._missions = missions
         self.namespace: str | None = None
         self.layer: str | None = None
@@ -93,7 +93,7 @@ class PageView:
         self._number = 0
 
     @property
-    def mission(self) -> Mission | None:
+    def mission(self) -> ShownMission | None:
         """The shown mission; None if there is none."""
         missions = self._missions.by_namespace
         if self.namespace is None:
@@ -468,7 +468,7 @@ def _percent(share: float) -> str:
     return f"{percent:.0f} %" if percent >= 99.5 else f"{percent:.2g} %"
 
 
-def layers_of(mission: Mission | None) -> dict[str, str]:
+def layers_of(mission: ShownMission | None) -> dict[str, str]:
     """Return the names of the layers of the shown search, by topic."""
     if mission is None or mission.history is None:
         return {}

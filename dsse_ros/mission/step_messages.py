@@ -14,7 +14,7 @@ from dsse_ros.message_types import message_class
 from dsse_ros.mission.flown import yaw_of_heading
 from dsse_ros.mission.mission import Mission, StepResult
 from dsse_ros.mission.step_reports import mission_report_of, step_report_of
-from dsse_ros.mission_items.tracks import corners
+from dsse_ros.mission_items.reduced_tracks import corners
 from dsse_ros.scenario.frames import GridFrame, cell_to_map, map_positions
 from dsse_ros.scenario.geodesy import cell_fix
 from dsse_ros.scenario.sea_state import sea_state

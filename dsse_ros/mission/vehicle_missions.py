@@ -13,11 +13,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dsse_ros.mission_items.items import FIRMWARES, Home, Mission
+from dsse_ros.mission_items.items import FIRMWARES, Home, VehicleMission
 from dsse_ros.mission_items.plan_files import plan_text
+from dsse_ros.mission_items.reduced_tracks import without_repeats
 from dsse_ros.mission_items.separation import level_cells
 from dsse_ros.mission_items.track_missions import TrackStyle, acceptance_radius_m, track_mission
-from dsse_ros.mission_items.tracks import without_repeats
 from dsse_ros.mission_items.waypoint_files import qgc_wpl
 from dsse_ros.scenario.fields import FieldError, check_all, field
 from dsse_ros.scenario.frames import GridFrame
@@ -78,7 +78,7 @@ def search_missions(
     homes: Sequence[Home | None],
     home_hold_s: float = 0.0,
     datum_amsl_m: float | None = None,
-) -> list[Mission]:
+) -> list[VehicleMission]:
     """Return what each vehicle has to fly: see `track_mission`.
 
     Their tracks are flown at the same time, but their timing is not coordinated. A vehicle
@@ -141,7 +141,9 @@ def layers(
     return [replace(frame, alt_m=frame.alt_m - i * step_m) for i in range(vehicles)]
 
 
-def write_missions(directory: Path, missions: Mapping[str, Mission], firmware: str) -> list[Path]:
+def write_missions(
+    directory: Path, missions: Mapping[str, VehicleMission], firmware: str
+) -> list[Path]:
     """Write missions, by the names of their drones, as `.waypoints` and as `.plan` files.
 
     Args:

@@ -92,7 +92,7 @@ class MissionItem:
 
 
 @dataclass(frozen=True)
-class Mission:
+class VehicleMission:
     """The mission of one vehicle.
 
     Attributes:

@@ -11,7 +11,7 @@ import json
 import math
 from typing import Any
 
-from dsse_ros.mission_items.items import FIRMWARES, Mission, MissionItem, check_item
+from dsse_ros.mission_items.items import FIRMWARES, MissionItem, VehicleMission, check_item
 
 MAV_TYPE_QUADROTOR = 2
 
@@ -24,7 +24,7 @@ _FENCE_VERSION = 2
 _RALLY_VERSION = 2
 
 
-def plan_text(mission: Mission, firmware: str = "ardupilot") -> str:
+def plan_text(mission: VehicleMission, firmware: str = "ardupilot") -> str:
     """Return the text of a `.plan` file, whose numbers are exact; NaN is written as null.
 
     Args:

@@ -21,10 +21,10 @@ from dsse_ros.mission_items.items import (
     NAV_TAKEOFF,
     NAV_WAYPOINT,
     Home,
-    Mission,
     MissionItem,
+    VehicleMission,
 )
-from dsse_ros.mission_items.tracks import stops
+from dsse_ros.mission_items.reduced_tracks import stops
 from dsse_ros.scenario.frames import GridFrame
 from dsse_ros.scenario.geodesy import cell_to_geodetic
 
@@ -121,7 +121,7 @@ def track_mission(
     home: Home | None = None,
     level_cells: Collection[tuple[int, int]] = (),
     style: TrackStyle = TrackStyle(),
-) -> Mission:
+) -> VehicleMission:
     """Return a track as a mission: take-off, waypoints, searches and the return.
 
     A search is a descent over its cell, a hold and a climb back to flight altitude: the drone
@@ -164,7 +164,7 @@ def track_mission(
     ]
     if style.home_hold_s > 0:
         items.append(style.waypoint(home.lat_deg, home.lon_deg, frame.alt_m, style.home_hold_s))
-    return Mission(home, (*items, MissionItem(NAV_RETURN_TO_LAUNCH, FRAME_MISSION)))
+    return VehicleMission(home, (*items, MissionItem(NAV_RETURN_TO_LAUNCH, FRAME_MISSION)))
 
 
 def _visits(

@@ -58,7 +58,7 @@ class PlayedMissions:
     planner_seeds: NDArray[np.int64]
 
 
-class Batch:
+class MissionBatch:
     """M missions that are stepped together: what their drones observe, and their results.
 
     Attributes:
@@ -181,7 +181,7 @@ class _Group:
     actions: dict[int, Any] = field(default_factory=dict)
     drawn: bool = True
 
-    def decide(self, batch: Batch) -> list[_Group]:
+    def decide(self, batch: MissionBatch) -> list[_Group]:
         """Choose the actions of the next step.
 
         Returns:
@@ -206,7 +206,7 @@ class _Group:
             groups.append(group)
         return groups
 
-    def _decide(self, batch: Batch) -> None:
+    def _decide(self, batch: MissionBatch) -> None:
         """Get the actions of the next step from the planner."""
         observations, infos = batch.observe(int(self.members[0]), self.actions)
         chosen = self.planner(observations, infos)
@@ -384,7 +384,9 @@ def play_missions(
     return batch.results
 
 
-def _play(batch: Batch, groups: Sequence[_Group], withdraw_at: int | None, threads: int) -> None:
+def _play(
+    batch: MissionBatch, groups: Sequence[_Group], withdraw_at: int | None, threads: int
+) -> None:
     """Play the missions of a batch to their ends; the arguments are those of `play_missions`."""
     world = batch.world
     if world.faults is not None:
@@ -402,16 +404,16 @@ def _play(batch: Batch, groups: Sequence[_Group], withdraw_at: int | None, threa
                 break
 
 
-def _batch_of(world: World) -> Batch:
+def _batch_of(world: World) -> MissionBatch:
     if world.rules.in_metres:
         # It extends this module.
         from dsse_ros.planners.flight_batch import FlightBatch
 
         return FlightBatch(world)
-    return Batch(world)
+    return MissionBatch(world)
 
 
-def _joint(batch: Batch, groups: Sequence[_Group]) -> NDArray[Any]:
+def _joint(batch: MissionBatch, groups: Sequence[_Group]) -> NDArray[Any]:
     """Return the actions (M, N) that the groups have chosen; note the seeds that made them."""
     joint = batch.nothing()
     for group in groups:

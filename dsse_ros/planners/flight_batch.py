@@ -10,15 +10,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dsse_ros.planners.batch import Batch
+from dsse_ros.planners.batch import MissionBatch
 from dsse_ros.search.flight_env import STRAIGHT_ON, flight_action_of, states_of
 from dsse_ros.search.flights import Flights
 from dsse_ros.search.observation import Started, agent_infos
 from dsse_ros.search.world import HOLD
 
 
-class FlightBatch(Batch):
-    """A `Batch` whose drones fly by a turn and a speed; see `FlightEnv`."""
+class FlightBatch(MissionBatch):
+    """A `MissionBatch` whose drones fly by a turn and a speed; see `FlightEnv`."""
 
     @property
     def _flights(self) -> Flights:
@@ -26,7 +26,7 @@ class FlightBatch(Batch):
         return self.world.flight
 
     def observe(self, mission: int, last: Mapping[int, Any]) -> Started:
-        """See `Batch`."""
+        """See `MissionBatch`."""
         world, drones = self.world, self.world.drones[mission]
         live = np.flatnonzero(~(drones["terminated"] | drones["truncated"])).tolist()
         names, states = [self._names[n] for n in live], states_of(world)[mission]
@@ -39,7 +39,7 @@ class FlightBatch(Batch):
         return observations, agent_infos(names, False, None, columns)
 
     def action_of(self, agent: str, actions: Mapping[str, Any]) -> Any:
-        """See `Batch`."""
+        """See `MissionBatch`."""
         return flight_action_of(agent, actions)
 
     def nothing(self) -> NDArray[Any]:
@@ -47,7 +47,7 @@ class FlightBatch(Batch):
         return np.tile(np.array(STRAIGHT_ON), (*self.world.drones.shape, 1))
 
     def fly(self, joint: NDArray[Any]) -> NDArray[np.float64]:
-        """See `Batch`."""
+        """See `MissionBatch`."""
         self._flights.actions[:] = joint
         self.world.step(np.full(self.world.drones.shape, HOLD, np.int8))
         pieces = np.diff(self._flights.paths, axis=2)

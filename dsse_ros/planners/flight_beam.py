@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dsse_ros.compiled.jit import compiled, inlined, part
-from dsse_ros.planners.flight_futures import Futures, Seen, write_seen
+from dsse_ros.planners.flight_futures import BinnedFutures, Seen, write_seen
 from dsse_ros.step.flight_paths import FLIGHTS, Wind, write_path
 from dsse_ros.step.flight_steering import LEAST_ROOM_M, copy_flight, room_after
 
@@ -68,7 +68,7 @@ class Problem(NamedTuple):
     wind: Wind
     side: float
     turns: NDArray[np.float64]
-    futures: Futures
+    futures: BinnedFutures
     worth: NDArray[np.float64]
     left: NDArray[np.float64]
     field: Field

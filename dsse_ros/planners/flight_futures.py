@@ -33,7 +33,7 @@ MOST_BINS = 128
 """Bins along a side."""
 
 
-class Futures(NamedTuple):
+class BinnedFutures(NamedTuple):
     """Where M persons are in H steps, sorted by square bins in each step.
 
     A person who is off the grid or in a cell that is not searched before a step is in no bin.
@@ -67,7 +67,7 @@ class Seen(NamedTuple):
     """The persons whom a drone may detect in a step.
 
     Attributes:
-        places: (M,) int64, their places in `Futures.ways`.
+        places: (M,) int64, their places in `BinnedFutures.ways`.
         missed: (M,) float64, the probability of missing each.
     """
 
@@ -117,7 +117,7 @@ def futures_of(positions, weights, area, side, size):
                 ways[h, at, 2 + axis] = positions[h + 1, s, axis]
             dx, dy = ways[h, at, 2] - ways[h, at, 0], ways[h, at, 3] - ways[h, at, 1]
             drift = max(drift, dx * dx + dy * dy)
-    return Futures(
+    return BinnedFutures(
         weights, ways, members, starts, west, north, size, columns, rows, math.sqrt(drift)
     )
 

@@ -20,7 +20,7 @@ from dsse_ros.belief.ensemble_belief import EnsembleBelief, EnsembleForecast, Pa
 from dsse_ros.planners.flight_follower import TrackFollower
 from dsse_ros.planners.flight_goals import goals_on_map
 from dsse_ros.planners.flight_patterns import Datum, Layout, tracks_along, tracks_of
-from dsse_ros.planners.flight_plans import Fleet, FlightPlans
+from dsse_ros.planners.flight_plans import FlightPlans, FlightSwarm
 from dsse_ros.planners.options import BeamOptions, Options, PatternOptions
 from dsse_ros.planners.planner import DrawsNothing, Infos, Search
 from dsse_ros.scenario.scenario import ResolvedScenario
@@ -43,11 +43,11 @@ TOLERANCE = 1 / 8
 """Greatest distance of a drone that can hover from its track, in track spacings."""
 
 
-def fleet_of(scenario: ResolvedScenario) -> Fleet:
+def swarm_of(scenario: ResolvedScenario) -> FlightSwarm:
     """Return the drones of a scenario, and where they fly."""
     size = scenario.grid_size
     area = np.ones((size, size), np.bool_)
-    return Fleet(
+    return FlightSwarm(
         flyers_of(scenario.kinds),
         eyes_of(lateral_ranges(scenario), scenario.step_duration_s),
         np.array(scenario.kind_of, np.int64),
@@ -57,13 +57,13 @@ def fleet_of(scenario: ResolvedScenario) -> Fleet:
     )
 
 
-def flights_of(observations: Observations, fleet: Fleet) -> NDArray[np.void]:
+def flights_of(observations: Observations, swarm: FlightSwarm) -> NDArray[np.void]:
     """Return the state of each observed drone, (N,) of `FLIGHTS`."""
     flights = np.zeros(len(observations), FLIGHTS)
     for flight, (agent, (state, _)) in zip(flights, observations.items(), strict=True):
         east, south, heading_east, heading_north, speed = np.asarray(state, np.float64)
-        cruise = fleet.flyers[fleet.kinds[number_of(agent)]]["cruise"]
-        flight["east"], flight["south"] = east * fleet.side_m, south * fleet.side_m
+        cruise = swarm.flyers[swarm.kinds[number_of(agent)]]["cruise"]
+        flight["east"], flight["south"] = east * swarm.side_m, south * swarm.side_m
         flight["heading"], flight["speed"] = math.atan2(heading_east, heading_north), speed * cruise
     return flights
 
@@ -96,7 +96,7 @@ class FlightPlanner:
         step = self._step + 1 if step is None else int(step)
         if step <= self._step or self._step < 0:
             self._scenario = self._search.mission_scenario.resolve(self._search.rules)
-            self._fleet = fleet_of(self._scenario)
+            self._swarm = swarm_of(self._scenario)
             self._start(observations, step)
         else:
             self._learn(observations, infos, step)
@@ -132,16 +132,16 @@ class FlightPlanner:
 
     def _shares(self, observations: Observations, chosen: Floats) -> dict[str, Any]:
         """Return turns in radians and airspeeds, (N, 2), as actions."""
-        fleet, actions = self._fleet, {}
+        swarm, actions = self._swarm, {}
         for agent, (turn, speed) in zip(observations, chosen.tolist(), strict=True):
-            flyer = fleet.flyers[fleet.kinds[number_of(agent)]]
-            actions[agent] = shares_of(flyer, turn, speed, fleet.wind.step_s)
+            flyer = swarm.flyers[swarm.kinds[number_of(agent)]]
+            actions[agent] = shares_of(flyer, turn, speed, swarm.wind.step_s)
         return actions
 
     def _flyers(self, observations: Observations) -> NDArray[np.void]:
         """Return how each drone flies, (N,) of `FLYERS`."""
-        kinds = self._fleet.kinds[[number_of(agent) for agent in observations]]
-        return self._fleet.flyers[kinds]
+        kinds = self._swarm.kinds[[number_of(agent) for agent in observations]]
+        return self._swarm.flyers[kinds]
 
 
 class FlightBelief(FlightPlanner):
@@ -185,7 +185,7 @@ class FlightBelief(FlightPlanner):
         self.belief = forecast.belief()
         multiplier = float(np.mean(self._scenario.person_pod_multipliers))
         self._plans = FlightPlans(
-            self._fleet, positions, self._options, multiplier=multiplier, seed=self._seed
+            self._swarm, positions, self._options, multiplier=multiplier, seed=self._seed
         )
         self._skip(step)
 
@@ -198,8 +198,8 @@ class FlightBelief(FlightPlanner):
     def _learn(self, observations: Observations, infos: Infos, step: int) -> None:
         assert self.belief is not None
         if step == self._step + 1:
-            pieces = pieces_of(self._fleet.flyers, self._fleet.wind.step_s)
-            count = len(self._fleet.kinds)
+            pieces = pieces_of(self._swarm.flyers, self._swarm.wind.step_s)
+            count = len(self._swarm.kinds)
             paths, flown = np.zeros((count, pieces + 1, 2)), np.zeros(count, np.bool_)
             found = np.zeros(count, np.bool_)
             for agent in observations:
@@ -207,18 +207,18 @@ class FlightBelief(FlightPlanner):
                 paths[n], flown[n] = info["path"], True
                 found[n] = bool(info.get("finds", info.get("found_person", False)))
             self.belief.update_in_passing(
-                PathsFlown(self._fleet.eyes, self._fleet.kinds, paths, flown, found)
+                PathsFlown(self._swarm.eyes, self._swarm.kinds, paths, flown, found)
             )
             self.belief.advance()
         self._skip(step)
 
     def _decide(self, observations: Observations, infos: Infos) -> dict[str, Any]:
         assert self.belief is not None
-        fleet, began_s = self._fleet, time.monotonic()
+        swarm, began_s = self._swarm, time.monotonic()
         limit_s = infos[next(iter(observations))].get("decision_time_s", math.inf)
         numbers = [number_of(agent) for agent in observations]
-        flights, live = np.zeros(len(fleet.kinds), FLIGHTS), np.zeros(len(fleet.kinds), np.bool_)
-        flights[numbers], live[numbers] = flights_of(observations, fleet), True
+        flights, live = np.zeros(len(swarm.kinds), FLIGHTS), np.zeros(len(swarm.kinds), np.bool_)
+        flights[numbers], live[numbers] = flights_of(observations, swarm), True
         planned = self._plans(
             flights,
             self.belief.of_missing().sum(axis=0),
@@ -242,15 +242,15 @@ class FlightGreedy(DrawsNothing, FlightPlanner):
         FlightPlanner.__init__(self, search, seed=seed)
 
     def _decide(self, observations: Observations, infos: Infos) -> dict[str, Any]:
-        flights, flyers = flights_of(observations, self._fleet), self._flyers(observations)
+        flights, flyers = flights_of(observations, self._swarm), self._flyers(observations)
         _, probability = next(iter(observations.values()))
-        wind = self._fleet.wind
+        wind = self._swarm.wind
         goals = goals_on_map(
-            np.where(self._fleet.area, probability, 0.0), flights, self._scenario.cell_size,
+            np.where(self._swarm.area, probability, 0.0), flights, self._scenario.cell_size,
             flyers["cruise"] * wind.step_s,
         )  # fmt: skip
         path = np.empty((pieces_of(flyers, wind.step_s) + 1, 2))
-        chosen = steer(flyers, wind, self._fleet.side_m, flights, goals, False, path)
+        chosen = steer(flyers, wind, self._swarm.side_m, flights, goals, False, path)
         return self._shares(observations, chosen)
 
 
@@ -279,15 +279,15 @@ class FlightPattern(DrawsNothing, FlightPlanner):
     def _start(self, observations: Observations, step: int) -> None:
         self._numbers = {agent: k for k, agent in enumerate(observations)}
         self._begun = step
-        flyers, flights = self._flyers(observations), flights_of(observations, self._fleet)
+        flyers, flights = self._flyers(observations), flights_of(observations, self._swarm)
         starts = np.stack([flights["east"], flights["south"]], axis=1)
         datum = self._datum(step)
         spacing = min(
             one.sweep_width_m or 2 * one.reach_m for one in lateral_ranges(self._scenario)
         )
-        time_s = (self._scenario.timestep_limit - step) * self._fleet.wind.step_s
+        time_s = (self._scenario.timestep_limit - step) * self._swarm.wind.step_s
         layout = Layout(
-            len(flights), spacing, float(flyers["cruise"].min()) * time_s, self._fleet.side_m,
+            len(flights), spacing, float(flyers["cruise"].min()) * time_s, self._swarm.side_m,
             datum.covariance,
         )  # fmt: skip
         pattern = self._options.pattern if isinstance(self._options, PatternOptions) else None
@@ -296,7 +296,7 @@ class FlightPattern(DrawsNothing, FlightPlanner):
         else:
             tracks = tracks_along(pattern, datum, layout, starts, flyers["cruise"])
         self._follower = TrackFollower(
-            tracks, datum, flyers, self._fleet.wind, self._fleet.side_m, TOLERANCE * spacing
+            tracks, datum, flyers, self._swarm.wind, self._swarm.side_m, TOLERANCE * spacing
         )
 
     def _datum(self, step: int) -> Datum:
@@ -321,6 +321,6 @@ class FlightPattern(DrawsNothing, FlightPlanner):
         assert self._follower is not None
         numbers = np.array([self._numbers[agent] for agent in observations])
         chosen = self._follower(
-            flights_of(observations, self._fleet), self._step - self._begun, numbers
+            flights_of(observations, self._swarm), self._step - self._begun, numbers
         )
         return self._shares(observations, chosen)

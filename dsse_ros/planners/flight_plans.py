@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dsse_ros.planners import flight_beam, flight_futures
-from dsse_ros.planners.flight_futures import Futures, Seen
+from dsse_ros.planners.flight_futures import BinnedFutures, Seen
 from dsse_ros.planners.options import BeamOptions
 from dsse_ros.step.flight_paths import Wind, largest_turn, pieces_of, shares_of
 from dsse_ros.step.flight_steering import steer
@@ -46,7 +46,7 @@ FEWEST = 256
 """Fewest persons drawn."""
 
 
-class Fleet(NamedTuple):
+class FlightSwarm(NamedTuple):
     """The drones of a mission, and where they fly.
 
     Attributes:
@@ -124,7 +124,7 @@ class FlightPlans:
     """Plans for the drones of one mission.
 
     Args:
-        fleet: The drones.
+        swarm: The drones.
         positions: (T, M, 2) float32, positions of the persons' particles before the first step of
             the sea and after each one; after the last nothing moves. A particle with a position
             that is not finite is nowhere.
@@ -135,24 +135,24 @@ class FlightPlans:
 
     def __init__(
         self,
-        fleet: Fleet,
+        swarm: FlightSwarm,
         positions: NDArray[np.float32],
         options: BeamOptions,
         *,
         multiplier: float = 1.0,
         seed: int = 0,
     ) -> None:
-        step_s = fleet.wind.step_s
-        self._fleet, self._positions, self._options = fleet, positions, options
-        eyes = near(fleet.eyes, multiplier, step_s)
+        step_s = swarm.wind.step_s
+        self._swarm, self._positions, self._options = swarm, positions, options
+        eyes = near(swarm.eyes, multiplier, step_s)
         self._crafts = [
-            Craft(fleet.flyers[k : k + 1], eyes[k : k + 1], turns_of(flyer, step_s))
-            for k, flyer in enumerate(fleet.flyers)
+            Craft(swarm.flyers[k : k + 1], eyes[k : k + 1], turns_of(flyer, step_s))
+            for k, flyer in enumerate(swarm.flyers)
         ]
-        self._leg = float(fleet.flyers["cruise"].max()) * step_s
-        self._order = by_place(positions[len(positions) // 2], fleet.side_m)
+        self._leg = float(swarm.flyers["cruise"].max()) * step_s
+        self._order = by_place(positions[len(positions) // 2], swarm.side_m)
         self._rng = np.random.default_rng(seed)
-        self._plans = [np.empty((0, 2)) for _ in fleet.kinds]
+        self._plans = [np.empty((0, 2)) for _ in swarm.kinds]
 
     def copy(self) -> FlightPlans:
         """Return an independent copy in the same state."""
@@ -190,7 +190,7 @@ class FlightPlans:
             deadline_s = min(deadline_s, time.monotonic() + self._options.budget_ms / 1000)
         flying = np.ones(len(flights), np.bool_) if live is None else live
         horizon = max(1, min(self._options.horizon or HORIZON, left))
-        team = Team(self._fleet, self._crafts, self._options, flights)
+        team = Team(self._swarm, self._crafts, self._options, flights)
         team.start(self._futures(weights, step, horizon))
         for n in np.flatnonzero(flying).tolist():
             team.follow(n, self._plans[n][1:])
@@ -201,12 +201,12 @@ class FlightPlans:
         self._plans = team.plans
         return Planned(self._actions(), team.paths())
 
-    def _futures(self, weights: Floats, step: int, horizon: int) -> Futures:
+    def _futures(self, weights: Floats, step: int, horizon: int) -> BinnedFutures:
         """Draw persons systematically from the particles on the grid, now or at the end."""
-        fleet = self._fleet
+        swarm = self._swarm
         rows = np.minimum(step + np.arange(horizon + 1), len(self._positions) - 1)
         ends = self._positions[rows[[0, -1]]]
-        there = ((ends >= 0.0) & (ends < fleet.side_m)).all(axis=2).any(axis=0)
+        there = ((ends >= 0.0) & (ends < swarm.side_m)).all(axis=2).any(axis=0)
         known = np.where(there, weights, 0.0)
         sums = np.cumsum(known[self._order])
         count = self._count(known, ends[0])
@@ -217,7 +217,7 @@ class FlightPlans:
         finite = np.isfinite(positions).all(axis=(0, 2))
         return flight_futures.futures_of(
             np.ascontiguousarray(positions[:, finite]), times[finite] * (sums[-1] / count),
-            fleet.area, fleet.side_m, self._leg / 2,
+            swarm.area, swarm.side_m, self._leg / 2,
         )  # fmt: skip
 
     def _count(self, weights: Floats, positions: NDArray[np.float32]) -> int:
@@ -236,11 +236,11 @@ class FlightPlans:
 
     def _actions(self) -> Floats:
         """Return the first actions of the plans."""
-        fleet, actions = self._fleet, np.zeros((len(self._plans), 2))
-        for action, kind, plan in zip(actions, fleet.kinds, self._plans, strict=True):
+        swarm, actions = self._swarm, np.zeros((len(self._plans), 2))
+        for action, kind, plan in zip(actions, swarm.kinds, self._plans, strict=True):
             if len(plan):
                 turn, speed = plan[0].tolist()
-                action[:] = shares_of(fleet.flyers[kind], turn, speed, fleet.wind.step_s)
+                action[:] = shares_of(swarm.flyers[kind], turn, speed, swarm.wind.step_s)
         return actions
 
 
@@ -264,7 +264,7 @@ class Team:
     """The plans of all drones in one decision.
 
     Args:
-        fleet: The drones.
+        swarm: The drones.
         crafts: By kind of drone.
         options: Options of the search.
         flights: (N,) of `FLIGHTS`.
@@ -275,22 +275,22 @@ class Team:
 
     def __init__(
         self,
-        fleet: Fleet,
+        swarm: FlightSwarm,
         crafts: Sequence[Craft],
         options: BeamOptions,
         flights: NDArray[np.void],
     ) -> None:
-        self._fleet, self._options, self._flights = fleet, options, flights
-        self._crafts = [crafts[kind] for kind in fleet.kinds]
-        self._leg = float(fleet.flyers["cruise"].max()) * fleet.wind.step_s
-        self._pieces = min(pieces_of(fleet.flyers, fleet.wind.step_s), MOST_PIECES)
+        self._swarm, self._options, self._flights = swarm, options, flights
+        self._crafts = [crafts[kind] for kind in swarm.kinds]
+        self._leg = float(swarm.flyers["cruise"].max()) * swarm.wind.step_s
+        self._pieces = min(pieces_of(swarm.flyers, swarm.wind.step_s), MOST_PIECES)
         self.plans = [np.empty((0, 2)) for _ in flights]
 
-    def start(self, futures: Futures) -> None:
+    def start(self, futures: BinnedFutures) -> None:
         """Begin to plan for persons."""
         self._futures = futures
         self._horizon, count = futures.members.shape
-        drones, squares = len(self._flights), math.ceil(self._fleet.side_m / (self._leg / 2))
+        drones, squares = len(self._flights), math.ceil(self._swarm.side_m / (self._leg / 2))
         self._seen = Seen(np.empty(count + 1, np.int64), np.empty(count + 1))
         self._scratch = flight_beam.Scratch(
             np.empty((self._pieces + 1, 2)), self._seen, np.zeros((squares, squares), np.int64)
@@ -316,7 +316,7 @@ class Team:
 
     def follow(self, n: int, plan: Floats) -> None:
         """Let a drone follow a plan."""
-        craft, wind = self._crafts[n], self._fleet.wind
+        craft, wind = self._crafts[n], self._swarm.wind
         self.plans[n] = plan = plan[: self._horizon]
         flight_beam.write_legs(craft.flyers, wind, self._flights[n : n + 1], plan, self._legs[n])
         if len(plan):
@@ -346,22 +346,22 @@ class Team:
             problem, self._flights[n : n + 1], width, self._scratch, plan
         )
         if not depth:
-            craft, middle = self._crafts[n], np.full((1, 2), self._fleet.side_m / 2)
+            craft, middle = self._crafts[n], np.full((1, 2), self._swarm.side_m / 2)
             plan = steer(
-                craft.flyers, self._fleet.wind, self._fleet.side_m, self._flights[n : n + 1],
+                craft.flyers, self._swarm.wind, self._swarm.side_m, self._flights[n : n + 1],
                 middle, False, self._scratch.path,
             )  # fmt: skip
         return plan[: max(depth, 1)], rank
 
     def _problem(self, n: int) -> flight_beam.Problem:
         """Return what a drone plans for."""
-        craft, fleet = self._crafts[n], self._fleet
+        craft, swarm = self._crafts[n], self._swarm
         flight_futures.write_worth(
             self._futures, self._survivals, n, self._options.gamma, self._worth, self._left
         )
-        field = flight_beam.field_of(self._futures, self._left, fleet.side_m, self._leg, CLOSENESS)
+        field = flight_beam.field_of(self._futures, self._left, swarm.side_m, self._leg, CLOSENESS)
         return flight_beam.Problem(
-            craft.flyers, craft.eyes, fleet.wind, fleet.side_m, craft.turns,
+            craft.flyers, craft.eyes, swarm.wind, swarm.side_m, craft.turns,
             self._futures, self._worth, self._left, field, self._options.kappa,
             np.empty((0, 2)),
         )  # fmt: skip

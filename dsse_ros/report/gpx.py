@@ -8,14 +8,14 @@ from collections.abc import Iterable, Mapping, Sequence
 
 from gpxpy import gpx
 
-from dsse_ros.mission_items.items import NAV_WAYPOINT, Mission
+from dsse_ros.mission_items.items import NAV_WAYPOINT, VehicleMission
 from dsse_ros.report.gis import GisPoint
 
 
 def gpx_text(
     tracks: Mapping[str, Sequence[GisPoint]] | None = None,
     places: Iterable[GisPoint] = (),
-    routes: Mapping[str, Mission] | None = None,
+    routes: Mapping[str, VehicleMission] | None = None,
 ) -> str:
     """Return GPX 1.1 with tracks, places and the waypoints of missions as routes, by name."""
     document = gpx.GPX()

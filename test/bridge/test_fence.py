@@ -20,7 +20,7 @@ from dsse_ros.bridge.fence import (
     check_search,
     check_take_off,
 )
-from dsse_ros.mission_items.items import FRAME_MISSION, Home, Mission, MissionItem
+from dsse_ros.mission_items.items import FRAME_MISSION, Home, MissionItem, VehicleMission
 from dsse_ros.mission_items.track_missions import TrackStyle, track_mission
 from dsse_ros.result import Accepted, Rejected
 from dsse_ros.scenario.frames import GridFrame
@@ -176,7 +176,7 @@ def test_home_is_checked_where_ardupilot_has_it_and_nowhere_else():
     as_px4 = check_mission(items, FENCE, "px4")
     # Home is on the ground.
     assert isinstance(as_px4, Rejected) and as_px4.reason.startswith("item 0: altitude must be")
-    far = Mission(Home(0.0, 0.0, 0.0), tuple(items[1:])).numbered("ardupilot")
+    far = VehicleMission(Home(0.0, 0.0, 0.0), tuple(items[1:])).numbered("ardupilot")
     for spoilt, wanted in (
         (far, "outside_fence"),
         (items[1:], "unknown_command"),

@@ -20,7 +20,7 @@ from played import Played, Step
 from dsse_ros.dashboard.history import LAYERS, DroneState, MapImage, MapImages
 from dsse_ros.dashboard.inbox import Inbox, Received
 from dsse_ros.dashboard.map_image import map_png
-from dsse_ros.dashboard.missions import Mission, Missions
+from dsse_ros.dashboard.missions import ShownMission, ShownMissions
 from msg_adapters.images import probability_image
 from msg_adapters.occupancy import occupancy_to_array
 from msg_adapters.stamps import header, to_stamp
@@ -32,11 +32,13 @@ FIELDS = {"grid_size": 7, "num_drones": 3, "sigma": 2.0, "timestep_limit": 25}
 published = itertools.count(1)
 
 
-def receive(mission: Mission, topic: str, message: Any, published_ns: int | None = None) -> None:
+def receive(
+    mission: ShownMission, topic: str, message: Any, published_ns: int | None = None
+) -> None:
     mission.receive(topic, lambda: message, published_ns or next(published))
 
 
-def show(mission: Mission, played: Played, *steps: Step) -> None:
+def show(mission: ShownMission, played: Played, *steps: Step) -> None:
     receive(mission, "agents", played.agents)
     for step in steps:
         for topic, message in step.messages.items():
@@ -56,7 +58,7 @@ def steps(played: Played) -> list[Step]:
 
 
 def test_every_step_can_be_looked_at_again(played: Played, steps: list[Step]) -> None:
-    mission = Mission("")
+    mission = ShownMission("")
     show(mission, played, *steps)
     history = mission.history
     assert history is not None and history.steps == [step.number for step in steps]
@@ -76,7 +78,7 @@ def test_every_step_can_be_looked_at_again(played: Played, steps: list[Step]) ->
 
 
 def test_each_step_has_its_own_map(played: Played, steps: list[Step]) -> None:
-    mission = Mission("")
+    mission = ShownMission("")
     show(mission, played, *steps)
     history = mission.history
     assert history is not None
@@ -88,7 +90,7 @@ def test_each_step_has_its_own_map(played: Played, steps: list[Step]) -> None:
 
 
 def test_a_new_search_takes_the_place_of_the_old_one(played: Played) -> None:
-    mission = Mission("")
+    mission = ShownMission("")
     for seed in (3, 4):
         shown = list(played.play(seed, steps=5))
         show(mission, played, *shown)
@@ -101,7 +103,7 @@ def test_a_new_search_takes_the_place_of_the_old_one(played: Played) -> None:
 
 
 def test_a_simulation_that_was_started_again_goes_on_in_its_place(played: Played) -> None:
-    mission = Mission("")
+    mission = ShownMission("")
     show(mission, played, *played.play(3, steps=8))
     again = Played(run_id=78, **FIELDS)
     shown = list(again.play(5, steps=3))
@@ -114,7 +116,7 @@ def test_a_simulation_that_was_started_again_goes_on_in_its_place(played: Played
 @pytest.mark.parametrize("late", [False, True])
 def test_maps_of_a_run_are_never_shown_in_another_one(late: bool) -> None:
     """Both runs begin at the same stamp."""
-    played, again, mission = Played(**FIELDS), Played(run_id=78, **FIELDS), Mission("")
+    played, again, mission = Played(**FIELDS), Played(run_id=78, **FIELDS), ShownMission("")
     (first,), (second,) = played.play(3, steps=0), again.play(4, steps=0)
     topics = ["probability_grid", "belief_grid", "step_report"]
     for topic in reversed(topics) if late else topics:
@@ -132,7 +134,7 @@ def test_maps_of_a_run_are_never_shown_in_another_one(late: bool) -> None:
 
 
 def test_a_run_with_the_same_run_id_begins_again_if_its_steps_do(played: Played) -> None:
-    mission = Mission("")
+    mission = ShownMission("")
     show(mission, played, *played.play(3, steps=5))
     again = Played(**FIELDS)
     (first,) = again.play(3, steps=0)
@@ -143,7 +145,7 @@ def test_a_run_with_the_same_run_id_begins_again_if_its_steps_do(played: Played)
 
 
 def test_reports_that_arrive_after_that_of_the_mission_change_nothing() -> None:
-    played, mission = Played(**FIELDS), Mission("")
+    played, mission = Played(**FIELDS), ShownMission("")
     first, *others = played.play(3)
     assert others
     receive(mission, "step_report", first.messages["step_report"], 1)
@@ -155,9 +157,9 @@ def test_reports_that_arrive_after_that_of_the_mission_change_nothing() -> None:
 
 
 @functools.cache
-def shown_whole(seed: int) -> tuple[Played, list[Step], Mission]:
+def shown_whole(seed: int) -> tuple[Played, list[Step], ShownMission]:
     """A mission that was played to its end, and the page's that has all of it."""
-    played, whole = Played(**FIELDS), Mission("")
+    played, whole = Played(**FIELDS), ShownMission("")
     steps = list(played.play(seed))
     show(whole, played, *steps)
     return played, steps, whole
@@ -167,7 +169,7 @@ def shown_whole(seed: int) -> tuple[Played, list[Step], Mission]:
 @given(st.data())
 def test_missed_steps_come_with_the_report_of_the_mission(data: Any) -> None:
     played, steps, whole = shown_whole(data.draw(st.integers(0, 9)))
-    partly = Mission("")
+    partly = ShownMission("")
     kept = data.draw(st.sets(st.integers(0, len(steps) - 1), min_size=1))
     show(partly, played, *(steps[i] for i in sorted(kept)))
     receive(partly, "mission_report", played.mission_report)
@@ -179,7 +181,7 @@ def test_missed_steps_come_with_the_report_of_the_mission(data: Any) -> None:
 
 
 def test_a_drone_that_is_lost_between_two_steps_is_lost_in_the_last_one() -> None:
-    played, mission = Played(**FIELDS, collisions=False), Mission("")
+    played, mission = Played(**FIELDS, collisions=False), ShownMission("")
     show(mission, played, *played.play(1, steps=2))
     assert mission.history is not None
     revision, before = mission.history.revision, mission.history.states[2].tolist()
@@ -191,7 +193,7 @@ def test_a_drone_that_is_lost_between_two_steps_is_lost_in_the_last_one() -> Non
 
 
 def test_pos_that_comes_before_its_report_is_kept(played: Played) -> None:
-    mission = Mission("")
+    mission = ShownMission("")
     shown = list(played.play(3, steps=4))
     for step in shown:
         receive(mission, "probability_of_success", step.messages["probability_of_success"])
@@ -207,7 +209,7 @@ def test_pos_that_comes_before_its_report_is_kept(played: Played) -> None:
 def test_a_message_that_cannot_be_read_is_named_and_changes_nothing(
     played: Played, topic: str
 ) -> None:
-    mission = Mission("")
+    mission = ShownMission("")
     shown = list(played.play(3, steps=2))
     show(mission, played, *shown)
     good = {**shown[0].messages, "agents": played.agents}[topic]
@@ -238,7 +240,7 @@ def test_images_are_never_more_than_there_is_room_for(images: list[tuple[int, in
 def test_an_exact_map_takes_the_place_of_the_one_for_display(
     played: Played, exact_first: bool
 ) -> None:
-    mission = Mission("")
+    mission = ShownMission("")
     (step,) = played.play(3, steps=0)
     receive(mission, "agents", played.agents)
     belief = played.mission.belief()
@@ -259,7 +261,7 @@ def test_drones_that_collide_are_lost_with_each_other_and_with_no_other_one() ->
     played = Played(
         **{**FIELDS, "num_drones": 4, "drones_positions": [[0, 0], [2, 0], [5, 5], [6, 6]]}
     )
-    mission, actions = Mission(""), played.env.rules.actions
+    mission, actions = ShownMission(""), played.env.rules.actions
     played.mission.reset(3)
     show(mission, played, played.step())
     moves = [
@@ -295,7 +297,7 @@ def test_the_page_gets_every_report_and_of_a_map_only_the_last() -> None:
 
 
 def test_missions_are_kept_apart_by_namespace(played: Played) -> None:
-    missions = Missions()
+    missions = ShownMissions()
     for namespace, steps in (("/b", 2), ("", 1), ("/a", 3)):
         for step in played.play(1, steps=steps):
             report = step.messages["step_report"]
@@ -306,7 +308,7 @@ def test_missions_are_kept_apart_by_namespace(played: Played) -> None:
 
 
 def test_a_message_that_cannot_even_be_deserialized_is_named_too() -> None:
-    missions, mission = Missions(), Mission("")
+    missions, mission = ShownMissions(), ShownMission("")
 
     def read() -> Any:
         raise RuntimeError("not\nenough bytes")
@@ -317,7 +319,7 @@ def test_a_message_that_cannot_even_be_deserialized_is_named_too() -> None:
     assert missions.by_namespace[""].publishers == 1
 
 
-def publish(missions: Missions, namespace: str, **messages: Any) -> None:
+def publish(missions: ShownMissions, namespace: str, **messages: Any) -> None:
     missions.take(
         [
             Received(namespace, topic, lambda message=message: message)
@@ -327,7 +329,7 @@ def publish(missions: Missions, namespace: str, **messages: Any) -> None:
 
 
 def test_a_mission_that_has_gone_makes_room_and_one_that_goes_on_does_not(played: Played) -> None:
-    missions = Missions(max_missions=2)
+    missions = ShownMissions(max_missions=2)
     for namespace in ("/a", "/b"):
         publish(missions, namespace, agents=played.agents, publishers=1)
     publish(missions, "/c", agents=played.agents)
@@ -349,7 +351,7 @@ def test_all_missions_together_take_no_more_than_there_is_room_for(
     played: Played, data: Any
 ) -> None:
     room = 20_000
-    missions = Missions(max_missions=4, max_bytes=room)
+    missions = ShownMissions(max_missions=4, max_bytes=room)
     rng = np.random.default_rng(data.draw(st.integers(0, 2**32)))
     names = st.sampled_from(["/a", "/b", "/c", "/d", "/e"])
     for stamp in range(1, data.draw(st.integers(1, 60))):
@@ -384,7 +386,7 @@ def test_all_missions_together_take_no_more_than_there_is_room_for(
 
 
 def test_the_names_of_vehicles_are_not_endless(played: Played) -> None:
-    mission = Mission("")
+    mission = ShownMission("")
     show(mission, played)
     for number in range(1200):
         status = DiagnosticStatus(name=f"x{number}", message="ok")

@@ -20,7 +20,7 @@ from played import Played, Step
 from dsse_ros.dashboard.inbox import Received
 from dsse_ros.dashboard.map_chart import Window
 from dsse_ros.dashboard.map_image import MAX_SIDE, map_png
-from dsse_ros.dashboard.missions import Missions
+from dsse_ros.dashboard.missions import ShownMissions
 from dsse_ros.dashboard.view import MAX_ROWS, PageView
 from dsse_ros.scenario.frames import map_positions
 from dsse_ros.scenario.geodesy import cell_to_geodetic, map_to_geodetic
@@ -37,7 +37,7 @@ class Shown:
 
     def __init__(self, **fields: Any) -> None:
         self.played = Played(**fields or FIELDS)
-        self.missions = Missions()
+        self.missions = ShownMissions()
         self.view = PageView(self.missions)
         self.rows: list[list[int]] = []
         self.image: bytes | None = None

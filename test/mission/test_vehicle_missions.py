@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from dsse_ros.cli import export_mission
 from dsse_ros.mission.vehicle_missions import FlightSettings, layers, search_missions
-from dsse_ros.mission_items.items import NAV_WAYPOINT, Home, Mission
+from dsse_ros.mission_items.items import NAV_WAYPOINT, Home, VehicleMission
 from dsse_ros.planners import COVERAGE_PLANNERS, PLANNER_NAMES
 from dsse_ros.scenario.frames import GridFrame, scenario_frame
 from dsse_ros.scenario.geodesy import map_to_geodetic
@@ -91,7 +91,7 @@ class Path:
         return np.column_stack([np.interp(now_s, times_s, axis) for axis in twice.T])
 
 
-def path_of(mission: Mission, frame: GridFrame) -> Path:
+def path_of(mission: VehicleMission, frame: GridFrame) -> Path:
     """Return what a mission flies from above its home to there again, at its altitude."""
     # The radii of WGS 84 along and across the meridian.
     lat, e2 = math.radians(frame.origin_lat_deg), 6.69437999014e-3

@@ -8,7 +8,7 @@ import json
 import math
 from typing import Any
 
-from dsse_ros.mission_items.items import Home, Mission, MissionItem
+from dsse_ros.mission_items.items import Home, MissionItem, VehicleMission
 
 
 def waypoints(text: str) -> list[MissionItem]:
@@ -20,11 +20,11 @@ def waypoints(text: str) -> list[MissionItem]:
     return [item(row[3], row[2], row[4:11]) for row in rows]
 
 
-def plan(text: str) -> Mission:
+def plan(text: str) -> VehicleMission:
     """Return the mission of a `.plan` file; null is NaN."""
     document = json.loads(text)["mission"]
     items = (item(one["command"], one["frame"], one["params"]) for one in document["items"])
-    return Mission(Home(*document["plannedHomePosition"]), tuple(items))
+    return VehicleMission(Home(*document["plannedHomePosition"]), tuple(items))
 
 
 def item(command: Any, frame: Any, numbers: list[Any]) -> MissionItem:

@@ -6,7 +6,7 @@ import math
 
 from hypothesis import strategies as st
 
-from dsse_ros.mission_items.items import Home, Mission, MissionItem
+from dsse_ros.mission_items.items import Home, MissionItem, VehicleMission
 
 NUMBERS = st.floats(-1e6, 1e6)
 ITEMS = st.builds(
@@ -22,4 +22,4 @@ ITEMS = st.builds(
     alt_m=NUMBERS,
 )
 HOMES = st.builds(Home, st.floats(-90, 90), st.floats(-180, 180), st.floats(-400, 9000))
-MISSIONS = st.builds(Mission, HOMES, st.lists(ITEMS, max_size=6).map(tuple))
+MISSIONS = st.builds(VehicleMission, HOMES, st.lists(ITEMS, max_size=6).map(tuple))

@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from mission_strategies import MISSIONS
 
-from dsse_ros.mission_items.items import FRAME_MISSION, Home, Mission, MissionItem
+from dsse_ros.mission_items.items import FRAME_MISSION, Home, MissionItem, VehicleMission
 from dsse_ros.mission_items.plan_files import plan_text
 from dsse_ros.mission_items.track_missions import track_mission
 from dsse_ros.scenario.frames import GridFrame
@@ -62,9 +62,9 @@ def test_a_plan_is_laid_out_as_the_format_says():
 )
 def test_an_item_off_the_earth_is_not_planned(item, words):
     with pytest.raises(ValueError, match=f"^{words}$"):
-        plan_text(Mission(MISSION.home, (item,)))
+        plan_text(VehicleMission(MISSION.home, (item,)))
 
 
 def test_home_must_be_on_the_earth():
     with pytest.raises(ValueError, match="^home: longitude must be -180 to 180, got 181.0$"):
-        plan_text(Mission(Home(0.0, 181.0, 0.0), ()))
+        plan_text(VehicleMission(Home(0.0, 181.0, 0.0), ()))

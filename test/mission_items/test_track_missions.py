@@ -19,8 +19,8 @@ from dsse_ros.mission_items.items import (
     NAV_WAYPOINT,
     Home,
 )
+from dsse_ros.mission_items.reduced_tracks import corners, stops, without_repeats
 from dsse_ros.mission_items.track_missions import TrackStyle, track_mission
-from dsse_ros.mission_items.tracks import corners, stops, without_repeats
 from dsse_ros.result import Accepted
 from dsse_ros.scenario.frames import GridFrame, cell_to_map
 from dsse_ros.scenario.geodesy import geodetic_to_map

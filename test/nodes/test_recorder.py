@@ -19,7 +19,7 @@ from rosbags.rosbag2.metadata import parse_qos
 from std_msgs.msg import Int8, String
 
 from dsse_ros.recording.bag import Recorded, read_bag
-from dsse_ros.recording.replay import Replay
+from dsse_ros.recording.bag_replay import Replay
 from dsse_ros.runtime.exit_codes import FAILED
 from dsse_ros.search import FieldError
 

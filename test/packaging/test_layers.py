@@ -365,7 +365,7 @@ def test_an_import_from_above_is_seen(module: str, code: str) -> None:
         ("dsse_ros.bridge.fence", "from dsse_ros.scenario.frames import GridFrame"),
         ("dsse_ros.bridge.custody", "from dsse_ros.flight.orders import Hold"),
         ("dsse_ros.mission.mission", "from dsse_ros.result import Rejected"),
-        ("dsse_ros.recording.replay", "from dsse_ros.mission.mission import Mission"),
+        ("dsse_ros.recording.bag_replay", "from dsse_ros.mission.mission import Mission"),
         ("dsse_ros.recording.bag", "from rclpy.serialization import serialize_message"),
         ("dsse_ros.nodes.sim_node", "from dsse_ros.mission.mission import Mission"),
         ("dsse_ros.cli.run_mission", "import rclpy\nfrom dsse_ros.runtime.qos import LATCHED"),

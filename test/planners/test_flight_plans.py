@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from dsse_ros.compiled.jit import kernel
 from dsse_ros.planners import flight_futures
 from dsse_ros.planners.flight_futures import Seen, futures_of, value_of, write_survival
-from dsse_ros.planners.flight_plans import Fleet, FlightPlans, near
+from dsse_ros.planners.flight_plans import FlightPlans, FlightSwarm, near
 from dsse_ros.planners.options import BeamOptions
 from dsse_ros.step.flight_paths import FLIGHTS, FLYERS, Wind, largest_turn, pieces_of, write_path
 from dsse_ros.step.sightings import DEFINITE, EYES, INVERSE_CUBE, missed
@@ -45,11 +45,11 @@ def chance_missed(eyes, path, step_s, person):  # type: ignore[no-untyped-def]
     return missed(eyes[0], path, step_s, person, 1.0, False)
 
 
-def fleet_of(
+def swarm_of(
     drones: int = 3, *, radius: float = 0.0, acceleration: float = 0.0, slowest: float = 0.0,
     wind: tuple[float, float] = (0.0, 0.0), side: float = 4000.0, law: str = "definite",
-) -> Fleet:  # fmt: skip
-    return Fleet(
+) -> FlightSwarm:  # fmt: skip
+    return FlightSwarm(
         np.array([(CRUISE, slowest, radius, acceleration)], FLYERS),
         np.array([EYE[law]], EYES),
         np.zeros(drones, np.int64),
@@ -59,12 +59,12 @@ def fleet_of(
     )
 
 
-def flights_of(fleet: Fleet, seed: int) -> NDArray[np.void]:
+def flights_of(swarm: FlightSwarm, seed: int) -> NDArray[np.void]:
     """Return drones anywhere on the grid, but for a margin in which all can turn."""
     rng = np.random.default_rng(seed)
-    flights = np.zeros(len(fleet.kinds), FLIGHTS)
+    flights = np.zeros(len(swarm.kinds), FLIGHTS)
     for name in ("east", "south"):
-        flights[name] = rng.uniform(0.3, 0.7, len(flights)) * fleet.side_m
+        flights[name] = rng.uniform(0.3, 0.7, len(flights)) * swarm.side_m
     flights["heading"], flights["speed"] = rng.uniform(-4, 4, len(flights)), CRUISE
     return flights
 
@@ -82,8 +82,8 @@ def particles(seed: int, side: float = 4000.0, steps: int = 40) -> NDArray[np.fl
     return (start + np.arange(steps)[:, None, None] * drift).astype(np.float32)
 
 
-fleets = st.builds(
-    fleet_of,
+swarms = st.builds(
+    swarm_of,
     drones=st.integers(1, 4),
     radius=st.sampled_from([0.0, 25.0, 80.0, 150.0]),
     acceleration=st.sampled_from([0.0, 2.5]),
@@ -94,25 +94,25 @@ fleets = st.builds(
 )
 
 
-def flown(fleet: Fleet, seed: int, steps: int) -> Any:
+def flown(swarm: FlightSwarm, seed: int, steps: int) -> Any:
     """Yield the plans and the paths flown, (N, K + 1, 2), step by step."""
-    positions = particles(seed, fleet.side_m)
-    plans = FlightPlans(fleet, positions, QUICK, seed=seed)
-    flights = flights_of(fleet, seed)
-    pieces = pieces_of(fleet.flyers, STEP_S)
+    positions = particles(seed, swarm.side_m)
+    plans = FlightPlans(swarm, positions, QUICK, seed=seed)
+    flights = flights_of(swarm, seed)
+    pieces = pieces_of(swarm.flyers, STEP_S)
     for step in range(steps):
         planned = plans(flights, np.full(400, 1 / 400), step, 40 - step)
         paths = np.empty((len(flights), pieces + 1, 2))
         before = flights.copy()
         for n, action in enumerate(planned.actions):
-            fly(fleet.flyers, fleet.wind, flights, n, action, paths[n])
+            fly(swarm.flyers, swarm.wind, flights, n, action, paths[n])
         yield before, planned, paths
 
 
 @settings(max_examples=25, deadline=None)
-@given(fleets, st.integers(0, 99))
-def test_drones_fly_the_paths_that_are_planned(fleet: Fleet, seed: int) -> None:
-    for before, planned, paths in flown(fleet, seed, 3):
+@given(swarms, st.integers(0, 99))
+def test_drones_fly_the_paths_that_are_planned(swarm: FlightSwarm, seed: int) -> None:
+    for before, planned, paths in flown(swarm, seed, 3):
         assert (np.abs(planned.actions) <= 1 + 1e-9).all()
         pieces = (planned.paths.shape[1] - 1) // 6
         assert planned.paths[:, 0, 0] == pytest.approx(before["east"])
@@ -121,12 +121,12 @@ def test_drones_fly_the_paths_that_are_planned(fleet: Fleet, seed: int) -> None:
 
 
 @settings(max_examples=25, deadline=None)
-@given(fleets, st.integers(0, 99))
-def test_nobody_leaves_the_grid(fleet: Fleet, seed: int) -> None:
-    for _, planned, paths in flown(fleet, seed, 30):
+@given(swarms, st.integers(0, 99))
+def test_nobody_leaves_the_grid(swarm: FlightSwarm, seed: int) -> None:
+    for _, planned, paths in flown(swarm, seed, 30):
         for positions in (planned.paths, paths):
             assert positions.min() >= 0.0
-            assert positions.max() <= fleet.side_m
+            assert positions.max() <= swarm.side_m
 
 
 @settings(max_examples=20, deadline=None)
@@ -134,8 +134,8 @@ def test_nobody_leaves_the_grid(fleet: Fleet, seed: int) -> None:
 def test_no_planned_turn_is_tighter_than_the_turn_radius(
     radius: float, law: str, seed: int
 ) -> None:
-    fleet = fleet_of(radius=radius, slowest=6.0, law=law)
-    for _, planned, _ in flown(fleet, seed, 4):
+    swarm = swarm_of(radius=radius, slowest=6.0, law=law)
+    for _, planned, _ in flown(swarm, seed, 4):
         pieces = (planned.paths.shape[1] - 1) // 6
         legs = np.diff(planned.paths, axis=1)
         chords = np.hypot(legs[..., 0], legs[..., 1])
@@ -149,10 +149,10 @@ def test_no_planned_turn_is_tighter_than_the_turn_radius(
 
 @pytest.mark.parametrize("law", sorted(EYE))
 def test_the_same_seed_gives_the_same_plans_bit_for_bit(law: str) -> None:
-    fleet = fleet_of(radius=80.0, law=law)
-    positions, flights = particles(1), flights_of(fleet, 1)
+    swarm = swarm_of(radius=80.0, law=law)
+    positions, flights = particles(1), flights_of(swarm, 1)
     weights = np.full(400, 1 / 400)
-    one, twin, other = (FlightPlans(fleet, positions, QUICK, seed=seed) for seed in (1, 1, 2))
+    one, twin, other = (FlightPlans(swarm, positions, QUICK, seed=seed) for seed in (1, 1, 2))
     first = [plans(flights, weights, 0, 40).paths.tobytes() for plans in (one, twin, other)]
     assert first[0] == first[1] != first[2]
     later = [plans(flights, weights, 1, 40).paths.tobytes() for plans in (one.copy(), one, twin)]
@@ -169,47 +169,47 @@ def test_the_same_seed_gives_the_same_plans_bit_for_bit(law: str) -> None:
 def test_a_drone_flies_to_the_only_particle(
     place: tuple[float, float], radius: float, law: str, seed: int
 ) -> None:
-    fleet = fleet_of(1, radius=radius, law=law)
-    person = np.array(place) * fleet.side_m
+    swarm = swarm_of(1, radius=radius, law=law)
+    person = np.array(place) * swarm.side_m
     positions = np.tile(person, (40, 1, 1)).astype(np.float32)
-    plans = FlightPlans(fleet, positions, QUICK, seed=seed)
-    flights, path = flights_of(fleet, seed), np.empty((pieces_of(fleet.flyers, STEP_S) + 1, 2))
+    plans = FlightPlans(swarm, positions, QUICK, seed=seed)
+    flights, path = flights_of(swarm, seed), np.empty((pieces_of(swarm.flyers, STEP_S) + 1, 2))
     away = math.hypot(flights["east"][0] - person[0], flights["south"][0] - person[1])
     # A drone with a radius may have to turn around first.
     steps = math.ceil(away / (CRUISE * STEP_S)) + (4 if radius else 1)
     nearest = math.inf
     for step in range(steps):
         action = plans(flights, np.ones(1), step, 40 - step).actions[0]
-        fly(fleet.flyers, fleet.wind, flights, 0, action, path)
+        fly(swarm.flyers, swarm.wind, flights, 0, action, path)
         for a, b in zip(path, path[1:], strict=False):
             nearest = min(nearest, float(np.hypot(*(np.linspace(a, b, 50) - person).T).min()))
     assert nearest <= REACH
 
 
 def survivals_of(
-    fleet: Fleet, positions: NDArray[np.float32], paths: NDArray[np.float64], horizon: int
-) -> tuple[flight_futures.Futures, NDArray[np.float64]]:
+    swarm: FlightSwarm, positions: NDArray[np.float32], paths: NDArray[np.float64], horizon: int
+) -> tuple[flight_futures.BinnedFutures, NDArray[np.float64]]:
     """Return futures of all particles, and how likely each drone misses them."""
     count = positions.shape[1]
     futures = futures_of(
-        positions[: horizon + 1], np.full(count, 1 / count), SEARCHED, fleet.side_m, REACH
+        positions[: horizon + 1], np.full(count, 1 / count), SEARCHED, swarm.side_m, REACH
     )
     survivals = np.empty((len(paths), horizon, count))
-    eyes, seen = near(fleet.eyes, 1.0, STEP_S), Seen(np.empty(count + 1, int), np.empty(count + 1))
+    eyes, seen = near(swarm.eyes, 1.0, STEP_S), Seen(np.empty(count + 1, int), np.empty(count + 1))
     for path, survival in zip(paths, survivals, strict=True):
         pieces = (len(path) - 1) // horizon
         legs = np.stack([path[h * pieces : (h + 1) * pieces + 1] for h in range(horizon)])
-        write_survival(eyes, futures, fleet.wind, legs, horizon, seen, survival)
+        write_survival(eyes, futures, swarm.wind, legs, horizon, seen, survival)
     return futures, survivals
 
 
 @settings(max_examples=15, deadline=None)
-@given(fleets, st.integers(0, 99))
-def test_the_value_of_plans_is_that_of_brute_force(fleet: Fleet, seed: int) -> None:
-    horizon, positions, gamma = 6, particles(seed, fleet.side_m), 0.9
-    paths = next(flown(fleet, seed, 1))[1].paths
-    futures, survivals = survivals_of(fleet, positions, paths, horizon)
-    eyes, pieces = near(fleet.eyes, 1.0, STEP_S), (paths.shape[1] - 1) // horizon
+@given(swarms, st.integers(0, 99))
+def test_the_value_of_plans_is_that_of_brute_force(swarm: FlightSwarm, seed: int) -> None:
+    horizon, positions, gamma = 6, particles(seed, swarm.side_m), 0.9
+    paths = next(flown(swarm, seed, 1))[1].paths
+    futures, survivals = survivals_of(swarm, positions, paths, horizon)
+    eyes, pieces = near(swarm.eyes, 1.0, STEP_S), (paths.shape[1] - 1) // horizon
     value = 0.0
     for s in range(positions.shape[1]):
         left = 1.0
@@ -218,12 +218,12 @@ def test_the_value_of_plans_is_that_of_brute_force(fleet: Fleet, seed: int) -> N
             for path in paths:
                 leg = path[h * pieces : (h + 1) * pieces + 1]
                 chance = 1.0
-                if min(person[:2]) >= 0 and max(person[:2]) < fleet.side_m:
+                if min(person[:2]) >= 0 and max(person[:2]) < swarm.side_m:
                     chance = float(chance_missed(eyes, leg, STEP_S, person))
                 value += gamma**h * left * (1 - chance) / positions.shape[1]
                 left *= chance
     planned = value_of(futures, survivals, gamma)
-    if fleet.eyes["law"][0] == DEFINITE:
+    if swarm.eyes["law"][0] == DEFINITE:
         assert planned == pytest.approx(value, rel=1e-6, abs=1e-9)
     else:
         # Plans ignore distant persons, who are hardly seen.
@@ -231,11 +231,13 @@ def test_the_value_of_plans_is_that_of_brute_force(fleet: Fleet, seed: int) -> N
 
 
 @settings(max_examples=15, deadline=None)
-@given(fleets, st.integers(0, 99))
-def test_a_plan_is_worth_what_it_adds_to_the_value_of_the_others(fleet: Fleet, seed: int) -> None:
-    horizon, positions, gamma = 6, particles(seed, fleet.side_m), 0.9
-    paths = next(flown(fleet, seed, 1))[1].paths
-    futures, survivals = survivals_of(fleet, positions, paths, horizon)
+@given(swarms, st.integers(0, 99))
+def test_a_plan_is_worth_what_it_adds_to_the_value_of_the_others(
+    swarm: FlightSwarm, seed: int
+) -> None:
+    horizon, positions, gamma = 6, particles(seed, swarm.side_m), 0.9
+    paths = next(flown(swarm, seed, 1))[1].paths
+    futures, survivals = survivals_of(swarm, positions, paths, horizon)
     count = positions.shape[1]
     worth, left = np.empty((horizon, count)), np.empty(count)
     flight_futures.write_worth(futures, survivals, 0, gamma, worth, left)
@@ -253,13 +255,13 @@ def test_a_plan_is_worth_what_it_adds_to_the_value_of_the_others(fleet: Fleet, s
 
 def test_drones_share_out_what_there_is() -> None:
     # Two groups of persons, and two drones between them.
-    fleet = fleet_of(2)
+    swarm = swarm_of(2)
     rng = np.random.default_rng(0)
     groups = [rng.normal((x, 2000), 60, (200, 2)) for x in (1200, 2800)]
     positions = np.tile(np.concatenate(groups), (40, 1, 1)).astype(np.float32)
     flights = np.zeros(2, FLIGHTS)
     flights["east"], flights["south"], flights["speed"] = (1990, 2010), 2000, CRUISE
-    planned = FlightPlans(fleet, positions, BeamOptions(), seed=0)(
+    planned = FlightPlans(swarm, positions, BeamOptions(), seed=0)(
         flights, np.full(400, 1 / 400), 0, 40
     )
     last = planned.paths[:, 7, 0]
@@ -267,10 +269,10 @@ def test_drones_share_out_what_there_is() -> None:
 
 
 def test_a_drone_that_is_not_live_has_no_plan() -> None:
-    fleet = fleet_of(2)
-    flights = flights_of(fleet, 3)
+    swarm = swarm_of(2)
+    flights = flights_of(swarm, 3)
     live = np.array([True, False])
-    planned = FlightPlans(fleet, particles(0), QUICK)(
+    planned = FlightPlans(swarm, particles(0), QUICK)(
         flights, np.full(400, 1 / 400), 0, 40, live=live
     )
     assert planned.actions[1].tolist() == [0.0, 0.0]
@@ -279,19 +281,19 @@ def test_a_drone_that_is_not_live_has_no_plan() -> None:
 
 
 def test_plans_end_with_the_mission() -> None:
-    fleet = fleet_of(1)
-    planned = FlightPlans(fleet, particles(0), QUICK)(
-        flights_of(fleet, 3), np.full(400, 1 / 400), 38, 2
+    swarm = swarm_of(1)
+    planned = FlightPlans(swarm, particles(0), QUICK)(
+        flights_of(swarm, 3), np.full(400, 1 / 400), 38, 2
     )
     assert planned.paths.shape == (1, 3, 2)
 
 
 def test_particles_that_are_nowhere_or_far_away_are_ignored() -> None:
-    fleet = fleet_of(1)
+    swarm = swarm_of(1)
     positions = particles(0)
     positions[:, ::2], positions[:, 1::4] = np.nan, 1e6
-    plans = FlightPlans(fleet, positions, QUICK)
-    planned = plans(flights_of(fleet, 3), np.full(400, 1 / 400), 0, 40)
+    plans = FlightPlans(swarm, positions, QUICK)
+    planned = plans(flights_of(swarm, 3), np.full(400, 1 / 400), 0, 40)
     assert np.isfinite(planned.paths).all()
-    nowhere = FlightPlans(fleet, np.full_like(positions, np.nan), QUICK)
-    assert np.isfinite(nowhere(flights_of(fleet, 3), np.full(400, 1 / 400), 0, 40).paths).all()
+    nowhere = FlightPlans(swarm, np.full_like(positions, np.nan), QUICK)
+    assert np.isfinite(nowhere(flights_of(swarm, 3), np.full(400, 1 / 400), 0, 40).paths).all()

@@ -23,7 +23,7 @@ from std_msgs.msg import Empty, String
 
 from dsse_ros.cli.replay import main
 from dsse_ros.recording.bag import Recorded
-from dsse_ros.recording.replay import Replay, ReplayedMission
+from dsse_ros.recording.bag_replay import Replay, ReplayedMission
 from dsse_ros.scenario.frames import cell_to_map
 from dsse_ros.search import FieldError, profile
 from msg_adapters.stamps import to_stamp

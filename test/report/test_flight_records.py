@@ -19,7 +19,7 @@ from dsse_ros.mission.flight_mission import FlightMission, mission_of
 from dsse_ros.mission.mission_log import MissionLog
 from dsse_ros.mission.step_messages import MESSAGES, StepMessages
 from dsse_ros.recording.bag import BagWriter, Recorded
-from dsse_ros.recording.replay import Replay
+from dsse_ros.recording.bag_replay import Replay
 from dsse_ros.report.bags import MissionBag
 from dsse_ros.report.metrics import metrics
 from dsse_ros.report.recomputed import follow_belief, forecast_for, mission_views

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dsse_ros.mission_items.tracks import corners, stops, without_repeats
+from dsse_ros.mission_items.reduced_tracks import corners, stops, without_repeats
 
 STEPS = st.lists(
     st.sampled_from([(1, 0), (-1, 0), (0, 1), (0, -1), (1, 1), (0, 0)]), min_size=1, max_size=30
