@@ -10,9 +10,9 @@ import os
 import platform
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from benchmarks import (
     ROOT,
@@ -35,19 +35,59 @@ from dsse_ros.progress import progress, say
 
 RESULTS = Path(__file__).with_name("results")
 BUSY = 0.5
-SECTIONS = (
-    "speed",
-    "seeding",
-    "start_up",
-    "memory",
-    "conversion",
-    "lockstep",
-    "belief_over_ros",
-    "belief_step",
-    "sea",
-    "recorded",
-    "published_scripts",
-)
+
+
+class Setup(NamedTuple):
+    """What sections measure with.
+
+    Attributes:
+        quick: Whether the measurements are short.
+        pythons: Pythons of the published packages by name.
+        programs: C programs by name.
+    """
+
+    quick: bool
+    pythons: Mapping[str, Path]
+    programs: Mapping[str, Path]
+
+    def rounds(self, quick: int, full: int) -> int:
+        """Return the number of rounds."""
+        return quick if self.quick else full
+
+    @property
+    def seconds(self) -> float:
+        """Seconds of a round over ROS."""
+        return 1.0 if self.quick else 2.5
+
+
+SECTIONS: Mapping[str, Callable[[Setup], Any]] = {
+    "speed": lambda setup: speed.measure(
+        setup.pythons,
+        setup.programs,
+        cells=speed.QUICK_CELLS if setup.quick else speed.CELLS,
+        rounds=setup.rounds(3, 6),
+        seconds=0.1 if setup.quick else 0.15,
+        log=_print,
+    ),
+    "seeding": lambda setup: seeding.measure(setup.rounds(3, 10)),
+    "start_up": lambda setup: start_up.measure(setup.rounds(1, 2)),
+    "memory": lambda setup: memory.measure(10**5 if setup.quick else 10**6),
+    "conversion": lambda setup: conversion.measure(setup.rounds(30, 300)),
+    "lockstep": lambda setup: lockstep.measure(
+        rounds=setup.rounds(2, 5), seconds=setup.seconds, log=_print
+    ),
+    "belief_over_ros": lambda setup: lockstep.measure_belief(
+        rounds=setup.rounds(2, 6), seconds=setup.seconds, log=_print
+    ),
+    "belief_step": lambda setup: belief_step.measure(rounds=setup.rounds(1, 3), log=_print),
+    "sea": lambda setup: sea.measure(rounds=setup.rounds(2, 6), log=_print),
+    "recorded": lambda setup: recorded.measure(
+        rounds=setup.rounds(2, 6), seconds=setup.seconds, log=_print
+    ),
+    "published_scripts": lambda setup: published_scripts.measure(
+        setup.pythons, rounds=setup.rounds(3, 10), seconds=0.2, log=_print
+    ),
+}
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -58,46 +98,19 @@ def main(arguments: list[str] | None = None) -> int:
     out = given.out or (given.build if quick else RESULTS)
     out.mkdir(parents=True, exist_ok=True)
     pythons, programs = _baselines(given.build)
+    setup = Setup(quick, pythons, programs)
 
     began = time.time()
     load = os.getloadavg()[0]
     if load > BUSY:
         _print(f"The machine is busy (load {load:.1f}): figures and ratios will be worse")
     figures: dict[str, Any] = {"speed": []}
-    sections: dict[str, Callable[[], Any]] = {
-        "speed": lambda: speed.measure(
-            pythons,
-            programs,
-            cells=speed.QUICK_CELLS if quick else speed.CELLS,
-            rounds=3 if quick else 6,
-            seconds=0.1 if quick else 0.15,
-            log=_print,
-        ),
-        "seeding": lambda: seeding.measure(3 if quick else 10),
-        "start_up": lambda: start_up.measure(1 if quick else 2),
-        "memory": lambda: memory.measure(10**5 if quick else 10**6),
-        "conversion": lambda: conversion.measure(30 if quick else 300),
-        "lockstep": lambda: lockstep.measure(
-            rounds=2 if quick else 5, seconds=1.0 if quick else 2.5, log=_print
-        ),
-        "belief_over_ros": lambda: lockstep.measure_belief(
-            rounds=2 if quick else 6, seconds=1.0 if quick else 2.5, log=_print
-        ),
-        "belief_step": lambda: belief_step.measure(rounds=1 if quick else 3, log=_print),
-        "sea": lambda: sea.measure(rounds=2 if quick else 6, log=_print),
-        "recorded": lambda: recorded.measure(
-            rounds=2 if quick else 6, seconds=1.0 if quick else 2.5, log=_print
-        ),
-        "published_scripts": lambda: published_scripts.measure(
-            pythons, rounds=3 if quick else 10, seconds=0.2, log=_print
-        ),
-    }
     for name in progress(given.only or SECTIONS, "bench"):
         _print(f"\n{name.replace('_', '-')}")
         if name == "speed":
             _print(speed.heading())
         try:
-            figures[name] = sections[name]()
+            figures[name] = SECTIONS[name](setup)
         except (BenchmarkError, OSError) as error:
             _print(f"{name}: {error}")
     _print_others(figures)

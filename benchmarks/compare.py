@@ -17,6 +17,7 @@ import time
 from collections.abc import Iterator, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor, as_completed
 from dataclasses import dataclass
+from functools import partial
 from math import cos, radians, sin
 from multiprocessing import get_context
 from pathlib import Path
@@ -31,9 +32,10 @@ from benchmarks.intervals import LEVEL
 from benchmarks.planner_tables import BASELINE
 from benchmarks.reference_values import GREEDY, PPO, REINFORCE, SWEEP, Source
 from dsse_ros.campaign.estimates import clusters, of_mean, of_share
-from dsse_ros.planners import load_planner
+from dsse_ros.planners import Planner, Search, load_planner, planner_for
 from dsse_ros.planners.batch import PlayedMissions, play_missions
 from dsse_ros.progress import progress, say
+from dsse_ros.scenario.definition import SearchDefinition
 from dsse_ros.scenario.scenario import scenario_and_rules
 from dsse_ros.search import FieldError, Rules, Scenario
 
@@ -191,6 +193,11 @@ def fly_with_fault(planner: str, fault: str, count: int) -> PlayedMissions:
     return play_missions(len(numbers), planner, scenario, rules=case.rules, seed=numbers.tolist())
 
 
+def _misled(assumed: SearchDefinition, name: str, _: Search, *, seed: int) -> Planner:
+    """Return a planner that assumes another search than the one it is given."""
+    return planner_for(assumed, name, seed=seed)
+
+
 def fly(planner: str, key: str, count: int, disturbance: str) -> PlayedMissions:
     """Play the missions of a case."""
     case, disturbed = CASES[key], DISTURBANCES[disturbance]
@@ -204,9 +211,10 @@ def fly(planner: str, key: str, count: int, disturbance: str) -> PlayedMissions:
             each = -(-shared // len(parts))
             seeds = range(part_number * each, (part_number + 1) * each)
         world, assumed = disturbed.apply(scenario, case.rules)
+        misled = partial(_misled, SearchDefinition(case.rules, assumed), planner)
         part = play_missions(
-            len(numbers), planner, world, rules=case.rules, seed=(SEED + numbers).tolist(),
-            planner_seeds=seeds, assumed=assumed, withdraw_at=disturbed.withdraw_at,
+            len(numbers), misled, world, rules=case.rules, seed=(SEED + numbers).tolist(),
+            planner_seeds=seeds, withdraw_at=disturbed.withdraw_at,
         )  # fmt: skip
         for field in dataclasses.fields(PlayedMissions):
             getattr(whole, field.name)[numbers] = getattr(part, field.name)

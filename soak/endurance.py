@@ -5,11 +5,11 @@
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 from diagnostic_msgs.msg import DiagnosticArray
 
-from soak.rigs import Process, domain, open_files, resident_bytes, threads, until
+from soak.rigs import Process, Rig, domain, open_files, resident_bytes, threads, until
 from soak.row import Figures, Goal, Row, Run
 
 DAY_STEPS = 24 * 60 * 60 * 10
@@ -25,7 +25,6 @@ class Watched:
     memory: int = 0
     files: int = 0
     threads: int = 0
-    growth: dict[str, float] = field(default_factory=dict)
 
     def begin(self) -> None:
         """Start to measure."""
@@ -42,6 +41,36 @@ class Watched:
         }
 
 
+def _start(rig: Rig, run: Run, mission_steps: int) -> dict[str, Process]:
+    """Return the nodes of a search by name, started."""
+    watched = {
+        "sim_node": rig.start(
+            "sim_node",
+            {
+                "grid_size": 10,
+                "num_drones": 2,
+                "rules": "v2",
+                "probability_of_detection": 1e-9,
+                "timestep_limit": mission_steps,
+                "auto_reset": True,
+                "publish_belief": True,
+                "seed": 1,
+            },
+        ),
+        "planner_node": rig.start("planner_node", {"planner": "sweep"}),
+        "recorder": rig.start(
+            "recorder",
+            {
+                "bag": str(run.folder / f"{time.time_ns()}.mcap"),
+                "exclude": ["*/odom", "*/fix", "*/path", "*/markers", "*/pose"],
+            },
+        ),
+    }
+    if not run.quick:
+        watched["dashboard"] = rig.start("dashboard", {"port": 0})
+    return watched
+
+
 def endurance(run: Run) -> Figures:
     """Fly missions in lockstep with belief, planner, recorder and, in the long form, dashboard.
 
@@ -50,31 +79,7 @@ def endurance(run: Run) -> Figures:
     steps, mission_steps = run.size((DAY_STEPS, MISSION_STEPS), (600, 100))
     with domain(run.folder) as rig:
         health = rig.listen(DiagnosticArray, "/diagnostics")
-        watched = {
-            "sim_node": rig.start(
-                "sim_node",
-                {
-                    "grid_size": 10,
-                    "num_drones": 2,
-                    "rules": "v2",
-                    "probability_of_detection": 1e-9,
-                    "timestep_limit": mission_steps,
-                    "auto_reset": True,
-                    "publish_belief": True,
-                    "seed": 1,
-                },
-            ),
-            "planner_node": rig.start("planner_node", {"planner": "sweep"}),
-            "recorder": rig.start(
-                "recorder",
-                {
-                    "bag": str(run.folder / f"{time.time_ns()}.mcap"),
-                    "exclude": ["*/odom", "*/fix", "*/path", "*/markers", "*/pose"],
-                },
-            ),
-        }
-        if not run.quick:
-            watched["dashboard"] = rig.start("dashboard", {"port": 0})
+        watched = _start(rig, run, mission_steps)
         until(lambda: "recording" in watched["recorder"].output, "the recorder")
         processes = {name: Watched(process) for name, process in watched.items()}
         done = before = 0

@@ -9,7 +9,7 @@ import random
 import signal
 import socket
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from autopilot.running import Running, running_autopilot
@@ -44,6 +44,23 @@ SURVIVED = ("link for a while", "flood")
 """Failures after which a vehicle continues."""
 
 
+def _search(cells: Sequence[tuple[int, int]], side: int, steps: int) -> dict[str, Any]:
+    """Return the parameters of a search with a drone in each of these cells."""
+    return {
+        "rules": "v2",
+        "grid_size": side,
+        "cell_size": CELL_M,
+        "altitude": ALTITUDE_M,
+        "origin_lat": ORIGIN[0],
+        "origin_lon": ORIGIN[1],
+        "drones_positions": [part for cell in cells for part in cell],
+        "probability_of_detection": 0.0,
+        "timestep_limit": steps,
+        "vehicle_time": "awaited",
+        "seed": 1,
+    }
+
+
 def fleet(run: Run) -> Figures:
     """Fly a fleet and let some vehicles fail."""
     number, steps, speedup = run.size((50, 56, 1.0), (6, 3, 20.0))
@@ -59,30 +76,11 @@ def fleet(run: Run) -> Figures:
             )
             for i in range(number)
         ]
-        sim = rig.sim(
-            {
-                "rules": "v2",
-                "grid_size": side,
-                "cell_size": CELL_M,
-                "altitude": ALTITUDE_M,
-                "origin_lat": ORIGIN[0],
-                "origin_lon": ORIGIN[1],
-                "drones_positions": [part for cell in cells for part in cell],
-                "probability_of_detection": 0.0,
-                "timestep_limit": steps,
-                "vehicle_time": "awaited",
-                "seed": 1,
-            }
-        )
+        sim = rig.sim(_search(cells, side, steps))
         bridge = Bridge(
-            rig,
-            vehicles,
-            max_altitude=ALTITUDE_M + 50,
-            join_timeout=150.0,
-            pose_rate=2.0,
-            lost_timeout=20.0,
-            at_end="land",
-        )
+            rig, vehicles, max_altitude=ALTITUDE_M + 50, join_timeout=150.0, pose_rate=2.0,
+            lost_timeout=20.0, at_end="land",
+        )  # fmt: skip
         sound = [i for i in range(number) if i not in failing]
         for i in sound:
             bridge.until(i, flying="true")

@@ -153,12 +153,9 @@ def health(
 
 def values(
     mission: Mission,
+    run: Mapping[str, object],
     *,
-    run_id: int,
-    step_mode: str,
-    timeouts: int,
     publishers: Mapping[str, int],
-    duplicates: int,
     late: Sequence[int] | None,
     lost: Mapping[int, str],
     rejected: Mapping[str, int],
@@ -167,11 +164,8 @@ def values(
 
     Args:
         mission: The mission.
-        run_id: Identity of the simulation.
-        step_mode: The parameter.
-        timeouts: Number of steps done without all commands or vehicles.
+        run: Numbers of the run by name.
         publishers: Number of publishers of topics that should have at most one.
-        duplicates: Number of repeated joint actions.
         late: The drones whose vehicles have to arrive first; None without vehicles.
         lost: Reasons why vehicles have dropped out, by drone.
         rejected: Messages that were refused, by code.
@@ -179,19 +173,16 @@ def values(
     found: dict[str, object] = {
         "step": mission.result.step,
         "mission": mission.number,
-        "run_id": run_id,
         "seed": mission.seed,
-        "step_mode": step_mode,
+        **run,
         "drones_in_flight": len(mission.live),
         "missing_drones": names(mission, [] if mission.done else mission.missing),
         "lost_drones": names(mission, [*mission.lost, *mission.fallen]),
         **_of_faults(mission),
-        "timeouts": timeouts,
         **({} if mission.pos is None else {"pos": f"{mission.pos:.6f}"}),
         **_of_incident(mission),
         **{name: f"{share:.6f}" for name, share in mission.coverage.items()},
         **{f"publishers.{topic}": count for topic, count in publishers.items()},
-        "duplicates": duplicates,
         "rejected": sum(rejected.values()),
     }
     if late is not None:

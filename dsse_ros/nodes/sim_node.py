@@ -423,10 +423,12 @@ class SimNode(AlarmNode):
             lost=self._fleet.vehicles.lost,
             rejected=self._commands.rejected,
         )
+        run = {
+            "run_id": self.publishers_.run_id, "step_mode": self.settings.step_mode,
+            "timeouts": self.timeouts, "duplicates": self._commands.duplicates,
+        }  # fmt: skip
         values = status.values(
-            self.mission, run_id=self.publishers_.run_id, step_mode=self.settings.step_mode,
-            timeouts=self.timeouts, publishers=self._publisher_counts.last,
-            duplicates=self._commands.duplicates,
+            self.mission, run, publishers=self._publisher_counts.last,
             late=self._fleet.awaited() if self._fleet.exist else None,
             lost=self._fleet.vehicles.lost, rejected=self._commands.rejected,
         )  # fmt: skip

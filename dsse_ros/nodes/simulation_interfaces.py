@@ -25,99 +25,114 @@ _REQUESTS = {
 }
 
 
-def serve(node: SimNode) -> bool:
-    """Offer reset, step, state and features; returns whether the package is installed."""
-    try:
-        from simulation_interfaces.msg import Result, SimulatorFeatures
-        from simulation_interfaces.srv import (
-            GetSimulationState,
-            GetSimulatorFeatures,
-            ResetSimulation,
-            SetSimulationState,
-            StepSimulation,
-        )
-    except ImportError:
-        return False
+class _Services:
+    """The services, as methods.
 
-    has_time = node.settings.publish_clock
+    Args:
+        node: The node that offers them.
+        msg: `simulation_interfaces.msg`.
+        srv: `simulation_interfaces.srv`.
+    """
 
-    def answer(response: Any, code: int = Result.RESULT_OK, reason: str = "") -> Any:
-        response.result.result = code
+    def __init__(self, node: SimNode, msg: Any, srv: Any) -> None:
+        self._node, self._result, self._features = node, msg.Result, msg.SimulatorFeatures
+        self._scopes = srv.ResetSimulation.Request
+        self._already = srv.SetSimulationState.Response.ALREADY_IN_TARGET_STATE
+        self._has_time = node.settings.publish_clock
+
+    def _answer(self, response: Any, code: int | None = None, reason: str = "") -> Any:
+        """Return the response with a result, by default that it is done."""
+        response.result.result = self._result.RESULT_OK if code is None else code
         response.result.error_message = reason
         return response
 
-    def reset(request: Any, response: Any) -> Any:
-        of, scope = ResetSimulation.Request, request.scope
-        if scope in (of.SCOPE_DEFAULT, of.SCOPE_ALL, of.SCOPE_TIME | of.SCOPE_STATE):
-            node.restart()
-        elif scope == of.SCOPE_STATE:
-            node.reset()
-        elif scope == of.SCOPE_TIME and has_time:
-            node.restart_time()
-        else:
-            return answer(
-                response,
-                Result.RESULT_FEATURE_UNSUPPORTED,
-                f"scope must be {'time, ' if has_time else ''}state or all, got {scope}: "
-                "nothing can be spawned",
-            )
-        return answer(response)
+    def _unsupported(self, response: Any, reason: str) -> Any:
+        return self._answer(response, self._result.RESULT_FEATURE_UNSUPPORTED, reason)
 
-    def step(request: Any, response: Any) -> Any:
+    def _failed(self, response: Any, reason: str) -> Any:
+        return self._answer(response, self._result.RESULT_OPERATION_FAILED, reason)
+
+    def reset(self, request: Any, response: Any) -> Any:
+        """Reset the time, the mission or the run."""
+        of, scope = self._scopes, request.scope
+        if scope in (of.SCOPE_DEFAULT, of.SCOPE_ALL, of.SCOPE_TIME | of.SCOPE_STATE):
+            self._node.restart()
+        elif scope == of.SCOPE_STATE:
+            self._node.reset()
+        elif scope == of.SCOPE_TIME and self._has_time:
+            self._node.restart_time()
+        else:
+            wanted = f"{'time, ' if self._has_time else ''}state or all"
+            return self._unsupported(
+                response, f"scope must be {wanted}, got {scope}: nothing can be spawned"
+            )
+        return self._answer(response)
+
+    def step(self, request: Any, response: Any) -> Any:
+        """Step a paused simulation, for at most `LONGEST_S`."""
+        node = self._node
         number, begun_s = node.mission.number, time.monotonic()
         for made in range(int(request.steps)):
             if time.monotonic() - begun_s > LONGEST_S:
                 # Signals and other requests wait meanwhile.
-                return answer(
+                return self._failed(
                     response,
-                    Result.RESULT_OPERATION_FAILED,
                     f"{made} of {request.steps} steps were made in {LONGEST_S:g} s, the longest "
                     "time for a request: request the rest",
                 )
-            refusal = node.try_step(Request.STEP_PAUSED)
-            if refusal:
-                return answer(response, Result.RESULT_OPERATION_FAILED, refusal)
+            if refusal := node.try_step(Request.STEP_PAUSED):
+                return self._failed(response, refusal)
             if node.mission.number != number:
                 # With auto_reset, the remaining steps would belong to another mission.
                 break
-        return answer(response)
+        return self._answer(response)
 
-    def get_state(_: Any, response: Any) -> Any:
-        response.state.state = int(node.state)
-        return answer(response)
+    def get_state(self, _: Any, response: Any) -> Any:
+        """Return whether the simulation is stopped, playing or paused."""
+        response.state.state = int(self._node.state)
+        return self._answer(response)
 
-    def set_state(request: Any, response: Any) -> Any:
+    def set_state(self, request: Any, response: Any) -> Any:
+        """Stop, play or pause the simulation."""
         wanted = request.state.state
         if wanted not in _REQUESTS:
-            return answer(
-                response,
-                Result.RESULT_FEATURE_UNSUPPORTED,
-                f"state must be stopped, playing or paused, got {wanted}",
+            return self._unsupported(
+                response, f"state must be stopped, playing or paused, got {wanted}"
             )
-        if wanted == node.state:
-            return answer(response, SetSimulationState.Response.ALREADY_IN_TARGET_STATE)
-        node.change_state(_REQUESTS[wanted])
-        return answer(response)
+        if wanted == self._node.state:
+            return self._answer(response, self._already)
+        self._node.change_state(_REQUESTS[wanted])
+        return self._answer(response)
 
-    def get_features(_: Any, response: Any) -> Any:
+    def get_features(self, _: Any, response: Any) -> Any:
+        """Return what the services can do."""
+        of = self._features
         response.features.features = [
-            SimulatorFeatures.SIMULATION_RESET,
-            *([SimulatorFeatures.SIMULATION_RESET_TIME] if has_time else []),
-            SimulatorFeatures.SIMULATION_RESET_STATE,
-            SimulatorFeatures.SIMULATION_STATE_GETTING,
-            SimulatorFeatures.SIMULATION_STATE_SETTING,
-            SimulatorFeatures.SIMULATION_STATE_PAUSE,
-            SimulatorFeatures.STEP_SIMULATION_SINGLE,
-            SimulatorFeatures.STEP_SIMULATION_MULTIPLE,
+            of.SIMULATION_RESET,
+            *([of.SIMULATION_RESET_TIME] if self._has_time else []),
+            of.SIMULATION_RESET_STATE,
+            of.SIMULATION_STATE_GETTING,
+            of.SIMULATION_STATE_SETTING,
+            of.SIMULATION_STATE_PAUSE,
+            of.STEP_SIMULATION_SINGLE,
+            of.STEP_SIMULATION_MULTIPLE,
         ]
         return response
 
+
+def serve(node: SimNode) -> bool:
+    """Offer reset, step, state and features; return whether the package is installed."""
+    try:
+        from simulation_interfaces import msg, srv
+    except ImportError:
+        return False
+    services = _Services(node, msg, srv)
     for name, kind, callback in (
-        ("reset_simulation", ResetSimulation, reset),
-        ("step_simulation", StepSimulation, step),
-        ("get_simulation_state", GetSimulationState, get_state),
-        ("set_simulation_state", SetSimulationState, set_state),
-        ("get_simulator_features", GetSimulatorFeatures, get_features),
+        ("reset_simulation", srv.ResetSimulation, services.reset),
+        ("step_simulation", srv.StepSimulation, services.step),
+        ("get_simulation_state", srv.GetSimulationState, services.get_state),
+        ("set_simulation_state", srv.SetSimulationState, services.set_state),
+        ("get_simulator_features", srv.GetSimulatorFeatures, services.get_features),
     ):
         node.create_service(kind, f"~/{name}", callback)
     return True

@@ -25,7 +25,7 @@ from dsse_ros.scenario.definition import SearchDefinition
 from dsse_ros.scenario.fields import FieldError, Spec
 from dsse_ros.scenario.options import check_seed
 from dsse_ros.scenario.rules import Rules
-from dsse_ros.scenario.scenario import Scenario, ScenarioSource, scenario_and_rules
+from dsse_ros.scenario.scenario import ScenarioSource, scenario_and_rules
 from dsse_ros.scenario.swarm import number_of
 from dsse_ros.search.agent_actions import action_of
 from dsse_ros.search.observation import AgentObservation, Observation, Started, agent_infos
@@ -334,7 +334,6 @@ def play_missions(
     seed: int | Sequence[int] = 0,
     planner_seeds: Sequence[int] | None = None,
     options: Mapping[str, Any] | None = None,
-    assumed: Scenario | None = None,
     withdraw_at: int | None = None,
     threads: int = 1,
     **fields: object,
@@ -343,8 +342,8 @@ def play_missions(
 
     Args:
         count: M.
-        planner: One of `PLANNER_NAMES`, or a factory. Unless the planner is `Shareable`,
-            `copy.deepcopy` must copy its state.
+        planner: One of `PLANNER_NAMES`, or a factory, which may give the planner another search to
+            assume. Unless the planner is `Shareable`, `copy.deepcopy` must copy its state.
         scenario: As in `parallel_env`.
         rules: As in `parallel_env`.
         seed: Mission m equals that of an environment seeded with seed + m, or with seed[m].
@@ -353,7 +352,6 @@ def play_missions(
             planner of each mission has the mission's seed. Missions that share a planner seed are
             not independent samples of a planner that draws.
         options: Options of the planner.
-        assumed: Scenario that the planner gets, by default that of the missions.
         withdraw_at: Step after which the last drone of each mission is withdrawn, see
             `SearchEnv.withdraw`.
         threads: Number of threads.
@@ -370,7 +368,7 @@ def play_missions(
     if isinstance(planner, str):
         check_task(planner, chosen_rules)
     seeds, of_planners = _checked_seeds(seed, planner_seeds, count)
-    search = SearchDefinition(chosen_rules, assumed or chosen)
+    search = SearchDefinition(chosen_rules, chosen)
     world = World(chosen, chosen_rules, count, write_maps=False, threads=threads)
     world.seed(seeds)
     world.reset()

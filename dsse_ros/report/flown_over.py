@@ -27,15 +27,13 @@ def places_of(
     return np.stack(places, axis=-1).astype(np.float64)
 
 
-def check_flown(
-    places: NDArray[np.float64], col: NDArray[np.int64], row: NDArray[np.int64]
-) -> None:
+def check_flown(places: NDArray[np.float64], cells: NDArray[np.int64]) -> None:
     """Raise unless places (K, N, 2) lie in their cells.
 
     Raises:
         ValueError: If they do not.
     """
-    away = np.abs(places - np.stack([col, row], axis=2))
+    away = np.abs(places - cells)
     # This form of the comparison also refuses NaN.
     if not (away <= 0.5 + _TOLERANCE).all():
         raise ValueError("scenario: the recorded positions do not lie in their cells")

@@ -397,23 +397,36 @@ def _increasing(steps: NDArray[np.int64]) -> NDArray[np.int64]:
     return steps
 
 
-def _check_positions(
+def _places(
+    definition: SearchDefinition,
     scenario: ResolvedScenario,
-    metres: Sequence[NDArray[np.float64]],
-    col: NDArray[np.int64],
-    row: NDArray[np.int64],
-) -> None:
-    """Raise unless positions in metres to the east and north are those of cells of the scenario.
+    cells: NDArray[np.int64],
+    metres: NDArray[np.float64],
+    count: int,
+) -> NDArray[np.float64] | None:
+    """Return (col, row) of the drones in metres, (K, N, 2) with fractions; None on cells.
+
+    Args:
+        definition: What was searched.
+        scenario: Its scenario.
+        cells: (K, N + P, 2) as (col, row), of the drones and the persons.
+        metres: (K, N + P, 2), to the east and to the north.
+        count: N.
 
     Raises:
-        ValueError: If they are not.
+        ValueError: If metres and cells are of different positions.
     """
-    expected = cell_to_map(scenario_frame(scenario), col, row)
-    if not np.allclose(metres, expected, rtol=0, atol=_ROUNDING_M):
+    first, places = 0, None
+    if definition.rules.in_metres:
+        first, places = count, places_of(scenario, *np.moveaxis(metres[:, :count], 2, 0))
+        check_flown(places, cells[:, :count])
+    expected = cell_to_map(scenario_frame(scenario), *np.moveaxis(cells[:, first:], 2, 0))
+    if not np.allclose(np.moveaxis(metres[:, first:], 2, 0), expected, rtol=0, atol=_ROUNDING_M):
         raise ValueError(
             f"scenario: {scenario.grid_size} cells of {scenario.cell_size:g} m a side do not have "
             "the recorded positions"
         )
+    return places
 
 
 def _work(names: NDArray[np.str_]) -> NDArray[np.int8]:
@@ -444,57 +457,45 @@ def _mission(
     check_cells(scenario.grid_size, max_cells)
     table = np.array(steps)
 
-    def column(name: str, kind: Any, agents: slice) -> NDArray[Any]:
+    def column(name: str, kind: Any = np.float64, agents: slice = slice(0, count)) -> NDArray[Any]:
         values: NDArray[Any] = table[:, agents, columns.index(name)].astype(kind)
         return values
 
-    drones, persons, everybody = slice(0, count), slice(count, None), slice(None)
-    numbers = _increasing(column("step", np.int64, drones)[:, 0])
-    col, row = (column(name, np.int64, everybody) for name in ("col", "row"))
-    east, north = (column(name, np.float64, everybody) for name in ("east_m", "north_m"))
-    in_cells = turns = None
-    if rules.in_metres:
-        in_cells = places_of(scenario, east[:, drones], north[:, drones])
-        check_flown(in_cells, col[:, drones], row[:, drones])
-        turns = np.stack([column(name, np.float64, drones) for name in ("turn", "speed")], axis=2)
-    checked = persons if rules.in_metres else everybody
-    _check_positions(
-        scenario, (east[:, checked], north[:, checked]), col[:, checked], row[:, checked]
-    )
-    cells, pos = np.stack([col, row], axis=2), table[:, 0, columns.index("pos")]
+    persons, everybody = slice(count, None), slice(None)
+    cells = np.stack([column(name, np.int64, everybody) for name in ("col", "row")], axis=2)
+    metres = np.stack([column(name, agents=everybody) for name in ("east_m", "north_m")], axis=2)
+    pos = table[:, 0, columns.index("pos")]
     # Not what was observed, which metres belong to.
     true = [name for name in ("true_col", "true_row") if name in columns]
-    of_drones = np.stack([column(name, np.int64, drones) for name in true or ("col", "row")], 2)
+    of_drones = np.stack([column(name, np.int64) for name in true or ("col", "row")], axis=2)
 
-    def flag(name: str, agents: slice = drones) -> NDArray[np.bool_]:
-        return column(name, np.int64, agents).astype(bool)
+    def flag(name: str, **agents: slice) -> NDArray[np.bool_]:
+        return column(name, np.int64, **agents).astype(bool)
 
-    rate, repeated = (
-        column(name, np.float64, drones)[:, 0] if name in columns else None for name in OF_COVERAGE
-    )
+    rate, repeated = (column(name)[:, 0] if name in columns else None for name in OF_COVERAGE)
     return check_limit(
         RecordedMission(
             number=int(table[0, 0, 0]),
-            steps=numbers,
-            times_s=column("time_s", np.float64, drones)[:, 0],
+            steps=_increasing(column("step", np.int64)[:, 0]),
+            times_s=column("time_s")[:, 0],
             cells=of_drones,
-            actions=column("action", np.str_, drones),
-            commands=column("command" if "command" in columns else "action", np.str_, drones),
-            work=_work(column("work", np.str_, drones)) if "work" in columns else None,
-            rewards=column("reward", np.float64, drones),
+            actions=column("action", np.str_),
+            commands=column("command" if "command" in columns else "action", np.str_),
+            work=_work(column("work", np.str_)) if "work" in columns else None,
+            rewards=column("reward"),
             terminated=flag("terminated"),
             truncated=flag("truncated"),
             found=flag("found"),
             held=flag("held"),
             rules=rules,
             scenario=scenario,
-            probabilities=column("probability", np.float64, drones),
+            probabilities=column("probability"),
             pos=pos.astype(np.float64) if (pos != "").all() else None,
             coverage_rate=rate,
             repeated_coverage=repeated,
             persons=cells[:, persons],
-            person_found=flag("found", persons),
-            in_cells=in_cells,
-            turns=turns,
+            person_found=flag("found", agents=persons),
+            in_cells=_places(definition, scenario, cells, metres, count),
+            turns=np.stack([column("turn"), column("speed")], axis=2) if rules.in_metres else None,
         )
     )

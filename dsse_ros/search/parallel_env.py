@@ -425,15 +425,6 @@ def parallel_env(
     scenario: ScenarioSource = None,
     *,
     rules: str | Rules = "auto",
-    grid_size: int | None = None,
-    num_drones: int | None = None,
-    vector: tuple[float, float] | None = None,
-    person_initial_position: tuple[int, int] | None = None,
-    person_amount: int | None = None,
-    sigma: float | None = None,
-    timestep_limit: int | None = None,
-    cell_size: float | None = None,
-    drone_speed: float | None = None,
     render_mode: str | None = None,
     observe: str = "map",
     **fields: Any,
@@ -445,38 +436,16 @@ def parallel_env(
             profile's defaults.
         rules: The name of a profile or a `Rules` value; `auto` is `sea` with an incident, else
             `paper`.
-        grid_size: Cells along a side.
-        num_drones: Number of drones.
-        vector: Drift (x to the east, y to the south) in cells per step.
-        person_initial_position: Last known cell (x, y) of the person.
-        person_amount: Number of persons.
-        sigma: Spread of the probability in cells.
-        timestep_limit: Number of steps the drones can do.
-        cell_size: Side of a cell in metres.
-        drone_speed: Airspeed in metres per second, equal to the ground speed without wind; a step
-            lasts cell_size / drone_speed of the fastest drone.
         render_mode: ansi, rgb_array, human or None.
         observe: The map that agents observe: `map`, drawn by the rules, or `belief`, updated with
             the searches.
-        fields: Any other field of `Scenario` or `Rules`, by name.
+        fields: Fields of `Scenario` or `Rules` by name, such as `grid_size`, `num_drones` and
+            `timestep_limit`; they replace those of the scenario and the rules.
 
     Raises:
         FieldError: If a field is unknown or a value is not allowed.
     """
-    chosen = scenario_and_rules(
-        scenario,
-        rules,
-        grid_size=grid_size,
-        num_drones=num_drones,
-        vector=vector,
-        person_initial_position=person_initial_position,
-        person_amount=person_amount,
-        sigma=sigma,
-        timestep_limit=timestep_limit,
-        cell_size=cell_size,
-        drone_speed=drone_speed,
-        **fields,
-    )
+    chosen = scenario_and_rules(scenario, rules, **fields)
     # It extends this module.
     from dsse_ros.search.environments import search_env
 

@@ -147,10 +147,7 @@ def test_log_diagnostics_and_report_state_what_strands_and_what_is_outside(
     facts = dict(page.facts)
     assert facts["Stranded"] == f"{laid.stranded:.1%}"
     assert facts["POC outside"] == f"{1.0 - laid.inside:.1%}"
-    shown = status.values(
-        mission, run_id=1, step_mode="lockstep", timeouts=0, publishers={}, duplicates=0,
-        late=None, lost={}, rejected={},
-    )  # fmt: skip
+    shown = status.values(mission, {}, publishers={}, late=None, lost={}, rejected={})
     assert shown["poc_outside"] == f"{mission.poc_outside:.6f}"
     assert shown["stranded"] == f"{laid.stranded:.6f}"
 

@@ -4,7 +4,9 @@
 
 from __future__ import annotations
 
+import ast
 import re
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -17,6 +19,16 @@ MACHINE_PATH = re.compile(r"(?<![\w./~-])/(?:home|root|Users|work)/")
 UPWARD_PATH = re.compile(r"(?<![\w./])(?:\.\./)+[\w.-]+")
 PACKAGES = ("benchmarks", "dsse_ros", "msg_adapters", "soak")
 MAX_LINES = 500
+MAX_FUNCTION_LINES = 60
+MAX_PARAMETERS = 8
+LONG_SIGNATURES = {
+    "dsse_ros/compat/coverage.py: __init__": "the signature of DSSE",
+    "dsse_ros/compat/search.py: __init__": "the signature of DSSE",
+    "dsse_ros/compat/v1.py: __init__": "the signature of DSSE",
+    "dsse_ros/planners/batch.py: play_missions": "each is varied by itself in experiments",
+    "dsse_ros/step/recipe.py: step_world": "Numba prunes branches only for arguments that are None",
+}
+"""Functions with more parameters, and why."""
 MAX_FLIGHT_MODULES = 13
 MAX_OWN_LINES = {"dsse_ros/nodes/sim_node.py": 455}
 
@@ -71,6 +83,34 @@ def test_a_module_is_short_enough_to_be_read_at_once() -> None:
         if lines(path) > MAX_OWN_LINES.get(name, MAX_LINES)
     }
     assert long == {}
+
+
+def functions() -> Iterator[tuple[str, ast.FunctionDef | ast.AsyncFunctionDef]]:
+    """Yield the functions of the packages with the names of their file and of themselves."""
+    for name, path in by_name(files()).items():
+        if name.startswith(PACKAGES) and name.endswith(".py"):
+            for node in ast.walk(ast.parse(text(path))):
+                if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
+                    yield f"{name}: {node.name}", node
+
+
+def length_of(node: ast.FunctionDef | ast.AsyncFunctionDef) -> int:
+    return (node.end_lineno or 0) - node.lineno + 1
+
+
+def test_a_function_is_short_enough_to_be_one_thought() -> None:
+    long = {name for name, node in functions() if length_of(node) > MAX_FUNCTION_LINES}
+    assert long == set()
+
+
+def test_a_function_has_few_parameters() -> None:
+    long = set()
+    for name, node in functions():
+        of = node.args
+        names = [one.arg for one in (*of.posonlyargs, *of.args, *of.kwonlyargs)]
+        if len([one for one in names if one not in ("self", "cls")]) > MAX_PARAMETERS:
+            long.add(name)
+    assert long == {*LONG_SIGNATURES}
 
 
 def test_flight_has_few_modules() -> None:

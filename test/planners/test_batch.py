@@ -200,12 +200,13 @@ def test_every_planner_plays_missions(name: str) -> None:
 
 def test_planners_may_be_given_another_scenario_than_the_one_that_is_played() -> None:
     env = parallel_env(**V2, vector=(0.8, 0.6))
-    assumed = env.scenario.override(vector=(-0.5, 0.9))
+    assumed = SearchDefinition(env.rules, env.scenario.override(vector=(-0.5, 0.9)))
     missions = play_missions(
-        len(SEEDS), "belief_greedy", env.scenario, rules=env.rules, seed=SEEDS, assumed=assumed
-    )
+        len(SEEDS), lambda _, *, seed: planner_for(assumed, "belief_greedy", seed=seed),
+        env.scenario, rules=env.rules, seed=SEEDS,
+    )  # fmt: skip
     for m, seed in enumerate(SEEDS):
-        planner = planner_for(SearchDefinition(env.rules, assumed), "belief_greedy")
+        planner = planner_for(assumed, "belief_greedy")
         assert (missions.found[m], missions.steps[m]) == alone(env, planner, seed, None)
 
 

@@ -24,14 +24,10 @@ from dsse_ros.search.observation import RESET_FIRST
 
 def test_the_public_arguments_keep_their_names_and_are_keywords() -> None:
     parameters = inspect.signature(parallel_env).parameters
-    keywords = (
-        *("rules", "grid_size", "num_drones", "vector", "person_initial_position"),
-        *("person_amount", "sigma", "timestep_limit", "cell_size", "drone_speed", "render_mode"),
-    )
     assert next(iter(parameters)) == "scenario"
     assert parameters["scenario"].default is None
     assert parameters["rules"].default == "auto"
-    for name in keywords:
+    for name in ("rules", "render_mode", "observe"):
         assert parameters[name].kind is inspect.Parameter.KEYWORD_ONLY
 
 
