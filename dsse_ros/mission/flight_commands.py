@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dsse_ros.mission.commands import parse_point
-from dsse_ros.mission.flight_follower import Track, has_arrived, steer
+from dsse_ros.mission.flight_follower import TrackLeft, has_arrived, steer
 from dsse_ros.result import Accepted, Rejected, Result
 from dsse_ros.scenario.fields import shown
 from dsse_ros.scenario.frames import GridFrame
@@ -164,7 +164,7 @@ class FlightCommands:
     def clear(self) -> None:
         """Drop all commands and previous actions."""
         self._actions: dict[int, Action] = {}
-        self._tracks: dict[int, Track] = {}
+        self._tracks: dict[int, TrackLeft] = {}
         self._last: dict[int, Action] = {}
 
     def state(self) -> dict[str, Any]:
@@ -175,7 +175,7 @@ class FlightCommands:
     def restore(self, state: Mapping[str, Any]) -> None:
         """Take over the state of another buffer; actions for the next step are cleared."""
         self.clear()
-        self._tracks = {drone: Track(np.array(points)) for drone, points in state["tracks"]}
+        self._tracks = {drone: TrackLeft(np.array(points)) for drone, points in state["tracks"]}
         self._last = {drone: (turn, speed) for drone, (turn, speed) in state["last"]}
 
     def set_action(self, drone: int, action: Action) -> None:
@@ -187,9 +187,9 @@ class FlightCommands:
         """Send the drone along points (M, 2), see `parse_track`, in place of any other command."""
         self._actions.pop(drone, None)
         flight = self._flights.flights[0, drone]
-        self._tracks[drone] = Track(np.vstack([[flight["east"], flight["south"]], points]))
+        self._tracks[drone] = TrackLeft(np.vstack([[flight["east"], flight["south"]], points]))
 
-    def track_of(self, drone: int) -> Track | None:
+    def track_of(self, drone: int) -> TrackLeft | None:
         """Return what is left of a drone's track, None without one."""
         return self._tracks.get(drone)
 

@@ -12,7 +12,7 @@ from rosgraph_msgs.msg import Clock
 from std_msgs.msg import String
 
 from dsse_ros.message_types import message_class
-from dsse_ros.mission.flight_follower import Track
+from dsse_ros.mission.flight_follower import TrackLeft
 from dsse_ros.mission.flight_mission import FlightMission
 from dsse_ros.mission.flown import Motion, motions
 from dsse_ros.mission.mission import Mission, StepResult
@@ -102,7 +102,7 @@ class MissionPublishers:
         # The state that was last published on each topic of paths and markers.
         self._seen: dict[Publisher, tuple[int, ...]] = {}
         # The track that was last published for each drone.
-        self._plans: dict[int, Track | None] = {}
+        self._plans: dict[int, TrackLeft | None] = {}
 
     @property
     def run_id(self) -> int:

@@ -14,23 +14,13 @@ from dsse_ros.planners.flight_patterns import Datum
 from dsse_ros.planners.planner import DrawsNothing
 from dsse_ros.step.flight_paths import Wind, pieces_of
 from dsse_ros.step.flight_steering import steer
-from dsse_ros.step.polylines import points_at
+from dsse_ros.step.polylines import SAMPLES, goal_within_reach, nearest
 
 Floats = NDArray[np.float64]
 
-SAMPLES = 64
-"""Points of a track that a drone may fly to in a step, among which it chooses."""
-HALVINGS = 10
-"""Halvings of the way between the farthest point within reach and the next one."""
-
 
 class TrackFollower(DrawsNothing):
-    """Flies each drone along its own track.
-
-    A drone that can hover flies straight to the farthest point of its track that it reaches in the
-    step, such that it is never farther than the tolerance from its track; it slows down for sharp
-    corners. One that cannot flies towards the point that is a step ahead, and turns as tightly as
-    it can.
+    """Flies each drone along its own track, see `polylines`.
 
     Args:
         tracks: (K, 2) float64 each, relative to the datum, see `flight_patterns.tracks_of`.
@@ -72,58 +62,16 @@ class TrackFollower(DrawsNothing):
         relative = positions - self._datum.at(now_s)
         flown, goals = self._flown.copy(), self._goals.copy()
         points = np.empty((len(flights), 2))
+        wind, step_s = self._wind, self._wind.step_s
+        carried = (np.array([wind.east, wind.south]) - self._datum.drift) * step_s
         for k, n in enumerate(numbers.tolist()):
-            flown[n] = self._progress(n, relative[k])
-            goals[n], points[k] = self._goal(n, relative[k], flown[n])
+            track, flyer = self._tracks[n], self._flyers[n]
+            passed = np.linspace(goals[n], flown[n], SAMPLES + 1)
+            flown[n] = nearest(track, relative[k], passed)
+            goals[n], points[k] = goal_within_reach(
+                track, relative[k], flown[n], float(flyer["cruise"]) * step_s, carried,
+                math.inf if flyer["slowest"] > 0.0 else self._tolerance,
+            )  # fmt: skip
         self._flown, self._goals = flown, goals
         goal = points + self._datum.at(now_s + self._wind.step_s)
         return steer(self._flyers[numbers], self._wind, self._side, flights, goal, True, self._path)
-
-    def _progress(self, n: int, position: Floats) -> float:
-        """Return the length of the track to the point next to a drone, up to its last goal."""
-        lengths = np.linspace(self._goals[n], self._flown[n], SAMPLES + 1)
-        away = np.hypot(*(points_at(self._tracks[n], lengths) - position).T)
-        return float(lengths[np.argmin(away)])
-
-    def _goal(self, n: int, position: Floats, flown: float) -> tuple[float, Floats]:
-        """Return where on its track a drone flies to in the step, as a length and a point."""
-        flyer, step_s = self._flyers[n], self._wind.step_s
-        carried = (np.array([self._wind.east, self._wind.south]) - self._datum.drift) * step_s
-        reach = float(flyer["cruise"]) * step_s
-
-        def within_reach(point: Floats) -> NDArray[np.bool_]:
-            return np.hypot(*(point - position - carried).T) <= reach
-
-        lengths = flown + (reach + math.hypot(*carried)) * np.arange(SAMPLES + 1) / SAMPLES
-        points = points_at(self._tracks[n], lengths)
-        allowed = within_reach(points)
-        if flyer["slowest"] <= 0.0:
-            allowed &= _deviations(position, points) <= self._tolerance
-        allowed[0] = True
-        last = int(np.argmin(allowed)) - 1 if not allowed.all() else SAMPLES
-        low = float(lengths[last])
-        if last < SAMPLES and not within_reach(points[last + 1]):
-            high = float(lengths[last + 1])
-            for _ in range(HALVINGS):
-                middle = (low + high) / 2
-                if within_reach(points_at(self._tracks[n], np.array(middle))):
-                    low = middle
-                else:
-                    high = middle
-        return low, points_at(self._tracks[n], np.array(low))
-
-
-def _deviations(start: Floats, points: Floats) -> Floats:
-    """Return how far a track leads from the straight line to each of its points, (S,).
-
-    Args:
-        start: (2,) float64, where the lines begin.
-        points: (S, 2) float64, points of the track.
-    """
-    lines = points - start
-    squared = np.maximum((lines**2).sum(axis=1), 1e-12)
-    away = points[None] - start
-    share = np.clip((away * lines[:, None]).sum(axis=2) / squared[:, None], 0.0, 1.0)
-    distance = np.hypot(*np.moveaxis(away - share[..., None] * lines[:, None], 2, 0))
-    before = np.tri(len(points), dtype=bool)
-    return np.where(before, distance, 0.0).max(axis=1)
