@@ -22,7 +22,6 @@ from benchmarks import (
     lockstep,
     memory,
     plot,
-    published_scripts,
     recorded,
     sea,
     seeding,
@@ -83,9 +82,6 @@ SECTIONS: Mapping[str, Callable[[Setup], Any]] = {
     "sea": lambda setup: sea.measure(rounds=setup.rounds(2, 6), log=_print),
     "recorded": lambda setup: recorded.measure(
         rounds=setup.rounds(2, 6), seconds=setup.seconds, log=_print
-    ),
-    "published_scripts": lambda setup: published_scripts.measure(
-        setup.pythons, rounds=setup.rounds(3, 10), seconds=0.2, log=_print
     ),
 }
 

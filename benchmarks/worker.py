@@ -12,8 +12,8 @@ import json
 import os
 import sys
 import time
-from collections.abc import Callable, Iterator
-from itertools import islice
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from itertools import cycle, islice
 from typing import Any
 
 MakeWork = Callable[[dict[str, Any]], Iterator[int]]
@@ -70,6 +70,27 @@ class _Runner:
         while done < steps:
             done += sum(islice(self._work, self._between_looks))
         return {"steps": done, "present": present_bytes()}
+
+
+def play_walks(
+    env: Any, walks: Iterable[Sequence[dict[str, int]]], reset: Callable[[], object]
+) -> Iterator[int]:
+    """Yield 1 for every call of `step`; each walk is an episode to its time limit, over and over.
+
+    Args:
+        env: An environment after a reset.
+        walks: The joint actions of each episode.
+        reset: Resets the environment.
+    """
+    for walk in cycle(walks):
+        for call, joint in enumerate(walk, start=1):
+            env.step(joint)
+            yield 1
+            if not env.agents and call < len(walk):
+                raise RuntimeError(f"the episode ended after {call} calls of {len(walk)}")
+        if env.agents:
+            raise RuntimeError(f"the episode goes on after {len(walk)} calls")
+        reset()
 
 
 def serve(make: MakeWork) -> None:

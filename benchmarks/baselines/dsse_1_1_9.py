@@ -5,13 +5,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from itertools import cycle
+from functools import partial
 from typing import Any
 
 import numpy as np
 from DSSE import DroneSwarmSearch  # type: ignore[import-not-found]
 
-from benchmarks.worker import serve
+from benchmarks.worker import play_walks, serve
 
 
 def make(config: dict[str, Any]) -> Iterator[int]:
@@ -33,15 +33,8 @@ def make(config: dict[str, Any]) -> Iterator[int]:
         timestep_limit=fields["timestep_limit"],
     )
     options = {"drones_positions": [tuple(cell) for cell in starts.tolist()]}
-    for walk in cycle(walks):
-        env.reset(options=options)
-        for call, joint in enumerate(walk, start=1):
-            env.step(joint)
-            yield 1
-            if not env.agents and call < len(walk):
-                raise RuntimeError(f"the episode ended after {call} calls of {len(walk)}")
-        if env.agents:
-            raise RuntimeError(f"the episode goes on after {len(walk)} calls")
+    env.reset(options=options)
+    yield from play_walks(env, walks, partial(env.reset, options=options))
 
 
 if __name__ == "__main__":

@@ -5,12 +5,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from itertools import cycle
 from typing import Any
 
 import numpy as np
 
-from benchmarks.worker import serve
+from benchmarks.worker import play_walks, serve
 from dsse_ros.search import parallel_env, vector_env
 
 
@@ -32,15 +31,7 @@ def single(fields: dict[str, Any], actions: Any) -> Iterator[int]:
         for walk in actions.swapaxes(0, 1).tolist()
     ]
     env.reset(seed=1)
-    for walk in cycle(walks):
-        for call, joint in enumerate(walk, start=1):
-            env.step(joint)
-            yield 1
-            if not env.agents and call < len(walk):
-                raise RuntimeError(f"the episode ended after {call} calls of {len(walk)}")
-        if env.agents:
-            raise RuntimeError(f"the episode goes on after {len(walk)} calls")
-        env.reset()
+    yield from play_walks(env, walks, env.reset)
 
 
 def batch(

@@ -13,7 +13,6 @@ from dsse_ros.nodes.settings import RecorderSettings
 from dsse_ros.recording.bag import BagWriter
 from dsse_ros.recording.missed import Missed
 from dsse_ros.recording.offered_qos import to_yaml
-from dsse_ros.runtime.exit_codes import FAILED
 from dsse_ros.runtime.polling import RawMessage
 from dsse_ros.runtime.qos import read_settings
 from dsse_ros.runtime.run_node import AlarmNode, run_node
@@ -37,7 +36,6 @@ class RecorderNode(AlarmNode):
         FieldError: If a parameter is not allowed, or the file cannot be written.
     """
 
-    failed = False
 
     def __init__(self) -> None:
         super().__init__("recorder")
@@ -137,16 +135,13 @@ def main(argv: list[str] | None = None) -> int:
 
     It is 2 for bad input, 3 where the bag could not be written to its end.
     """
-    nodes: list[RecorderNode] = []
 
     def make() -> RecorderNode:
         # Set it before the node: threads inherit it, and DDS starts its threads with the node.
         os.nice(_NICENESS)
-        nodes.append(RecorderNode())
-        return nodes[0]
+        return RecorderNode()
 
-    code = run_node("recorder", make, argv)
-    return FAILED if nodes and nodes[0].failed else code
+    return run_node("recorder", make, argv)
 
 
 if __name__ == "__main__":

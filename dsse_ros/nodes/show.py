@@ -17,7 +17,6 @@ from std_msgs.msg import String
 
 from dsse_ros.mission.report_table import ReportTable
 from dsse_ros.nodes.settings import ShowSettings
-from dsse_ros.runtime.exit_codes import FAILED
 from dsse_ros.runtime.qos import COMPLETE, read_settings
 from dsse_ros.runtime.run_node import AlarmNode, run_node
 from dsse_ros.scenario.agents_inbox import AgentsInbox
@@ -39,7 +38,6 @@ class ShowNode(AlarmNode):
         FieldError: If a parameter is not allowed.
     """
 
-    failed = False
 
     def __init__(self) -> None:
         super().__init__("show")
@@ -105,14 +103,7 @@ def main(argv: list[str] | None = None) -> int:
 
     It is 2 for bad input, 3 where the output could not be written.
     """
-    nodes: list[ShowNode] = []
-
-    def make() -> ShowNode:
-        nodes.append(ShowNode())
-        return nodes[0]
-
-    code = run_node("show", make, argv)
-    return FAILED if nodes and nodes[0].failed else code
+    return run_node("show", ShowNode, argv)
 
 
 if __name__ == "__main__":

@@ -34,7 +34,7 @@ from rclpy.utilities import get_rmw_implementation_identifier, remove_ros_args
 from dsse_ros.defects import Defects, describe
 from dsse_ros.runtime import discovery, security
 from dsse_ros.runtime.alarms import Alarms
-from dsse_ros.runtime.exit_codes import fail
+from dsse_ros.runtime.exit_codes import FAILED, fail
 from dsse_ros.runtime.interrupts import WatchedStop, leave_on_signals, on_signals
 from dsse_ros.runtime.parameters import QOS_PREFIX, declarable, overrides
 from dsse_ros.runtime.ros_arguments import (
@@ -90,10 +90,12 @@ class AlarmNode(Node):
         program: Name of the node if it is not remapped.
         alarms: Alarms, in seconds of wall time.
         finished: Whether the node has done its work, so that its process ends.
+        failed: Whether the node could not do its work to the end.
         typed_names: Parameters given with -p, not in a file that other nodes may read too.
     """
 
     finished = False
+    failed = False
 
     def __init__(self, name: str, **options: Any) -> None:
         super().__init__(name, automatically_declare_parameters_from_overrides=True, **options)
@@ -199,7 +201,9 @@ class AlarmNode(Node):
 
 
 def run_node(name: str, make_node: Callable[[], AlarmNode], argv: list[str] | None) -> int:
-    """Make a node, spin it until it has ended, SIGINT or SIGTERM; returns the process's exit code.
+    """Make a node, spin it until it has ended, SIGINT or SIGTERM; return the process's exit code.
+
+    It is 2 for bad input and 3 if the node has failed.
 
     The process should exit soon after the return: from then on it ignores both signals. If leaving
     ROS takes longer than `LEAVING_S`, the process ends. If a callback keeps the loop from ending,
@@ -236,7 +240,7 @@ def run_node(name: str, make_node: Callable[[], AlarmNode], argv: list[str] | No
         on_signals(signal.SIG_IGN)
         stop.loop_ended.set()
         leave_ros(executor, node)
-    return 0
+    return FAILED if node is not None and node.failed else 0
 
 
 @contextlib.contextmanager
