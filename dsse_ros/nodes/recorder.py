@@ -36,7 +36,6 @@ class RecorderNode(AlarmNode):
         FieldError: If a parameter is not allowed, or the file cannot be written.
     """
 
-
     def __init__(self) -> None:
         super().__init__("recorder")
         self.settings, endpoints = read_settings(self, RecorderSettings)

@@ -38,7 +38,6 @@ class ShowNode(AlarmNode):
         FieldError: If a parameter is not allowed.
     """
 
-
     def __init__(self) -> None:
         super().__init__("show")
         settings, endpoints = read_settings(self, ShowSettings)
