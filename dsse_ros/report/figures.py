@@ -54,10 +54,10 @@ _SALT = "dsse_ros"
 """Of the ids in an SVG, which are random without one."""
 
 
-def png(figure: Figure, dpi: int = PNG_DPI) -> bytes:
+def png(figure: Figure) -> bytes:
     """Return a figure as PNG."""
     out = io.BytesIO()
-    figure.savefig(out, format="png", dpi=dpi)
+    figure.savefig(out, format="png", dpi=PNG_DPI)
     return out.getvalue()
 
 
