@@ -530,7 +530,7 @@ def test_the_readme_is_read_in_five_minutes() -> None:
 
 
 def test_every_profile_has_its_row_and_its_column() -> None:
-    assert set(table(README, "Rules", "Profile")) == set(PROFILES)
+    assert set(table(RULES, "Search rules", "Profile")) == set(PROFILES)
     for row in table(RULES, "Rule by rule", "Rule").values():
         assert [name.strip("`") for name in row][1:] == list(PROFILES)
 
