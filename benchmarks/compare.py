@@ -33,7 +33,8 @@ from benchmarks.planner_tables import BASELINE
 from benchmarks.reference_values import GREEDY, PPO, REINFORCE, SWEEP, Source
 from dsse_ros.campaign.estimates import clusters, of_mean, of_share
 from dsse_ros.planners import Planner, Search, load_planner, planner_for
-from dsse_ros.planners.batch import PlayedMissions, play_missions
+from dsse_ros.planners.batch import play_missions
+from dsse_ros.planners.mission_batches import PlayedMissions
 from dsse_ros.progress import progress, say
 from dsse_ros.scenario.definition import SearchDefinition
 from dsse_ros.scenario.scenario import scenario_and_rules

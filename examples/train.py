@@ -47,7 +47,8 @@ from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.logger import configure
 from tqdm import tqdm
 
-from dsse_ros.planners.batch import PlayedMissions, play_missions
+from dsse_ros.planners.batch import play_missions
+from dsse_ros.planners.mission_batches import PlayedMissions
 from dsse_ros.search import vector_env
 from dsse_ros.search.drone_slots import DroneSlots, Transition, searched_probability
 from dsse_ros.training.export import export

@@ -10,7 +10,7 @@ draws nothing to the end, because it can only learn from failed searches.
 from __future__ import annotations
 
 import copy
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dsse_ros.planners.belief import BeliefPlanner, Forecasts
+from dsse_ros.planners.mission_batches import MissionBatch, PlayedMissions, batch_of
 from dsse_ros.planners.planner import Planner, PlannerFactory, Shareable
 from dsse_ros.planners.registry import check_task, load_planner
 from dsse_ros.scenario.definition import SearchDefinition
@@ -27,138 +28,7 @@ from dsse_ros.scenario.options import check_seed
 from dsse_ros.scenario.rules import Rules
 from dsse_ros.scenario.scenario import ScenarioSource, scenario_and_rules
 from dsse_ros.scenario.swarm import number_of
-from dsse_ros.search.agent_actions import action_of
-from dsse_ros.search.observation import AgentObservation, Observation, Started, agent_infos
-from dsse_ros.search.world import HOLD, World
-
-
-@dataclass(frozen=True)
-class PlayedMissions:
-    """Results of M missions.
-
-    Attributes:
-        found: (M,) bool, whether every person was found.
-        steps: (M,) int64, steps until the end; the limit if not every person was found. With rules
-            that let drones act after the limit (`v1`), a find may come later than that.
-        lost: (M,) int64, drones that had collided, left the grid or been withdrawn at the end;
-            0 if every person was found.
-        path_length_m: (M,) float64, distance that all drones flew until the end, from cell centre
-            to cell centre; in metres along their paths.
-        collisions: (M,) int64, pairs of active drones in the same cell after a step, summed over
-            the steps; 0 in metres.
-        planner_seeds: (M,) int64, seed of the planner; -1 if it drew nothing, so that any seed
-            would have given the same mission.
-    """
-
-    found: NDArray[np.bool_]
-    steps: NDArray[np.int64]
-    lost: NDArray[np.int64]
-    path_length_m: NDArray[np.float64]
-    collisions: NDArray[np.int64]
-    planner_seeds: NDArray[np.int64]
-
-
-class MissionBatch:
-    """M missions that are stepped together: what their drones observe, and their results.
-
-    Attributes:
-        world: The missions.
-        results: Of the missions so far; path lengths are in cells.
-    """
-
-    def __init__(self, world: World) -> None:
-        self.world, count = world, world.num_worlds
-        self.results = PlayedMissions(
-            np.zeros(count, bool), np.full(count, world.scenario.timestep_limit),
-            np.zeros(count, np.int64), np.zeros(count), np.zeros(count, np.int64),
-            np.full(count, -1),
-        )  # fmt: skip
-        self._going = np.ones(count, bool)
-        self._step = 0
-        self._names = [f"drone{n}" for n in range(world.num_drones)]
-        self._fault_masks: NDArray[np.int8] | None = None
-        self._probability = np.empty((0, 0), np.float32)
-
-    def look(self) -> None:
-        """Prepare what all missions share of the next observations."""
-        world = self.world
-        # The map depends on no person, so all missions share it unless cells are covered.
-        first = int(np.argmax(self._going))
-        self._probability = world.map_of(first)
-        if world.faults is not None:
-            self._fault_masks = world.action_masks()
-
-    def observe(self, mission: int, last: Mapping[int, int]) -> Started:
-        """Return what the live drones of a mission observe, after `look`.
-
-        Args:
-            mission: Number of the mission.
-            last: Last action of each drone, by its number.
-        """
-        world, drones = self.world, self.world.drones[mission]
-        live = np.flatnonzero(~(drones["terminated"] | drones["truncated"])).tolist()
-        cells = np.stack([drones["x"], drones["y"]], axis=1)
-        if self._fault_masks is None or world.faults is None:
-            table = world.mask_table
-            masks: Iterable[NDArray[np.int8]] = [table[y][x] for x, y in cells[live].tolist()]
-        else:
-            masks, cells = self._fault_masks[mission, live], world.faults.positions()[mission]
-        seen = self._probability if world.coverage is None else world.map_of(mission)
-        names = [self._names[n] for n in live]
-        observations: dict[str, AgentObservation] = {
-            name: Observation(cells[n].copy(), seen) for name, n in zip(names, live, strict=True)
-        }
-        infos = agent_infos(names, False, masks, world.info_columns(mission, live))
-        for n, info in zip(live, infos.values(), strict=True):
-            info["step"] = self._step
-            if n in last:
-                info.setdefault("action", last[n])
-        return observations, infos
-
-    def action_of(self, agent: str, actions: Mapping[str, Any]) -> Any:
-        """Return the action of an agent, checked.
-
-        Raises:
-            FieldError: If it is missing or not allowed.
-        """
-        return action_of(self.world.rules, agent, actions)
-
-    def nothing(self) -> NDArray[Any]:
-        """Return the actions (M, N) of drones that do nothing."""
-        return np.full(self.world.drones.shape, HOLD, np.int8)
-
-    def fly(self, joint: NDArray[Any]) -> NDArray[np.float64]:
-        """Advance the world by actions (M, N); return how far each drone flew, (M, N) in cells."""
-        world = self.world
-        x, y = world.drones["x"].copy(), world.drones["y"].copy()
-        world.step(joint)
-        return np.hypot(world.drones["x"] - x, world.drones["y"] - y)
-
-    def step(self, joint: NDArray[Any]) -> None:
-        """Advance all missions by one step, and note the results of those that go on.
-
-        Worlds step on after their mission has ended; those steps do not count.
-
-        Args:
-            joint: (M, N), the actions.
-        """
-        world, results, going = self.world, self.results, self._going
-        here = going[:, None] & ~(world.terminated | world.truncated)
-        legs = self.fly(joint) * here
-        self._step += 1
-        for drone in range(world.num_drones):
-            results.path_length_m[:] += legs[:, drone]
-        if not world.rules.in_metres:
-            results.collisions[:] += _collisions(world.drones, here & ~world.drones["clear"])
-        done = world.worlds["done"]
-        found = going & done & (world.worlds["num_missing"] == 0)
-        results.found[found] = True
-        results.steps[found] = self._step
-        if self._step <= world.rules.last_step(world.scenario.timestep_limit):
-            # The end of the time terminates nobody.
-            results.lost[going] = world.terminated[going].sum(axis=1)
-        results.lost[found] = 0
-        self._going = going & ~done
+from dsse_ros.search.world import World
 
 
 @dataclass
@@ -242,21 +112,6 @@ class _Group:
                 replace(self, members=members[chosen], seeds=seeds[chosen], planner=planner)
             )
         return groups
-
-
-def _collisions(drones: NDArray[np.void], here: NDArray[np.bool_]) -> NDArray[np.int64]:
-    """Return the number of pairs, (M,), of drones in the same cell that are `here`, (M, N)."""
-    col, row = drones["x"].astype(np.int64), drones["y"].astype(np.int64)
-    # Give each of the other drones a place of its own.
-    away = -1 - np.arange(drones.shape[1])
-    cells = np.sort(np.where(here, (row << 32) + col, away << 48), axis=1)
-    pairs = np.zeros(len(cells), np.int64)
-    for apart in range(1, cells.shape[1]):
-        same = (cells[:, apart:] == cells[:, :-apart]).sum(axis=1)
-        if not same.any():
-            break
-        pairs += same
-    return pairs
 
 
 def _copied(planner: Planner) -> Planner:
@@ -372,7 +227,7 @@ def play_missions(
     world = World(chosen, chosen_rules, count, write_maps=False, threads=threads)
     world.seed(seeds)
     world.reset()
-    batch = _batch_of(world)
+    batch = batch_of(world)
     groups = list(
         _groups(lambda one: factory(search, seed=one, **(options or {})), of_planners, threads)
     )
@@ -400,15 +255,6 @@ def _play(
             groups = [part for group in groups for part in group.split(world)]
             if not groups:
                 break
-
-
-def _batch_of(world: World) -> MissionBatch:
-    if world.rules.in_metres:
-        # It extends this module.
-        from dsse_ros.planners.flight_batch import FlightBatch
-
-        return FlightBatch(world)
-    return MissionBatch(world)
 
 
 def _joint(batch: MissionBatch, groups: Sequence[_Group]) -> NDArray[Any]:

@@ -27,7 +27,7 @@ from benchmarks.planner_tables import (
     share,
     with_tables,
 )
-from dsse_ros.planners.batch import PlayedMissions
+from dsse_ros.planners.mission_batches import PlayedMissions
 
 
 def test_the_difference_is_one_of_pairs() -> None:
