@@ -31,7 +31,7 @@ class Estimate:
 
 
 def clusters(planner_seeds: NDArray[np.int64]) -> Labels:
-    """Return the clusters of missions, see `batch.PlayedMissions.planner_seeds`."""
+    """Return the clusters of missions, see `mission_batches.PlayedMissions.planner_seeds`."""
     alone = -1 - np.arange(len(planner_seeds))
     seeds = np.where(planner_seeds < 0, alone, planner_seeds)
     return np.unique(seeds, return_inverse=True)[1].reshape(-1)

@@ -36,7 +36,7 @@ class Played:
         planner: Its name.
         case: The scenario.
         seeds: (M,) int64.
-        planner_seeds: (M,) int64, see `batch.PlayedMissions`.
+        planner_seeds: (M,) int64, see `mission_batches.PlayedMissions`.
         found: (M,) bool, whether every person was found.
         steps: (M,) steps until the end; the limit if not every person was found.
         detection_s: (M,) mission time of the last find; infinite if a person was not found.

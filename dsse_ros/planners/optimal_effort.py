@@ -52,13 +52,7 @@ class OptimalEffort(RoutesOnBelief):
 
 
 def make_optimal_effort(search: Search, options: BeliefOptions, *, seed: int) -> BeliefPlanner:
-    """Return the planner `optimal_effort`.
-
-    Args:
-        search: The rules and the scenario.
-        options: The options.
-        seed: Seed for the choice of the cell to step aside to when a route is blocked.
-    """
+    """Return the planner `optimal_effort`: searches allocated by Koopman and Stone; see `RoutesOnBelief` for the seed."""
     return BeliefPlanner(search, OptimalEffort, seed=seed, learn_drift=options.learn_drift)
 
 

@@ -76,13 +76,7 @@ class SolvedRoutes(RoutesOnBelief):
 
 
 def make_route(search: Search, options: BeliefOptions, *, seed: int) -> BeliefPlanner:
-    """Return the planner `route`.
-
-    Args:
-        search: The rules and the scenario.
-        options: The options.
-        seed: Seed for the choice of the cell to step aside to when a route is blocked.
-    """
+    """Return the planner `route`: routes of a solver; see `RoutesOnBelief` for the seed."""
     return BeliefPlanner(search, SolvedRoutes, seed=seed, learn_drift=options.learn_drift)
 
 
