@@ -52,7 +52,7 @@ class OptimalEffort(RoutesOnBelief):
 
 
 def make_optimal_effort(search: Search, options: BeliefOptions, *, seed: int) -> BeliefPlanner:
-    """Return the planner `optimal_effort`: searches allocated by Koopman and Stone; see `RoutesOnBelief` for the seed."""
+    """Return the planner `optimal_effort`; see `RoutesOnBelief` for the seed."""
     return BeliefPlanner(search, OptimalEffort, seed=seed, learn_drift=options.learn_drift)
 
 
