@@ -414,25 +414,21 @@ class SimNode(AlarmNode):
         )
 
     def _publish_diagnostics(self) -> None:
+        lost, rejected = self._fleet.vehicles.lost, self._commands.rejected
         health = status.health(
-            self.mission,
-            self._scheduler,
-            stopped=self.state is SimulationState.STOPPED,
+            self.mission, self._scheduler, stopped=self.state is SimulationState.STOPPED,
             awaited=self._fleet.waiting() if self._idle else "",
-            publishers=self._publisher_counts.update(),
-            lost=self._fleet.vehicles.lost,
-            rejected=self._commands.rejected,
-        )
+            publishers=self._publisher_counts.update(), lost=lost, rejected=rejected,
+        )  # fmt: skip
         run = {
             "run_id": self.publishers_.run_id, "step_mode": self.settings.step_mode,
             "timeouts": self.timeouts, "duplicates": self._commands.duplicates,
         }  # fmt: skip
         values = status.values(
-            self.mission, run, publishers=self._publisher_counts.last,
+            self.mission, run, publishers=self._publisher_counts.last, lost=lost, rejected=rejected,
             late=self._fleet.awaited() if self._fleet.exist else None,
-            lost=self._fleet.vehicles.lost, rejected=self._commands.rejected,
         )  # fmt: skip
-        drones = status.of_drones(self.mission, self._fleet.vehicles.lost, waits=self._idle)
+        drones = status.of_drones(self.mission, lost, waits=self._idle)
         self._diagnostics.publish(
             health,
             values,
