@@ -30,7 +30,7 @@ LONG_SIGNATURES = {
 }
 """Functions with more parameters, and why."""
 MAX_FLIGHT_MODULES = 13
-MAX_OWN_LINES = {"dsse_ros/nodes/sim_node.py": 451}
+MAX_OWN_LINES = {"dsse_ros/nodes/sim_node.py": 452}
 
 
 def inside(path: Path) -> bool:
