@@ -15,8 +15,7 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from dsse_ros.drift.flow import utc
-from dsse_ros.drift.netcdf import Unfit, times_of
+from dsse_ros.drift.netcdf import Unfit
 
 Role = Literal["time", "lat", "lon", "y", "x", "height", "depth", "sigma", "seabed", "level", ""]
 """Meaning of a coordinate: `height` above the ground or the sea, `depth` below the surface, ocean
@@ -94,34 +93,29 @@ def coordinates(dataset: Any, variable: Any) -> Iterator[Any]:
     ]
     for name in (*named, *others):
         if name != variable.name:
-            yield dataset[name]
+            # Those of the variable itself are at what was selected of it.
+            yield variable.coords[name] if name in variable.coords else dataset[name]
 
 
 def time_of(dataset: Any, variable: Any) -> Any:
-    """Return the coordinate of time of a variable, along one of its dimensions.
+    """Return the coordinate of time of a variable, along one of its dimensions or a single time.
 
     Raises:
-        Unfit: If it has none, or only a single time.
+        Unfit: If it has none.
     """
     found = [one for one in coordinates(dataset, variable) if role(one) == "time"]
     # A forecast has the time at which it was made, too; `valid_time` is the one that it is for.
-    found.sort(key=lambda one: one.name != "valid_time")
-    axes = [one for one in found if one.ndim == 1 and one.sizes[one.dims[0]] > 1]
-    if axes:
-        return axes[0]
-    several = [one for one in found if one.ndim > 1]
-    if several:
+    found = [one for one in found if one.name == "valid_time"] or found
+    if not found:
+        raise Unfit(f"{variable.name} must have times, got the {_dimensions(variable)}")
+    first = min(found, key=lambda one: (one.ndim > 1, -one.ndim))
+    if first.ndim > 1:
+        dims = " and ".join(map(str, first.dims))
         raise Unfit(
-            f"{variable.name} must have times along one dimension, got {several[0].name} along "
-            f"{', '.join(map(str, several[0].dims))}; choose from one of them by select"
+            f"{variable.name} must have times along one dimension, got {dims}; choose from one of "
+            "them by select"
         )
-    if found:
-        raise Unfit(f"{variable.name} must cover two or more times, got only {_shown(found[0])}")
-    raise Unfit(f"{variable.name} must have times, got the {_dimensions(variable)}")
-
-
-def _shown(time: Any) -> str:
-    return utc(float(times_of(time)[0]))
+    return first
 
 
 def _dimensions(variable: Any) -> str:

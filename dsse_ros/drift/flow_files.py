@@ -9,11 +9,15 @@ from __future__ import annotations
 
 import logging
 import os
+from collections.abc import Sequence
+from contextlib import ExitStack
+from typing import Any
 
+from dsse_ros.drift.coordinates import role, time_of
 from dsse_ros.drift.flow import Flow, Kind
-from dsse_ros.drift.flow_grids import Span, flow_on_grid
-from dsse_ros.drift.netcdf import Unfit, check_installed, opened
-from dsse_ros.drift.velocity_pairs import ANY, Choice, find_pair
+from dsse_ros.drift.flow_grids import Source, Span, flow_on_grid
+from dsse_ros.drift.netcdf import Unfit, check_installed, opened, times_of
+from dsse_ros.drift.velocity_pairs import ANY, Choice, find_pair, half
 
 GAP_CELLS = 2
 """Cells over which the nearest value fills a gap, unless a scenario states them."""
@@ -22,39 +26,107 @@ _LOGGER = logging.getLogger(__name__)
 
 def read_forecast(
     kind: Kind,
-    path: str | os.PathLike[str],
+    paths: str | os.PathLike[str] | Sequence[str | os.PathLike[str]],
     span: Span,
     choice: Choice = ANY,
     gap_cells: int = GAP_CELLS,
 ) -> Flow:
-    """Return the flow of a file where and when it may be needed.
+    """Return the flow of files where and when it may be needed.
 
     Args:
         kind: What to read.
-        path: A NetCDF file.
+        paths: A NetCDF file; or several, of different times or of one component each.
         span: Where the flow may be needed; values far beyond it are not read.
-        choice: What the scenario states about its variables.
+        choice: What the scenario states about their variables.
         gap_cells: Cells over which the nearest value fills a gap, as at the coast of a coarse
             model.
 
     Raises:
-        ValueError: If the file cannot be read or has nothing in the span; one line.
+        ValueError: If a file cannot be read or they have nothing in the span; one line.
     """
-    name = os.fspath(path)
+    several = [paths] if isinstance(paths, str | os.PathLike) else paths
+    first_name, *others = [os.fspath(path) for path in several]
+    name = f"{first_name} and {len(others)} more" if others else first_name
     what = f"{kind} {name!r}"
     check_installed(what)
-    try:
-        with opened(path) as dataset:
-            pair = find_pair(dataset, kind, choice)
-            if pair.note:
-                _LOGGER.warning("%s %s", what, pair.note)
+    with ExitStack() as stack:
+        datasets = [_opened(kind, path, stack) for path in (first_name, *others)]
+        try:
+            sources = _sources(datasets, kind, choice)
+            first = sources[0].pair
+            if first.note:
+                _LOGGER.warning("%s %s", what, first.note)
             # The source ends in the variables, so that every message about gaps has them.
-            return flow_on_grid(dataset, pair, span, gap_cells, f"{name}: {pair.names}")
-    except Unfit as unfit:
-        raise ValueError(f"{what}: {unfit}") from None
+            return flow_on_grid(sources, span, gap_cells, f"{name}: {first.names}")
+        except Unfit as unfit:
+            raise ValueError(f"{what}: {unfit}") from None
+        except (IndexError, KeyError, OSError, RuntimeError, TypeError, ValueError) as error:
+            reason = " ".join(str(error).split())[:200]
+            raise ValueError(f"{what} must be a CF-NetCDF file: {reason}") from None
+
+
+def _opened(kind: Kind, path: str, stack: ExitStack) -> Any:
+    """Return an open file.
+
+    Raises:
+        ValueError: If it cannot be opened; one line.
+    """
+    try:
+        return stack.enter_context(opened(path))
     except OSError as error:
         reason = error.strerror or str(error)
-        raise ValueError(f"{what} must be a NetCDF file: {reason}") from None
-    except (IndexError, KeyError, RuntimeError, TypeError, ValueError) as error:
+        raise ValueError(f"{kind} {path!r} must be a NetCDF file: {reason}") from None
+    except (KeyError, RuntimeError, TypeError, ValueError) as error:
         reason = " ".join(str(error).split())[:200]
-        raise ValueError(f"{what} must be a CF-NetCDF file: {reason}") from None
+        raise ValueError(f"{kind} {path!r} must be a CF-NetCDF file: {reason}") from None
+
+
+def _sources(datasets: Sequence[Any], kind: Kind, choice: Choice) -> list[Source]:
+    """Return the pair in each file, or in files of one component each and the same times.
+
+    Raises:
+        Unfit: If there is a file without a pair, or two pairs differ.
+    """
+    halves: dict[tuple[float, ...], Any] = {}
+    whole = []
+    for dataset in datasets:
+        component = half(dataset, kind, choice) if len(datasets) > 1 else None
+        if component is None:
+            whole.append(dataset)
+            continue
+        axis = time_of(dataset, component)
+        times_s = tuple(times_of(axis).tolist())
+        own = _alone(dataset, component)
+        halves[times_s] = _joined(halves[times_s], own, axis.dims) if times_s in halves else own
+    sources = [Source(one, find_pair(one, kind, choice)) for one in (*whole, *halves.values())]
+    names = {source.pair.names: None for source in sources}
+    if len(names) > 1:
+        raise Unfit(f"files must have the same variables, got {'; '.join(names)}")
+    return sources
+
+
+def _alone(dataset: Any, component: Any) -> Any:
+    """Return a file with one variable and its coordinates."""
+    kept = (component.name, component.attrs.get("grid_mapping"))
+    others = [name for name, one in dataset.data_vars.items() if name not in kept and one.ndim > 2]
+    return dataset.drop_vars(others)
+
+
+def _joined(first: Any, other: Any, time_dims: Sequence[str]) -> Any:
+    """Return two files of the same times in one; places that differ get other names."""
+    import xarray
+
+    places = [
+        name
+        for name, one in other.variables.items()
+        if name in first.variables
+        and role(other[name]) in ("lat", "lon", "y", "x")
+        and one.ndim < 3
+    ]
+    if not all(first[name].equals(other[name]) for name in places):
+        dims = [dim for dim in other.dims if dim not in time_dims]
+        names = {name for name in other.variables if set(other[name].dims) & set(dims)} - {
+            *other.data_vars
+        }
+        other = other.rename({name: f"{name}_2" for name in (*dims, *names, *places)})
+    return xarray.merge([first, other], compat="override", join="override")

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import logging
 import math
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -14,7 +15,7 @@ from numpy.typing import NDArray
 from dsse_ros.drift.coordinates import Place, place_of, time_of
 from dsse_ros.drift.flow import MAX_SPEED_MPS, NO_LOOKUP, Extent, Flow, utc
 from dsse_ros.drift.native_grids import Lookup, Shifts, curvilinear, projected
-from dsse_ros.drift.netcdf import Unfit, times_of
+from dsse_ros.drift.netcdf import MAX_AT_ONCE, Unfit, times_of
 from dsse_ros.drift.shore import Box
 from dsse_ros.drift.units import metres_per_second
 from dsse_ros.drift.velocity_pairs import Pair
@@ -74,57 +75,153 @@ class _Grid(NamedTuple):
     lons_deg: NDArray[np.float64]
 
 
-def flow_on_grid(dataset: Any, pair: Pair, span: Span, gap_cells: int, source: str) -> Flow:
-    """Return the flow of a pair in a span.
+class Source(NamedTuple):
+    """A pair of variables in an open file.
 
-    Args:
+    Attributes:
         dataset: The file as an `xarray.Dataset`.
         pair: Its variables.
+    """
+
+    dataset: Any
+    pair: Pair
+
+
+def flow_on_grid(sources: Sequence[Source], span: Span, gap_cells: int, name: str) -> Flow:
+    """Return the flow of pairs in a span.
+
+    Args:
+        sources: The pair in files of one grid and different times. Where times overlap, the last
+            file counts.
         span: Where the flow may be needed; little beyond it is read.
         gap_cells: Cells over which the nearest value fills a gap.
-        source: See `Flow`.
+        name: See `Flow.source`.
 
     Raises:
-        Unfit: If the file does not have it.
+        Unfit: If the files do not have it.
     """
-    sides = pair.east, pair.north
-    places = place_of(dataset, pair.east), place_of(dataset, pair.north)
-    time = time_of(dataset, pair.east)
-    times_s = times_of(time)
-    axis = _part("time", time.dims[0], times_s, span.begin_s, span.end_s, 0)
-    grid = _grid(dataset, pair, places, span.box, gap_cells)
-    shape = len(axis.indices), *(len(part) for part in grid.indices)
+    names = sources[0].pair.names
+    times = _Times.of(sources)
+    when = times.within(span, names)
+    grid = _grid(*sources[0], span.box, gap_cells)
+    shape = len(when), *(len(part) for part in grid.indices)
     if math.prod(shape) > MAX_VALUES:
         raise Unfit(
-            f"{pair.names} must have at most {MAX_VALUES} values in the area and the times needed, "
-            f"got {' x '.join(map(str, shape))}"
+            f"{names} must have at most {MAX_VALUES} values in the area and the times needed, got "
+            f"{' x '.join(map(str, shape))}"
         )
-    east, north = (
-        _read(variable, axis, place.dims, grid.indices, shifts)
-        for variable, place, shifts in zip(sides, places, grid.shifts, strict=True)
-    )
+    needed = np.unique(times.files[when])
+    _check_one_grid([sources[0], *(sources[number] for number in needed)])
+    east, north = np.empty((2, *shape), np.float32)
+    for number in needed:
+        part = times.files[when] == number
+        places = _places(*sources[number])
+        pair = sources[number].pair
+        for values, variable, place, shifts in zip(
+            (east, north), (pair.east, pair.north), places, grid.shifts, strict=True
+        ):
+            axes = (times.steps[when][part], *grid.indices)
+            dims = (times.dims[number], *place.dims)
+            values[part] = _read(variable, dims, axes, shifts)
     if grid.turn is not None:
         east, north = _turned(east, north, grid.turn)
     gaps = np.isnan(east + north)
     if gaps.all():
-        raise Unfit(f"{pair.names} has no value in the area and the times needed")
+        raise Unfit(f"{names} has no value in the area and the times needed")
     if gap_cells and gaps.any():
         filled = _fill(east, north, gaps, gap_cells)
         _LOGGER.warning(
             "%s: %d of %d cells without a value take the nearest one, at most %d cells away",
-            source, filled, int(gaps.any(axis=0).sum()), gap_cells,
+            name, filled, int(gaps.any(axis=0).sum()), gap_cells,
         )  # fmt: skip
     lats, lons, rows, cols = grid.lookup
-    extent = Extent.of(times_s, grid.lats_deg, grid.lons_deg)
-    return Flow(axis.values, lats, lons, east, north, source, extent, gap_cells, rows, cols)
+    extent = Extent.of(times.times_s, grid.lats_deg, grid.lons_deg)
+    return Flow(times.times_s[when], lats, lons, east, north, name, extent, gap_cells, rows, cols)
 
 
-def _grid(dataset: Any, pair: Pair, places: tuple[Place, Place], box: Box, margin: int) -> _Grid:
+class _Times(NamedTuple):
+    """The times of all files.
+
+    Attributes:
+        times_s: (T,) float64, increasing, seconds since 1970-01-01 UTC.
+        files: (T,) int64, number of the file of each.
+        steps: (T,) int64, index in this file.
+        dims: Dimension of time in each file; "" for a single time without one.
+    """
+
+    times_s: NDArray[np.float64]
+    files: NDArray[np.int64]
+    steps: NDArray[np.int64]
+    dims: tuple[str, ...]
+
+    @classmethod
+    def of(cls, sources: Sequence[Source]) -> _Times:
+        """Return the times of files.
+
+        Raises:
+            Unfit: If one has none, or a time twice.
+        """
+        axes = [time_of(one.dataset, one.pair.east) for one in sources]
+        each = [times_of(axis) for axis in axes]
+        for axis, times_s in zip(axes, each, strict=True):
+            if len(np.unique(times_s)) < len(times_s):
+                raise Unfit(f"{axis.name} must have each value once")
+        times = np.concatenate(each)
+        files = np.repeat(np.arange(len(each)), [len(one) for one in each])
+        steps = np.concatenate([np.arange(len(one)) for one in each])
+        # The first of the reversed times is the last one.
+        once, last = np.unique(times[::-1], return_index=True)
+        order = len(times) - 1 - last
+        dims = tuple(str(axis.dims[0]) if axis.dims else "" for axis in axes)
+        return cls(once, files[order], steps[order], dims)
+
+    def within(self, span: Span, names: str) -> NDArray[np.int64]:
+        """Return the indices of the times around a span.
+
+        Raises:
+            Unfit: If there are not two, or none in the span.
+        """
+        if len(self.times_s) < 2:
+            raise Unfit(
+                f"{names} must have two or more times, got only {utc(self.times_s[0])}; files of "
+                "other times may be given together"
+            )
+        return _part("time", "time", self.times_s, span.begin_s, span.end_s, 0).indices
+
+
+def _places(dataset: Any, pair: Pair) -> tuple[Place, Place]:
+    return place_of(dataset, pair.east), place_of(dataset, pair.north)
+
+
+def _check_one_grid(sources: Sequence[Source]) -> None:
+    """Check that files have the same coordinates of place.
+
+    Raises:
+        Unfit: If they differ.
+    """
+    first = None
+    for source in sources:
+        found = [
+            axis.values
+            for place in _places(*source)
+            for axis in place[:4]
+            if axis is not None and axis.size <= MAX_AT_ONCE
+        ]
+        if first is not None and not (
+            len(first) == len(found)
+            and all(np.array_equal(a, b, equal_nan=True) for a, b in zip(first, found, strict=True))
+        ):
+            raise Unfit("files must have one grid, got different places")
+        first = found
+
+
+def _grid(dataset: Any, pair: Pair, box: Box, margin: int) -> _Grid:
     """Return the part of the grid of a pair that holds a box.
 
     Raises:
         Unfit: If the grid is not understood, or it holds nothing of the box.
     """
+    places = _places(dataset, pair)
     place = places[0]
     alike = place.dims == places[1].dims
     if place.is_regular and alike:
@@ -208,23 +305,29 @@ def _longitudes(place: Place, given: NDArray[np.float64], box: Box, margin: int)
 
 
 def _read(
-    variable: Any, time: _Axis, dims: tuple[str, ...], indices: tuple[NDArray[np.int64], ...],
-    shifts: Shifts,
-) -> NDArray[np.float32]:  # fmt: skip
+    variable: Any, dims: Sequence[str], axes: Sequence[NDArray[np.int64]], shifts: Shifts
+) -> NDArray[np.float32]:
     """Return a variable in m/s, (T, J, I), NaN where there is no value.
+
+    Args:
+        variable: It.
+        dims: Its dimensions of time, rows and columns; "" for a single time.
+        axes: Indices along each.
+        shifts: Which values to average.
 
     Raises:
         Unfit: If its units are no speed.
     """
     factor = metres_per_second(variable)
     parts = []
-    for shift in shifts:
-        wanted = (time.indices, *(index + by for index, by in zip(indices, shift, strict=True)))
-        names = time.dim, *dims
+    for rows, cols in shifts:
+        wanted = [index + by for index, by in zip(axes, (0, rows, cols), strict=True)]
         chosen = [_as_slice(index) for index in wanted]
-        part = variable.isel(dict(zip(names, chosen, strict=True))).transpose(*names)
+        there = [(dim, read) for dim, read in zip(dims, chosen, strict=True) if dim]
+        part = variable.isel(dict(there)).transpose(*(dim for dim, _ in there))
         found = np.ma.filled(np.ma.asarray(part.values, np.float32), np.nan)
-        # Restore the increasing order of axes that were read backward.
+        found = found.reshape(*(len(index) for index in wanted))
+        # Restore the order of axes that were read forward.
         for number, (index, read) in enumerate(zip(wanted, chosen, strict=True)):
             if isinstance(read, slice) and index[0] > index[-1]:
                 found = np.flip(found, number)

@@ -49,13 +49,18 @@ def opened(path: str | os.PathLike[str]) -> Iterator[Any]:
         ValueError: If an axis or a chunk is too large; one line.
     """
     import xarray
+    from xarray.backends import NetCDF4BackendEntrypoint
 
     _check_sizes(path)
     with warnings.catch_warnings():
         # xarray warns of things that it handles itself or that the readers refuse.
         warnings.simplefilter("ignore")
         with xarray.open_dataset(
-            path, engine="netcdf4", decode_times=False, cache=False
+            # By its name, xarray would load every other engine, too.
+            path,
+            engine=NetCDF4BackendEntrypoint,
+            decode_times=False,
+            cache=False,
         ) as dataset:
             yield dataset
 

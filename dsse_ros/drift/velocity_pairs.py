@@ -158,6 +158,20 @@ def find_pair(dataset: Any, kind: Kind, choice: Choice) -> Pair:
     return _best(kind, found)
 
 
+def half(dataset: Any, kind: Kind, choice: Choice) -> Any | None:
+    """Return a component of a file that has none of the other side; None for any other file."""
+    if choice.variables:
+        sides = [[dataset[name]] if name in dataset.variables else [] for name in choice.variables]
+    else:
+        every, rows = _variables(dataset, kind), _rows_of(kind)
+        sides = [
+            [one for one in every if any(_is_of(one, row, side) for row in rows)]
+            for side in ("east", "north")
+        ]
+    east, north = sides
+    return next(iter(east or north), None) if not (east and north) else None
+
+
 def _best(kind: Kind, found: list[_Candidate]) -> Pair:
     """Return the pair at the wanted level.
 

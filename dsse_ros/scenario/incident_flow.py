@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import glob
 import math
 import os
 from collections.abc import Mapping
@@ -32,6 +33,7 @@ _NOT_NEGATIVE = Spec("float", "", low=0, high=1e6)
 _OF_ERROR = ("error", "correlation_minutes")
 _OF_FILE = ("file", "variables", "select", "units", "axes", "gap_cells")
 _MAX_GAP_CELLS = 100
+_MAX_FILES = 500
 
 
 def read_flow(
@@ -77,10 +79,10 @@ def _flow_of_file(
     name: str, kind: Kind, values: Mapping[str, Any], folder: str, span: Span
 ) -> Flow:
     """Return the flow of a file; see `read_flow`."""
-    path = os.path.join(folder, Spec("str", "").check(f"{name}.file", values["file"]))
-    if path.lower().endswith(".csv"):
+    paths = _paths(f"{name}.file", values["file"], folder)
+    if len(paths) == 1 and paths[0].lower().endswith(".csv"):
         check_known(f"{name} with a table", values, ("file", *_OF_ERROR))
-        return read_table(kind, path)
+        return read_table(kind, paths[0])
     check_known(name, values, (*_OF_FILE, *_OF_ERROR))
     variables = Spec("names", "").check(f"{name}.variables", values.get("variables", []))
     if len(variables) not in (0, 2):
@@ -94,7 +96,30 @@ def _flow_of_file(
     select = mapping(f"{name}.select", values.get("select", {}))
     units = Spec("str", "").check(f"{name}.units", values.get("units", ""))
     axes = Spec("str", "", choices=get_args(Axes)).check(f"{name}.axes", values.get("axes", ""))
-    return read_forecast(kind, path, span, Choice(variables, select, units, axes), cells)
+    return read_forecast(kind, paths, span, Choice(variables, select, units, axes), cells)
+
+
+def _paths(name: str, value: Any, folder: str) -> list[str]:
+    """Return the paths of a file, a pattern such as `wind_*.nc`, or a list of both.
+
+    Raises:
+        FieldError: If there are too many, or none matches a pattern.
+    """
+    names = Spec("names", "").check(name, [value] if isinstance(value, str) else value)
+    paths: list[str] = []
+    for one in names:
+        # An address has no folder.
+        path = one if "://" in one else os.path.join(folder, one)
+        if glob.has_magic(path) and not os.path.exists(path):
+            found = sorted(glob.glob(path))
+            if not found:
+                raise FieldError(f"{name} must match files, got {one!r}")
+            paths += found
+        else:
+            paths.append(path)
+    if not 0 < len(paths) <= _MAX_FILES:
+        raise FieldError(f"{name} must be 1 to {_MAX_FILES} files, got {len(paths)}")
+    return paths
 
 
 _AXES = ("times_s", "lats_deg", "lons_deg")

@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -15,6 +16,10 @@ from dsse_ros.drift.flow import Flow, seconds
 from dsse_ros.drift.flow_grids import Span
 from dsse_ros.drift.kernels import read_flow
 from dsse_ros.drift.shore import Box
+
+# xarray loads eccodes where that is installed, and after its PROJ that of pyproj does not work.
+with contextlib.suppress(ModuleNotFoundError):
+    import pyproj  # noqa: F401
 
 xarray = pytest.importorskip("xarray")
 pytest.importorskip("netCDF4")

@@ -224,10 +224,10 @@ REFUSED: dict[str, tuple[str, Callable[[], Any], str]] = {
         "got uo (eastward_sea_water_velocity), vo",
     ),
     "a snapshot": (
-        "current", of_one_time, "uo must cover two or more times, got only 2026-01-17T12",
+        "current", of_one_time, "must have two or more times, got only 2026-01-17T12",
     ),
     "one time": (
-        "current", lambda: current().isel(time=[0]), "uo must cover two or more times, got only",
+        "current", lambda: current().isel(time=[0]), "must have two or more times, got only",
     ),
     "no time": (
         "current", lambda: of_one_time().drop_vars("time"),
