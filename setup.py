@@ -74,6 +74,9 @@ setup(
             "scipy>=1.11",
             "xarray>=2024.2",
         ],
+        # Forecasts from GRIB files, beside `drift`. eccodes from 2.43 on loads a PROJ that crashes
+        # pyproj's.
+        "grib": ["cfgrib>=0.9.12", "eccodes>=2.37,<2.43"],
         # Probability matrices from GeoTIFF files.
         "geotiff": ["rasterio>=1.4"],
         # The program `export_gis`.

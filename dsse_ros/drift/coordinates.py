@@ -126,7 +126,8 @@ class Place(NamedTuple):
     """The horizontal coordinates of a variable.
 
     Attributes:
-        lat: Its latitudes, along one dimension or both; None if only a projection gives them.
+        lat: Its latitudes, along one dimension or both; None if only a projection gives them. On a
+            mesh, there is only one dimension.
         lon: Its longitudes.
         y: Coordinate of the rows in the plane of a projection; None without one.
         x: Coordinate of the columns.
@@ -174,6 +175,8 @@ def place_of(dataset: Any, variable: Any) -> Place:
         return Place(lat, lon, found["y"][0], found["x"][0], mapping)
     if lat is not None:
         return Place(lat, lon)
+    if flat:
+        return Place(*flat[0])
     raise Unfit(
         f"{variable.name} must have latitudes and longitudes, or the coordinates of a projection, "
         f"got the {_dimensions(variable)}"

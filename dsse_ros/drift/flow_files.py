@@ -16,7 +16,8 @@ from typing import Any
 from dsse_ros.drift.coordinates import role, time_of
 from dsse_ros.drift.flow import Flow, Kind
 from dsse_ros.drift.flow_grids import Source, Span, flow_on_grid
-from dsse_ros.drift.netcdf import Unfit, check_installed, opened, times_of
+from dsse_ros.drift.forecast_files import opened_forecast
+from dsse_ros.drift.netcdf import Unfit, check_installed, times_of
 from dsse_ros.drift.velocity_pairs import ANY, Choice, find_pair, half
 
 GAP_CELLS = 2
@@ -35,7 +36,7 @@ def read_forecast(
 
     Args:
         kind: What to read.
-        paths: A NetCDF file; or several, of different times or of one component each.
+        paths: A NetCDF or GRIB file; or several, of different times or of one component each.
         span: Where the flow may be needed; values far beyond it are not read.
         choice: What the scenario states about their variables.
         gap_cells: Cells over which the nearest value fills a gap, as at the coast of a coarse
@@ -50,9 +51,9 @@ def read_forecast(
     what = f"{kind} {name!r}"
     check_installed(what)
     with ExitStack() as stack:
-        datasets = [_opened(kind, path, stack) for path in (first_name, *others)]
+        files = [_opened(kind, path, stack) for path in (first_name, *others)]
         try:
-            sources = _sources(datasets, kind, choice)
+            sources = _sources([_fitting(one, kind, choice) for one in files], kind, choice)
             first = sources[0].pair
             if first.note:
                 _LOGGER.warning("%s %s", what, first.note)
@@ -62,23 +63,51 @@ def read_forecast(
             raise ValueError(f"{what}: {unfit}") from None
         except (IndexError, KeyError, OSError, RuntimeError, TypeError, ValueError) as error:
             reason = " ".join(str(error).split())[:200]
-            raise ValueError(f"{what} must be a CF-NetCDF file: {reason}") from None
+            raise ValueError(f"{what} must be a forecast: {reason}") from None
 
 
-def _opened(kind: Kind, path: str, stack: ExitStack) -> Any:
-    """Return an open file.
+def _opened(kind: Kind, path: str, stack: ExitStack) -> list[Any]:
+    """Return the data sets of a file.
 
     Raises:
         ValueError: If it cannot be opened; one line.
     """
     try:
-        return stack.enter_context(opened(path))
+        return stack.enter_context(opened_forecast(path))
+    except Unfit as unfit:
+        raise ValueError(f"{kind} {path!r}: {unfit}") from None
     except OSError as error:
         reason = error.strerror or str(error)
-        raise ValueError(f"{kind} {path!r} must be a NetCDF file: {reason}") from None
+        raise ValueError(f"{kind} {path!r} must be a NetCDF or GRIB file: {reason}") from None
     except (KeyError, RuntimeError, TypeError, ValueError) as error:
         reason = " ".join(str(error).split())[:200]
-        raise ValueError(f"{kind} {path!r} must be a CF-NetCDF file: {reason}") from None
+        raise ValueError(f"{kind} {path!r} must be a forecast: {reason}") from None
+
+
+def _fitting(datasets: Sequence[Any], kind: Kind, choice: Choice) -> Any:
+    """Return the data set that has the pair, or one of its components.
+
+    Raises:
+        Unfit: If none has it, or several.
+    """
+    if len(datasets) == 1:
+        return datasets[0]
+    found, failures = [], []
+    for dataset in datasets:
+        try:
+            find_pair(dataset, kind, choice)
+            found.append(dataset)
+        except Unfit as unfit:
+            failures.append(str(unfit))
+            if half(dataset, kind, choice) is not None:
+                found.append(dataset)
+    if len(found) == 1:
+        return found[0]
+    if found:
+        names = "; ".join(", ".join(map(str, one.data_vars)) for one in found)
+        raise Unfit(f"{kind} must be one pair of variables, got {names}; choose by variables")
+    # Those about a level say more than those about other variables.
+    raise Unfit(min(failures, key=lambda text: "choose by variables or select" not in text))
 
 
 def _sources(datasets: Sequence[Any], kind: Kind, choice: Choice) -> list[Source]:

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from dsse_ros.drift.coordinates import Place, place_of, time_of
 from dsse_ros.drift.flow import MAX_SPEED_MPS, NO_LOOKUP, Extent, Flow, utc
+from dsse_ros.drift.meshes import Mesh, mesh_of
 from dsse_ros.drift.native_grids import Lookup, Shifts, curvilinear, projected
 from dsse_ros.drift.netcdf import MAX_AT_ONCE, Unfit, times_of
 from dsse_ros.drift.shore import Box
@@ -65,6 +66,7 @@ class _Grid(NamedTuple):
         turn: See `NativeGrid`; None for velocities to the east and north.
         lats_deg: Latitudes of the whole file.
         lons_deg: Its longitudes.
+        mesh: Places on a mesh, on whose grid the lookup and the indices are; None on a grid.
     """
 
     indices: tuple[NDArray[np.int64], NDArray[np.int64]]
@@ -73,6 +75,7 @@ class _Grid(NamedTuple):
     turn: NDArray[np.float64] | None
     lats_deg: NDArray[np.float64]
     lons_deg: NDArray[np.float64]
+    mesh: Mesh | None = None
 
 
 class Source(NamedTuple):
@@ -120,9 +123,12 @@ def flow_on_grid(sources: Sequence[Source], span: Span, gap_cells: int, name: st
         for values, variable, place, shifts in zip(
             (east, north), (pair.east, pair.north), places, grid.shifts, strict=True
         ):
-            axes = (times.steps[when][part], *grid.indices)
             dims = (times.dims[number], *place.dims)
-            values[part] = _read(variable, dims, axes, shifts)
+            steps = times.steps[when][part]
+            if grid.mesh is None:
+                values[part] = _read(variable, dims, (steps, *grid.indices), shifts)
+            else:
+                values[part] = _on_mesh(variable, dims, steps, grid.mesh)
     if grid.turn is not None:
         east, north = _turned(east, north, grid.turn)
     gaps = np.isnan(east + north)
@@ -224,6 +230,8 @@ def _grid(dataset: Any, pair: Pair, box: Box, margin: int) -> _Grid:
     places = _places(dataset, pair)
     place = places[0]
     alike = place.dims == places[1].dims
+    if len(place.dims) == 1 and alike:
+        return _of_mesh(mesh_of(place, box))
     if place.is_regular and alike:
         return _regular(place, box, margin)
     native = projected(place, box, margin) if alike and place.y is not None else None
@@ -239,6 +247,25 @@ def _grid(dataset: Any, pair: Pair, box: Box, margin: int) -> _Grid:
         (np.arange(*native.rows), np.arange(*native.cols)), native.shifts, native.lookup,
         native.turn if axes == "grid" else None, native.lats_deg, native.lons_deg,
     )  # fmt: skip
+
+
+def _of_mesh(mesh: Mesh) -> _Grid:
+    indices = np.arange(len(mesh.lats_deg)), np.arange(len(mesh.lons_deg))
+    lookup = Lookup(mesh.lats_deg, mesh.lons_deg, NO_LOOKUP, NO_LOOKUP)
+    here: Shifts = ((0, 0),)
+    places = mesh.all_lats_deg, mesh.all_lons_deg
+    # A mesh has no axes but east and north.
+    return _Grid(indices, (here, here), lookup, None, *places, mesh)
+
+
+def _on_mesh(
+    variable: Any, dims: Sequence[str], steps: NDArray[np.int64], mesh: Mesh
+) -> NDArray[np.float32]:
+    """Return a variable of a mesh on its grid in m/s, (T, Y, X), one time after the other."""
+    first, last = int(mesh.points[0]), int(mesh.points[-1])
+    between = np.arange(first, last + 1)
+    times = (_read(variable, dims, (steps[i : i + 1], between), ((0,),)) for i in range(len(steps)))
+    return np.stack([mesh.resampled(values[0, mesh.points - first]) for values in times])
 
 
 def _regular(place: Place, box: Box, margin: int) -> _Grid:
@@ -305,13 +332,16 @@ def _longitudes(place: Place, given: NDArray[np.float64], box: Box, margin: int)
 
 
 def _read(
-    variable: Any, dims: Sequence[str], axes: Sequence[NDArray[np.int64]], shifts: Shifts
+    variable: Any,
+    dims: Sequence[str],
+    axes: Sequence[NDArray[np.int64]],
+    shifts: Sequence[tuple[int, ...]],
 ) -> NDArray[np.float32]:
-    """Return a variable in m/s, (T, J, I), NaN where there is no value.
+    """Return a variable in m/s, (T, J, I) or (T, N), NaN where there is no value.
 
     Args:
-        variable: It.
-        dims: Its dimensions of time, rows and columns; "" for a single time.
+        variable: The variable.
+        dims: Its dimensions of time and place; "" for a single time.
         axes: Indices along each.
         shifts: Which values to average.
 
@@ -320,8 +350,8 @@ def _read(
     """
     factor = metres_per_second(variable)
     parts = []
-    for rows, cols in shifts:
-        wanted = [index + by for index, by in zip(axes, (0, rows, cols), strict=True)]
+    for shift in shifts:
+        wanted = [index + by for index, by in zip(axes, (0, *shift), strict=True)]
         chosen = [_as_slice(index) for index in wanted]
         there = [(dim, read) for dim, read in zip(dims, chosen, strict=True) if dim]
         part = variable.isel(dict(there)).transpose(*(dim for dim, _ in there))

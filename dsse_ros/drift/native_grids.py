@@ -116,7 +116,7 @@ def projected(place: Place, box: Box, margin: int) -> NativeGrid | None:
             "%s and %s are up to %.1f cells from the places of their projection, which counts",
             place.lat.name, place.lon.name, off,
         )  # fmt: skip
-    lats, lons = _points(box, LOOKUP_M)
+    lats, lons = lookup_axes(box, LOOKUP_M)
     px, py = plane.transform(*np.meshgrid(lons, lats))
     rows, cols = _fraction(y, np.asarray(py)), _fraction(x, np.asarray(px))
     inside = (rows >= 0) & (rows < len(y)) & (cols >= 0) & (cols < len(x))
@@ -126,7 +126,7 @@ def projected(place: Place, box: Box, margin: int) -> NativeGrid | None:
     )
     edge_lons, edge_lats = plane.transform(edge_x, edge_y, direction="INVERSE")
     if not inside.any():
-        raise _elsewhere(box, np.asarray(edge_lats), np.asarray(edge_lons))
+        raise elsewhere(box, np.asarray(edge_lats), np.asarray(edge_lons))
     part = [
         _window(values[inside], count, margin) for values, count in ((rows, len(y)), (cols, len(x)))
     ]
@@ -170,12 +170,13 @@ def curvilinear(dataset: Any, places: tuple[Place, Place], box: Box, margin: int
     window = slice(*part[0]), slice(*part[1])
     lookup = _triangulated(lat[window], turned[window], box)
     if not np.isfinite(lookup.rows).any():
-        raise _elsewhere(box, lat, lon)
+        raise elsewhere(box, lat, lon)
     turn = _turn(lat[window], turned[window], None)
     return NativeGrid(lookup, part[0], part[1], shifts, turn, lat, lon)
 
 
-def _elsewhere(box: Box, lats: Array, lons: Array) -> Unfit:
+def elsewhere(box: Box, lats: Array, lons: Array) -> Unfit:
+    """Return the refusal of a file that covers other places."""
     ends = (np.nanmin(lats), np.nanmax(lats), np.nanmin(lons), np.nanmax(lons))
     south, north, west, east = (f"{end:.4f}" for end in ends)
     return Unfit(
@@ -247,7 +248,7 @@ def _window(index: NDArray[Any], count: int, margin: int) -> tuple[int, int]:
     return max(min(first, last - 2), 0), max(last, min(first + 2, count - 1)) + 1
 
 
-def _points(box: Box, spacing_m: float) -> tuple[Array, Array]:
+def lookup_axes(box: Box, spacing_m: float) -> tuple[Array, Array]:
     """Return latitudes and longitudes of the points of a lookup of a box."""
     scales = degrees_per_metre((box.south_deg + box.north_deg) / 2)
     sides = (box.south_deg, box.north_deg), (box.west_deg, box.east_deg)
@@ -301,7 +302,7 @@ def _triangulated(lat: Array, lon: Array, box: Box) -> Lookup:
     sides = [np.hypot(np.diff(lat, axis=a) / scales[0], np.diff(lon, axis=a) / scales[1])
              for a in (0, 1)]  # fmt: skip
     cell_m = float(min(np.nanmedian(side) for side in sides))
-    lats, lons = _points(box, min(LOOKUP_M, max(cell_m / 2, 1.0)))
+    lats, lons = lookup_axes(box, min(LOOKUP_M, max(cell_m / 2, 1.0)))
     stride = math.ceil(math.sqrt(lat.size / MAX_TRIANGULATED))
     rows, cols = (
         np.unique(np.append(np.arange(0, count, stride), count - 1)) for count in lat.shape
@@ -331,7 +332,7 @@ def _centres(
     """
     known = [_coordinates(place) for place in places]
     if any(one is None for one in known):
-        return _at_rho_points(dataset, places)
+        return _at_rholookup_axes(dataset, places)
     for layout in _LAYOUTS:
         means = [_mean(*one, shifts) for one, shifts in zip(known, layout, strict=True) if one]
         rows, cols = (min(one[0].shape[axis] for one in means) for axis in (0, 1))
@@ -387,7 +388,7 @@ def shifted(values: NDArray[Any], shift: tuple[int, int]) -> NDArray[Any]:
     return values[..., shift[0] :, shift[1] :]
 
 
-def _at_rho_points(
+def _at_rholookup_axes(
     dataset: Any, places: tuple[Place, Place]
 ) -> tuple[tuple[Shifts, Shifts], Array, Array]:
     """Return `_centres` of a file of ROMS whose coordinates of the components are of no use.

@@ -310,7 +310,9 @@ def _at_level(dataset: Any, kind: Kind, choice: Choice, rank: int, pair: Pair) -
     for one in (east, north):
         if choice.units and not str(one.attrs.get("units", "")).strip():
             one.attrs["units"] = choice.units
-    axes = choice.axes or pair.axes
+    # GRIB states it, whatever the names.
+    of_grib: dict[Any, Axes] = {0: "earth", 1: "grid"}
+    axes = choice.axes or of_grib.get(pair.east.attrs.get("GRIB_uvRelativeToGrid"), pair.axes)
     return _Candidate(rank, pair._replace(east=east, north=north, axes=axes), level)
 
 
@@ -331,7 +333,7 @@ def _sliced(dataset: Any, kind: Kind, choice: Choice, variable: Any) -> tuple[An
     place = place_of(dataset, variable).dims
     level = _Level()
     for dim, found in along.items():
-        levels = [one for one in found if is_level(one)]
+        levels = [one for one in found if is_level(one)] or _sloping(dataset, dim)
         if dim in choice.select:
             index = _selected(variable, dim, found, choice.select[dim])
             level = _Level(True) if levels else level
@@ -351,6 +353,14 @@ def _sliced(dataset: Any, kind: Kind, choice: Choice, variable: Any) -> tuple[An
     if level.fits is None and not level.shown and scalars:
         _, level = _nearest(kind, scalars[0])
     return variable, _by_words(kind, variable, level)
+
+
+def _sloping(dataset: Any, dim: str) -> list[Any]:
+    """Return the mean of a vertical coordinate of a dimension that differs from place to place."""
+    if dim in dataset.variables and dataset[dim].ndim == 2 and is_level(dataset[dim]):
+        other = next(name for name in dataset[dim].dims if name != dim)
+        return [dataset[dim].mean(other, keep_attrs=True)]
+    return []
 
 
 def _selected(variable: Any, dim: str, found: list[Any], value: Any) -> int:

@@ -4,7 +4,6 @@
 
 from __future__ import annotations
 
-import contextlib
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -16,10 +15,6 @@ from dsse_ros.drift.flow import Flow, seconds
 from dsse_ros.drift.flow_grids import Span
 from dsse_ros.drift.kernels import read_flow
 from dsse_ros.drift.shore import Box
-
-# xarray loads eccodes where that is installed, and after its PROJ that of pyproj does not work.
-with contextlib.suppress(ModuleNotFoundError):
-    import pyproj  # noqa: F401
 
 xarray = pytest.importorskip("xarray")
 pytest.importorskip("netCDF4")
@@ -97,10 +92,12 @@ def by_xarray(path: Path, names: Sequence[str], place: tuple[float, float, float
     """Return a velocity by xarray's own linear interpolation."""
     lat, lon, after_s = place
     when = np.datetime64(round((START_S + after_s) * 1000), "ms").astype("datetime64[ns]")
-    with xarray.open_dataset(path) as dataset:
-        found = [
-            float(dataset[name].sel(where).interp(time=when, lat=lat, lon=lon)) for name in names
-        ]
+    names_of = {"time": when, "lat": lat, "lon": lon}
+    with xarray.open_dataset(path, engine="netcdf4") as dataset:
+        for name, long_name in (("time", "valid_time"), ("lat", "latitude"), ("lon", "longitude")):
+            if long_name in dataset.dims:
+                names_of[long_name] = names_of.pop(name)
+        found = [float(dataset[name].sel(where).interp(names_of)) for name in names]
     return found[0], found[1]
 
 

@@ -84,7 +84,7 @@ def test_files_of_other_grids_or_variables_are_refused(tmp_path: Path, whole: An
     other = dataset.rename(uo="water_u", vo="water_v").isel(time=slice(3, 7))
     with pytest.raises(ValueError, match="files must have the same variables, got uo and vo; w"):
         check([first, written(other, tmp_path, "other.nc")], file)
-    with pytest.raises(ValueError, match="current '.*none.nc' must be a NetCDF file: No such file"):
+    with pytest.raises(ValueError, match="current '.*none.nc' must be a NetCDF or GRIB file: No"):
         check([first, tmp_path / "none.nc"], file)
 
 
