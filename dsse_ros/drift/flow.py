@@ -238,29 +238,29 @@ def read_table(kind: Kind, path: str | os.PathLike[str]) -> Flow:
             raise ValueError(f"{kind} {name!r} must have at most {MAX_BYTES} bytes")
         # Spreadsheets put a byte order mark first.
         with open(path, encoding="utf-8-sig", newline="") as file:
-            reader = csv.DictReader(file)
-            header = list(reader.fieldnames or [])
-            rows = list(reader)
+            header, *lines = [*csv.reader(file)] or [[]]
     except OSError as error:
         raise ValueError(f"{kind} {name!r}: {error.strerror}") from None
     except (csv.Error, UnicodeDecodeError) as error:
         raise ValueError(f"{kind} {name!r} must be CSV: {error}") from None
-    if header != columns:
+    if sorted(header) != sorted(columns):
         raise ValueError(
-            f"{kind} {name!r} must have the columns {', '.join(columns)}, got "
-            f"{', '.join(header) or 'none'}"
+            f"{kind} {name!r} must have the columns {', '.join(columns)}, separated by commas, got "
+            f"the line {','.join(header)[:80]!r}"
         )
     times, velocities = [], []
-    for number, row in enumerate(rows, start=2):
+    for number, line in enumerate(lines, start=2):
         try:
+            row = dict(zip(header, line, strict=True))
             speed, direction = float(row["speed_mps"]), float(row[sense])
             if not (0 <= speed <= MAX_SPEED_MPS and math.isfinite(direction)):
                 raise ValueError
             times.append(seconds(row["time"]))
-        except (TypeError, ValueError):
+        except ValueError:
             raise ValueError(
-                f"{kind} {name!r}, line {number} must be a time, a speed from 0 to "
-                f"{MAX_SPEED_MPS:g} m/s and a direction in degrees, got {list(row.values())}"
+                f"{kind} {name!r}, line {number} must be {','.join(header)}: a time, a speed from "
+                f"0 to {MAX_SPEED_MPS:g} m/s with a decimal point and a direction in degrees, got "
+                f"{','.join(line)[:80]!r}"
             ) from None
         velocities.append(components(kind, speed, direction))
     if len(times) < 2 or (np.diff(times) <= 0).any():

@@ -427,6 +427,9 @@ def _time(name: str, value: Any) -> float:
         FieldError: If it is not a time.
     """
     try:
+        # A date alone would be midnight.
+        if "T" not in value.upper() and ":" not in value:
+            raise ValueError
         return float(round(seconds(value)))
     except (AttributeError, OverflowError, TypeError, ValueError):
         raise FieldError(

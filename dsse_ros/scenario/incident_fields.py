@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dsse_ros.scenario.area import area_mask
+from dsse_ros.scenario.battery_fields import FULL
 from dsse_ros.scenario.fields import FieldError, field
 from dsse_ros.scenario.incident import Incident
 from dsse_ros.scenario.rules import AUTO, Rules
@@ -56,7 +57,7 @@ def on_incident_grid(scenario: Scenario, rules: Rules) -> Scenario:
     incident = scenario.incident
     if incident is None or incident.laid is not None:
         return scenario
-    from dsse_ros.scenario.incident_grid import lay_grid, nearest_cells
+    from dsse_ros.scenario.incident_grid import check_transit, lay_grid, nearest_cells
 
     if not drifts_with_incident(rules.person_motion):
         raise FieldError(f"incident must come with rules sea, got {rules.profile}")
@@ -74,6 +75,9 @@ def on_incident_grid(scenario: Scenario, rules: Rules) -> Scenario:
         steps=scenario.timestep_limit or rules.timestep_limit, step_s=cell / max(speeds),
         speed_mps=min(speeds), seed=scenario.ensemble_seed,
     )  # fmt: skip
+    if scenario.battery_move:
+        steps = (FULL - scenario.battery_reserve) / scenario.battery_move
+        check_transit(incident, grid.laid.begins_s, min(speeds), steps * cell / max(speeds))
     starts = scenario.drones_positions
     mask = area_mask(scenario.area, scenario.land, grid.grid_size, cell, grid.origin)
     if starts is None and incident.base is not None:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from dsse_ros.scenario.fields import FieldError
 from dsse_ros.scenario.geodesy import mean_lon, surface_to_geodetic, through_ecef
-from dsse_ros.scenario.incident import Incident, Laid
+from dsse_ros.scenario.incident import LONGEST_SEARCH_S, Incident, Laid
 from dsse_ros.scenario.limits import MAX_SIDE
 from dsse_ros.scenario.while_alive import while_alive
 
@@ -89,7 +89,9 @@ def lay_grid(
         origin = float(lat), float(lon), alt_m
         if incident.base is None or approach == APPROACHES - 1:
             break
-        begins_s = incident.search_start_s + _distance(origin, size * cell_m, incident) / speed_mps
+        distance_m = _distance(origin, size * cell_m, incident)
+        begins_s = incident.search_start_s + distance_m / speed_mps
+        check_transit(incident, begins_s, speed_mps, LONGEST_SEARCH_S)
     x, y = (x - corner[0]) / cell_m, size - (y - corner[1]) / cell_m
     middle = float(x[0].mean()), float(y[0].mean())
     return IncidentGrid(
@@ -99,6 +101,30 @@ def lay_grid(
         (max(float(x[0].std()), 0.1), max(float(y[0].std()), 0.1)),
         Laid(begins_s, inside, float(tracks.stranded[-1].mean())),
     )  # fmt: skip
+
+
+def check_transit(
+    incident: Incident, begins_s: float, speed_mps: float, endurance_s: float
+) -> None:
+    """Check that drones reach the grid from their base.
+
+    Args:
+        incident: The incident.
+        begins_s: Time at which they are at the grid.
+        speed_mps: Airspeed of the slowest drone.
+        endurance_s: Time that they can fly.
+
+    Raises:
+        FieldError: If the transit takes longer.
+    """
+    transit_s = begins_s - incident.search_start_s
+    if incident.base is not None and transit_s > endurance_s:
+        lat, lon = incident.base
+        raise FieldError(
+            f"incident.base must be at most {endurance_s / 60:.0f} min of flight from the grid, "
+            f"got [{lat:g}, {lon:g}], {transit_s * speed_mps / 1000:.0f} km and "
+            f"{transit_s / 60:.0f} min away; it is [lat, lon]"
+        )
 
 
 def positions(

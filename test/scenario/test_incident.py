@@ -110,6 +110,13 @@ def test_drones_reach_the_grid_from_a_base_beyond_it_after_their_transit() -> No
     assert len(set(far.drones_positions)) == 3
 
 
+def test_a_base_beyond_the_battery_is_refused() -> None:
+    # 0.2 degrees of longitude are 20 km; a charge of 80 % lasts 40 moves of 130 m.
+    far = scenario(base=[-24.0, -46.2]).override(battery_move=2.0)
+    with pytest.raises(FieldError, match="incident.base must be at most 9 min of flight from the"):
+        far.resolve(SEA)
+
+
 def test_a_resolved_incident_needs_no_file_and_lays_no_grid_again() -> None:
     resolved = Scenario.from_yaml(KAYAK).resolve(SEA)
     stated = resolved.incident.to_json()
@@ -255,6 +262,11 @@ def test_a_snapshot_has_the_digest_of_a_flow_and_fits_no_other_flow() -> None:
         ({"seen": []}, "incident.seen must be a list of sightings"),
         ({"seen": [{**SEEN, "lat": 91}]}, "incident.seen[0].lat"),
         ({"seen": [{**SEEN, "time": "noon"}]}, "incident.seen[0].time must be a time like"),
+        ({"seen": [{**SEEN, "time": "2026-01-17"}]}, "incident.seen[0].time must be a time like"),
+        (
+            {"base": [-46.0, -24.0]},
+            "incident.base must be at most 360 min of flight from the grid, got [-46, -24], 3011",
+        ),
         ({"seen": [{"lat": 1.0, "lon": 1.0}]}, "incident.seen[0].time must be given"),
         ({"search_start": "2026-01-17T12:00Z"}, "incident.search_start must not be before"),
         ({"base": 3}, "incident.base must be [lat, lon], got 3"),
