@@ -18,13 +18,16 @@ from dsse_ros.search import Scenario, SearchEnv, profile
 
 ROOT = Path(__file__).resolve().parents[2]
 SCENARIO = ROOT / "config" / "sitl.yaml"
+# The package is the installed one, also where the sources are.
 WITH_ROS = """
 import sys
+del sys.path[0]
 from dsse_ros.cli.start import export_mission
 sys.exit(export_mission())
 """
 WITHOUT_ROS = """
 import sys
+del sys.path[0]
 class Nothing:
     def find_spec(self, name, path=None, target=None):
         if name.split(".")[0] in ("rclpy", "pymavlink") or name.endswith("_msgs"):

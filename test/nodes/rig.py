@@ -139,6 +139,8 @@ class Process:
             else:
                 self.child = subprocess.Popen(
                     [sys.executable, *([] if program.endswith(".py") else ["-m"]), *arguments],
+                    # In the source tree -m would find the package there, and compile it again.
+                    cwd=log.parent,
                     stdin=subprocess.DEVNULL,
                     stdout=output,
                     stderr=subprocess.STDOUT,

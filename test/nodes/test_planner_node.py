@@ -446,7 +446,7 @@ def test_a_planner_that_compiles_says_so_and_that_it_is_ready_as_it_commands(
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
     # What is compiled for this run alone is not worth optimising.
     monkeypatch.setenv("NUMBA_OPT", "0")
-    process = rig.start("planner_node", {"planner": "belief"}, "-r", "__ns:=/compiled")
+    process = rig.start("planner_node", {"planner": "belief_greedy"}, "-r", "__ns:=/compiled")
 
     def commanded() -> bool:
         return bool(json.loads(rig.first(String, "/compiled/agents").data)["commanded"])
@@ -455,7 +455,7 @@ def test_a_planner_that_compiles_says_so_and_that_it_is_ready_as_it_commands(
     rig.until(lambda: compiling(process.log), "the compiler")
     assert not answers and not commanded()
     rig.until(lambda: answers, "a command")
-    rig.until(lambda: "planner belief is ready" in process.output, "the planner to be ready")
+    rig.until(lambda: "planner belief_greedy is ready" in process.output, "the planner to be ready")
     assert not compiling(process.log)
     rig.until(commanded, "the simulation to be commanded")
     # Later steps need functions that the first one did not.

@@ -433,8 +433,10 @@ def failures(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
     folder = tmp_path_factory.mktemp("blocks")
     for name, block in PYTHON.items():
         (folder / f"{name}.py").write_text(block, encoding="utf-8")
+    # With -c Python would find the package in the source tree, and compile it again.
+    (folder / "run_all.py").write_text(RUN_ALL, encoding="utf-8")
     done = subprocess.run(
-        [sys.executable, "-c", RUN_ALL, *(folder / f"{name}.py" for name in PYTHON)],
+        [sys.executable, folder / "run_all.py", *(folder / f"{name}.py" for name in PYTHON)],
         cwd=ROOT, env=environment(), capture_output=True, text=True, timeout=PATIENCE_S,
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
