@@ -40,6 +40,8 @@ class PathsFlown(NamedTuple):
             corner, at equal times of the step.
         flown: (N,) bool, the drones that flew.
         found: (N,) bool, the drones that found somebody.
+        looked: (N, K + 1) bool, whether they looked right before the step and on each piece; None
+            if they look all the time.
     """
 
     eyes: NDArray[np.void]
@@ -47,6 +49,7 @@ class PathsFlown(NamedTuple):
     paths: NDArray[np.float64]
     flown: NDArray[np.bool_]
     found: NDArray[np.bool_]
+    looked: NDArray[np.bool_] | None = None
 
 
 class EnsembleForecast(ForecastBase):
@@ -180,10 +183,13 @@ class EnsembleBelief(BeliefBase):
 
     def update_in_passing(self, flights: PathsFlown) -> None:
         """Update with the paths of a step, in metres, before `advance`."""
-        places = self.forecast.places(self.examples)
+        places, looked = self.forecast.places(self.examples), flights.looked
+        if looked is None:
+            looked = np.ones(flights.paths.shape[:2], np.bool_)
+            looked[:, 0] = self.step > 0
         passing = Passing(
-            flights.eyes, flights.kinds, flights.paths, self.forecast.scenario.step_duration_s,
-            self.step == 0, flights.flown, flights.found,
+            flights.eyes, flights.kinds, flights.paths, looked,
+            self.forecast.scenario.step_duration_s, flights.flown, flights.found,
         )  # fmt: skip
         self.pos = passing_kernels.learn_paths(
             self.forecast.constants, places, self.forecast.row(self._sea_step), self.density,

@@ -39,8 +39,8 @@ class Passing(NamedTuple):
         eyes: (K,) of `sightings.EYES`.
         kinds: (N,) int64, kind of each drone.
         paths: (N, K + 1, 2) float64, metres, see `flight.FlightTask`.
+        looked: (N, K + 1) bool, see `sightings.missed`.
         step_s: Time of the step.
-        first: Whether the mission begins with this step.
         flown: (N,) bool, the drones that were in the search.
         found: (N,) bool, the drones that found somebody.
     """
@@ -48,8 +48,8 @@ class Passing(NamedTuple):
     eyes: NDArray[np.void]
     kinds: NDArray[np.int64]
     paths: NDArray[np.float64]
+    looked: NDArray[np.bool_]
     step_s: float
-    first: bool
     flown: NDArray[np.bool_]
     found: NDArray[np.bool_]
 
@@ -114,7 +114,7 @@ def mark_near(path, reach, before, near):
 @part
 def list_passed(constants, places, row, passing, n, seen):
     """Write the particles that drone n passes; return their number."""
-    path, eye = passing.paths[n], passing.eyes[passing.kinds[n]]
+    path, looked, eye = passing.paths[n], passing.looked[n], passing.eyes[passing.kinds[n]]
     particles, last = places.particles, len(places.positions) - 1
     cells = particles.cells[row]
     before, after = places.positions[row], places.positions[min(row + 1, last)]
@@ -129,7 +129,7 @@ def list_passed(constants, places, row, passing, n, seen):
         place = (before[i, 0], before[i, 1], after[i, 0], after[i, 1])
         sees = False
         for m in range(len(places.multipliers)):
-            miss = missed(eye, path, passing.step_s, place, places.multipliers[m], passing.first)
+            miss = missed(eye, path, looked, passing.step_s, place, places.multipliers[m])
             seen.missed[m, count] = miss
             sees = sees or miss < 1.0
         if sees:
@@ -223,7 +223,7 @@ def follow_paths(followed, tables, beliefs, scratch, seen, first, last):
             seen.found[n] = crew.drones[b, n].found
         row = min(tables.first_step + t, len(tables.places.positions) - 1)
         passing = Passing(
-            flight.eyes, crew.kinds, flight.paths[b], flight.wind.step_s, t == 0,
+            flight.eyes, crew.kinds, flight.paths[b], flight.looked[b], flight.wind.step_s,
             followed.live[b], seen.found,
         )  # fmt: skip
         beliefs.pos[b] = learn_paths(constants, tables.places, row, weights, persons, passing, seen)

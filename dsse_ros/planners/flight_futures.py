@@ -231,7 +231,7 @@ def write_seen(eye, futures, h, path, wind, seen):
     near, found = write_near(futures, h, strip_of(path, eye.reach + futures.drift), seen), 0
     for j in range(near):
         place = seen.places[j]
-        chance = missed(eye, path, wind.step_s, futures.ways[h, place], 1.0, False)
+        chance = missed(eye, path, None, wind.step_s, futures.ways[h, place], 1.0)
         seen.places[found], seen.missed[found] = place, chance
         found += chance < 1.0
     return found

@@ -57,6 +57,21 @@ def swarm_of(scenario: ResolvedScenario) -> FlightSwarm:
     )
 
 
+def _paths_flown(swarm: FlightSwarm, observations: Observations, infos: Infos) -> PathsFlown:
+    """Return what the drones flew in the last step."""
+    numbers = [number_of(agent) for agent in observations]
+    of_each = [infos[agent] for agent in observations]
+    points, count = len(of_each[0]["path"]), len(swarm.kinds)
+    paths, looked = np.zeros((count, points, 2)), np.zeros((count, points), np.bool_)
+    flown, found = np.zeros(count, np.bool_), np.zeros(count, np.bool_)
+    paths[numbers], flown[numbers] = [info["path"] for info in of_each], True
+    found[numbers] = [bool(info.get("finds", info.get("found_person"))) for info in of_each]
+    by_vehicles = "looked" in of_each[0]
+    if by_vehicles:
+        looked[numbers] = [info["looked"] for info in of_each]
+    return PathsFlown(swarm.eyes, swarm.kinds, paths, flown, found, looked if by_vehicles else None)
+
+
 def flights_of(observations: Observations, swarm: FlightSwarm) -> NDArray[np.void]:
     """Return the state of each observed drone, (N,) of `FLIGHTS`."""
     flights = np.zeros(len(observations), FLIGHTS)
@@ -198,17 +213,7 @@ class FlightBelief(FlightPlanner):
     def _learn(self, observations: Observations, infos: Infos, step: int) -> None:
         assert self.belief is not None
         if step == self._step + 1:
-            pieces = pieces_of(self._swarm.flyers, self._swarm.wind.step_s)
-            count = len(self._swarm.kinds)
-            paths, flown = np.zeros((count, pieces + 1, 2)), np.zeros(count, np.bool_)
-            found = np.zeros(count, np.bool_)
-            for agent in observations:
-                n, info = number_of(agent), infos[agent]
-                paths[n], flown[n] = info["path"], True
-                found[n] = bool(info.get("finds", info.get("found_person", False)))
-            self.belief.update_in_passing(
-                PathsFlown(self._swarm.eyes, self._swarm.kinds, paths, flown, found)
-            )
+            self.belief.update_in_passing(_paths_flown(self._swarm, observations, infos))
             self.belief.advance()
         self._skip(step)
 

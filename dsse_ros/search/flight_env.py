@@ -73,7 +73,8 @@ class FlightEnv(SearchEnv):
     as [y, x]. An action is a turn and a speed, (2,) from -1 to 1, see `step.flight_paths`: it is
     flown for a step of `step_duration_s`. `infos[agent]` has no `action_mask`, and `path` (K + 1,
     2) float64, the positions of the drone at equal times of the last step, metres to the east and
-    to the south of the grid's north-west corner.
+    to the south of the grid's north-west corner. With `vehicle_timed_actions` it has `looked` (K +
+    1,) bool: whether it looked right before the step and on each piece.
     """
 
     _in_metres = True
@@ -93,6 +94,8 @@ class FlightEnv(SearchEnv):
         assert self.world.flight is not None
         columns = self._info_columns(live)
         columns["path"] = [self.world.flight.paths[0, i].copy() for i in live]
+        if self.rules.vehicle_timed_actions:
+            columns["looked"] = [self.world.flight.looked[0, i].copy() for i in live]
         return observations, agent_infos(agents, self._num_missing[0] == 0, None, columns)
 
     def step(self, actions: Mapping[str, Any]) -> Stepped:

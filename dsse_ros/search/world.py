@@ -111,7 +111,7 @@ class World(Rebound):
         self.area, self.runs = area_of(resolved)
         self._looked_for = resolved.person_pod_multipliers
         self.ensemble = WorldEnsemble.of(resolved, rules, num_worlds)
-        self.flight = Flights(resolved, num_worlds) if rules.in_metres else None
+        self.flight = Flights(resolved, rules, num_worlds) if rules.in_metres else None
         self.faults = Faults.of(resolved, rules, num_worlds, self.looks)
         self._threads = threads
         self._rebind()
@@ -491,7 +491,7 @@ class World(Rebound):
             **({} if covered is None else {"left": covered.left, "coverage": covered.records}),
             **({} if self.ensemble is None else {"track": self.ensemble.track}),
             **({} if self.faults is None else {"conditions": self.faults.conditions}),
-            **({} if self.flight is None else {"flights": self.flight.flights}),
+            **({} if self.flight is None else self.flight.state()),
         }
 
     @cached_property

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dsse_ros.compiled.draws import draw_unit
-from dsse_ros.compiled.jit import inlined, part
+from dsse_ros.compiled.jit import inlined, kernel, part
 from dsse_ros.step.ensemble_kernels import step_of
 from dsse_ros.step.flight_paths import Wind, largest_turn, share_of, write_path
 from dsse_ros.step.sightings import missed
@@ -30,6 +30,9 @@ class FlightTask(NamedTuple):
         truth: (M, T, 2) float32, metres: the tracks that persons follow, see `SeaEnsemble`.
         flights: (B, N) of `flight_paths.FLIGHTS`.
         paths: (B, N, K + 1, 2) float64, metres: paths of the drones in the last step.
+        looked: (B, N, K + 1) bool: whether they looked right before the step and on each piece.
+        given: (B, N) bool: whether path and looks of the next step are there already, those of a
+            vehicle.
         actions: (B, N, 2) float64, turns and speeds, see `flight_paths`.
     """
 
@@ -40,6 +43,8 @@ class FlightTask(NamedTuple):
     truth: NDArray[np.float32]
     flights: NDArray[np.void]
     paths: NDArray[np.float64]
+    looked: NDArray[np.bool_]
+    given: NDArray[np.bool_]
     actions: NDArray[np.float64]
 
 
@@ -50,7 +55,7 @@ def flight_of(flight, b):
         return None
     return FlightTask(
         flight.flyers, flight.eyes, flight.wind, flight.cell_m, flight.truth, flight.flights[b],
-        flight.paths[b], flight.actions[b],
+        flight.paths[b], flight.looked[b], flight.given[b], flight.actions[b],
     )  # fmt: skip
 
 
@@ -72,8 +77,10 @@ def start_flights(world, crew, flight):
 def stay(flight, n):
     """Write the path of drone n in a step in which it does not fly."""
     state = flight.flights[n]
+    flight.given[n] = False
     for k in range(flight.paths.shape[1]):
         flight.paths[n, k, 0], flight.paths[n, k, 1] = state.east, state.south
+        flight.looked[n, k] = False
 
 
 @inlined
@@ -83,11 +90,14 @@ def fly(constants, crew, flight, n):
     One that would leave the grid stops at its edge.
     """
     drone, state, path = crew.drones[n], flight.flights[n], flight.paths[n]
-    action = flight.actions[n]
-    flyer = flight.flyers[crew.kinds[n]]
-    speed = flyer.slowest + 0.5 * (1.0 + share_of(action[1])) * (flyer.cruise - flyer.slowest)
-    turn = share_of(action[0]) * largest_turn(flyer.radius, speed, flight.wind.step_s)
-    write_path(flyer, flight.wind, state, turn, speed, path)
+    looked, last = flight.looked[n], len(path) - 1
+    if flight.given[n]:
+        flight.given[n] = False
+    else:
+        write_action(flight.flyers[crew.kinds[n]], flight.wind, state, flight.actions[n], path)
+        looked[0] = looked[last]
+        for k in range(last):
+            looked[k + 1] = True
     side, inside = constants.grid_size * flight.cell_m, True
     for k in range(len(path)):
         for axis in range(2):
@@ -99,6 +109,14 @@ def fly(constants, crew, flight, n):
     drone.x = min(np.int64(math.floor(state.east / flight.cell_m)), edge)
     drone.y = min(np.int64(math.floor(state.south / flight.cell_m)), edge)
     return inside
+
+
+@inlined
+def write_action(flyer, wind, state, action, path):
+    """Write the path of an action, and the state after it; see `flight_paths`."""
+    speed = flyer.slowest + 0.5 * (1.0 + share_of(action[1])) * (flyer.cruise - flyer.slowest)
+    turn = share_of(action[0]) * largest_turn(flyer.radius, speed, wind.step_s)
+    write_path(flyer, wind, state, turn, speed, path)
 
 
 @inlined
@@ -119,10 +137,25 @@ def detect_in_passing(constants, world, sea, crew, flight, ensemble, n):
         track = flight.truth[ensemble.track[p]]
         place = (track[step, 0], track[step, 1], track[after, 0], track[after, 1])
         miss = missed(
-            flight.eyes[kind], flight.paths[n], flight.wind.step_s, place, person.pod_multiplier,
-            world.t == 0,
+            flight.eyes[kind], flight.paths[n], flight.looked[n], flight.wind.step_s, place,
+            person.pod_multiplier,
         )  # fmt: skip
         if miss < 1.0 and draw_unit(world) >= miss:
             person.found = True
             finds += 1
     return finds
+
+
+@kernel
+def path_of_action(flyers, kind, wind, flight, action, path):
+    """Write the path of an action from a state, (1,) of `flight_paths.FLIGHTS` in and out.
+
+    Args:
+        flyers: (K,) of `flight_paths.FLYERS`.
+        kind: Number of the drone's kind.
+        wind: A `Wind`.
+        flight: The state.
+        action: (2,) float64, turn and speed.
+        path: (K + 1, 2) float64 out.
+    """
+    write_action(flyers[kind], wind, flight[0], action, path)

@@ -7,7 +7,7 @@ A path is `pieces` straight pieces, flown at equal times while the person drifts
 Positions are metres. A law depends only on the motion of the person relative to the drone.
 
 With definite range, a person who comes within the reach is detected with the POD, once per pass;
-what is in view as the mission begins has been passed once. With the inverse cube law (Koopman,
+what is in view as a drone begins to look has been passed once. With the inverse cube law (Koopman,
 "Search and Screening", 1946) a person at the distance r is detected at the rate W^2 v / (8 pi r^3),
 W the sweep width at the speed v: on a straight track this is 1 - exp(-W^2 / (4 pi x^2)) at the
 lateral range x. The exposure of a path is the sum of those of its pieces.
@@ -57,16 +57,17 @@ def eyes_of(ranges: Iterable[LateralRange], step_s: float) -> NDArray[np.void]:
 
 
 @part
-def missed(eye, path, step_s, person, multiplier, first):
+def missed(eye, path, looked, step_s, person, multiplier):
     """Return the probability that a drone does not detect a person in a step.
 
     Args:
         eye: One of `EYES`.
         path: (K + 1, 2) float64, positions of the drone at equal times.
+        looked: (K + 1,) bool, whether it looked right before the path and on each piece; None if it
+            did.
         step_s: Time of the step.
         person: Position of the person before and after the step, (x, y, x, y).
         multiplier: Of the POD, or of the exposure.
-        first: Whether the mission begins with this step.
     """
     if max(abs(person[2] - person[0]), abs(person[3] - person[1])) >= FARTHEST_M:
         return 1.0
@@ -74,14 +75,17 @@ def missed(eye, path, step_s, person, multiplier, first):
     x, y = person[0] - path[0, 0], person[1] - path[0, 1]
     drift_x, drift_y = (person[2] - person[0]) / pieces, (person[3] - person[1]) / pieces
     squared, passes, exposure = eye.reach * eye.reach, 0, 0.0
-    if first and x * x + y * y <= squared:
-        passes = 1
     for k in range(pieces):
         dx = drift_x - (path[k + 1, 0] - path[k, 0])
         dy = drift_y - (path[k + 1, 1] - path[k, 1])
-        if eye.law == DEFINITE:
+        looks, looked_before = True, True
+        if looked is not None:
+            looks, looked_before = looked[k + 1], looked[k]
+        if looks and eye.law == DEFINITE:
+            if not looked_before and x * x + y * y <= squared:
+                passes += 1
             passes += enters(x, y, dx, dy, squared)
-        elif math.hypot(x, y) <= eye.reach + math.hypot(dx, dy):
+        elif looks and math.hypot(x, y) <= eye.reach + math.hypot(dx, dy):
             exposure += nearness(x, y, dx, dy)
         x += dx
         y += dy

@@ -42,7 +42,7 @@ def fly(flyers, wind, flights, n, action, path):  # type: ignore[no-untyped-def]
 @kernel
 def chance_missed(eyes, path, step_s, person):  # type: ignore[no-untyped-def]
     """Return what `missed` returns."""
-    return missed(eyes[0], path, step_s, person, 1.0, False)
+    return missed(eyes[0], path, None, step_s, person, 1.0)
 
 
 def swarm_of(

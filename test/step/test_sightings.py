@@ -25,16 +25,17 @@ CUBE = LateralRange(sweep_width_m=100.0, speed_mps=SPEED)
 
 @njit
 def missed_by(
-    eyes: Any, path: Any, step_s: float, person: Any, multiplier: float, first: bool
+    eyes: Any, path: Any, looked: Any, step_s: float, person: Any, multiplier: float
 ) -> float:
-    return float(missed(eyes[0], path, step_s, person, multiplier, first))
+    return float(missed(eyes[0], path, looked, step_s, person, multiplier))
 
 
 def miss(
     law: LateralRange, path: NDArray[np.float64], person: tuple[float, ...], *,
-    multiplier: float = 1.0, first: bool = False, step_s: float = STEP_S,
+    multiplier: float = 1.0, looked: list[bool] | None = None, step_s: float = STEP_S,
 ) -> float:  # fmt: skip
-    return missed_by(eyes_of([law], step_s), path, step_s, person, multiplier, first)
+    flags = np.array([True] * len(path) if looked is None else looked)
+    return missed_by(eyes_of([law], step_s), path, flags, step_s, person, multiplier)
 
 
 def distances(
@@ -53,33 +54,45 @@ paths = st.lists(st.tuples(place, place), min_size=2, max_size=6).map(np.array)
 persons = st.tuples(place, place, place, place)
 
 
+looks = st.lists(st.booleans(), min_size=6, max_size=6) | st.just([True] * 6)
+
+
+def looking(path: NDArray[np.float64], looked: list[bool], count: int) -> NDArray[np.bool_]:
+    """Return whether the drone looks at `count` equal times of the step."""
+    pieces = len(path) - 1
+    piece = np.minimum((np.linspace(0.0, 1.0, count) * pieces).astype(int), pieces - 1)
+    return np.array(looked)[piece + 1]
+
+
 @settings(max_examples=300, deadline=None)
-@given(paths, persons, st.booleans())
-def test_definite_range_detects_once_per_pass(
-    path: NDArray[np.float64], person: tuple[float, ...], first: bool
+@given(paths, persons, looks)
+def test_definite_range_detects_once_per_pass_while_the_drone_looks(
+    path: NDArray[np.float64], person: tuple[float, ...], looked: list[bool]
 ) -> None:
     # A tenth of a second of the step would not see a graze.
     away = distances(path, person, 13 * 10 * 100 + 1)
     turning = np.concatenate([away[[0, -1]], away[1:-1][np.diff(np.sign(np.diff(away))) != 0]])
     assume(np.abs(turning - STRIP.reach_m).min() > 0.1)
-    inside = away <= STRIP.reach_m
-    passes = int((inside[1:] & ~inside[:-1]).sum()) + int(first and inside[0])
-    assert miss(STRIP, path, person, first=first) == pytest.approx((1 - 0.8) ** passes)
-    assert miss(STRIP, path, person, multiplier=0.5) == pytest.approx(
-        0.6 ** (passes - int(first and inside[0]))
-    )
+    inside, looked = away <= STRIP.reach_m, looked[: len(path)]
+    sees = inside & looking(path, looked, len(away))
+    before = np.concatenate([[looked[0] and inside[0]], sees[:-1]])
+    passes = int((sees & ~before).sum())
+    assert miss(STRIP, path, person, looked=looked) == pytest.approx((1 - 0.8) ** passes)
+    assert miss(STRIP, path, person, looked=looked, multiplier=0.5) == pytest.approx(0.6**passes)
 
 
 @settings(max_examples=100, deadline=None)
-@given(paths, persons)
+@given(paths, persons, looks)
 def test_the_inverse_cube_law_adds_up_what_each_moment_sees(
-    path: NDArray[np.float64], person: tuple[float, ...]
+    path: NDArray[np.float64], person: tuple[float, ...], looked: list[bool]
 ) -> None:
     away = distances(path, person, 200_001)
     assume(away.min() > 2.0)
     rate = CUBE.sweep_width_m**2 * SPEED / (8 * math.pi) / away**3
+    rate *= looking(path, looked, len(away))
     exposure = float(((rate[1:] + rate[:-1]) / 2).mean() * STEP_S)
-    assert -math.log(miss(CUBE, path, person)) == pytest.approx(exposure, rel=1e-3, abs=1e-9)
+    seen = miss(CUBE, path, person, looked=looked[: len(path)])
+    assert -math.log(seen) == pytest.approx(exposure, rel=1e-3, abs=1e-4)
 
 
 @settings(max_examples=50, deadline=None)
