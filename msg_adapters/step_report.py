@@ -64,7 +64,7 @@ FLIGHT_FIELDS = (("heading", "<f8"), ("airspeed", "<f8"), ("turn_action", "<f8")
                  ("speed_action", "<f8"))  # fmt: skip
 """Fields of a drone in a step in metres; `path` follows."""
 
-_PATH = "path"
+_PATH, _LOOKED = "path", "looked"
 _ALL_FOUND = "all_found"
 _MASK = "action_mask"
 
@@ -90,13 +90,14 @@ def step_report_dtype(
     `MAX_STATUS`) and command (int8, the commanded action). With sensors that look at several cells
     at once finds (uint32 x 2, a bit for each look that found a person). With actions that last as
     long as the vehicles need, work (uint8, at most `MAX_WORK`): what the vehicle still had to do
-    in the step, 0 nothing, 1 to come back after it had looked, 2 all of it.
+    in the step, 0 nothing, 1 to come back after it had looked, 2 all of it; not in metres.
 
     In metres, where there are no actions by number, `path_points` is at least 2 and action_mask is
     missing: heading (float64, radians clockwise from north), airspeed (float64, m/s), turn_action
     and speed_action (float64, -1 to 1, those of the step) and path (float64 x 2 path_points,
     metres to the east and to the south of the grid's north-west corner, at equal times of the step
-    up to the present) follow.
+    up to the present) follow. If vehicles have flown it, looked (uint8 x path_points: whether the
+    vehicle looked right before the path, and on each piece of it).
 
     Raises:
         ValueError: If the number of actions is not 1 to `MAX_ACTIONS`, or 0 in metres.
@@ -110,12 +111,13 @@ def step_report_dtype(
     else:
         mask = ((_MASK, "u1", (int(num_actions),)),)
     flight = (*FLIGHT_FIELDS, (_PATH, "<f8", (2 * path_points,))) if path_points else ()
+    of_vehicles = ((_LOOKED, "u1", (path_points,)),) if path_points else VEHICLE_FIELDS
     further = (
         *(COVERAGE_FIELDS if coverage else ()),
         *(FAULT_FIELDS if faults else ()),
         *(FIND_FIELDS if finds else ()),
-        *(VEHICLE_FIELDS if vehicles else ()),
         *flight,
+        *(of_vehicles if vehicles else ()),
     )
     return np.dtype([*POINT, (_ALL_FOUND, "u1"), *mask, *further])
 
@@ -123,6 +125,11 @@ def step_report_dtype(
 def path_of(report: NDArray[Any]) -> NDArray[np.float64]:
     """Return the paths (N, K + 1, 2) of a report in metres."""
     return np.asarray(report[_PATH], np.float64).reshape(len(report), -1, 2)
+
+
+def looked_of(report: NDArray[Any]) -> NDArray[np.bool_] | None:
+    """Return whether drones in metres looked (N, K + 1), if vehicles have flown the step."""
+    return report[_LOOKED] > 0 if _LOOKED in (report.dtype.names or ()) else None
 
 
 def _dtype_of(num_actions: int, names: Collection[str], path_points: int = 0) -> np.dtype[Any]:
@@ -133,7 +140,7 @@ def _dtype_of(num_actions: int, names: Collection[str], path_points: int = 0) ->
         coverage={name for name, _ in COVERAGE_FIELDS}.issubset(names),
         faults=any(name in names for name, _ in FAULT_FIELDS),
         finds="finds" in names,
-        vehicles="work" in names,
+        vehicles="work" in names or _LOOKED in names,
     )
 
 

@@ -177,8 +177,8 @@ TOPICS = {
         qos="latched",
         publishers=_SIM,
         subscribers=_OF_BRIDGE,
-        content="not with `vehicle_time` `ignored`: one point per drone: what its vehicle has to "
-        "do, once its drone has begun an action ([layout](ros.md#vehicle-tasks))",
+        content="not with `vehicle_time` `ignored`: what each drone's vehicle has to do, once its "
+        "drone has begun an action ([layout](ros.md#vehicle-tasks))",
         use="the bridge",
     ),
     "mission_report": Topic(

@@ -2,8 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """The tasks of the vehicles: a NumPy structured array to sensor_msgs/PointCloud2 and back.
 
-One entry per drone; x, y, z are float32 metres in the map frame, so that RViz shows where the
-vehicles go.
+One column per drone; x, y, z are float32 metres in the map frame, so that RViz shows where the
+vehicles go. In metres the rows are the points of their ways, to be flown at equal times of a step;
+elsewhere there is one row, where the tasks end.
 """
 
 from __future__ import annotations
@@ -30,26 +31,31 @@ VEHICLE_TASK = np.dtype(
         ("action", "i1"),  # action of the drone, -1 to stay there
     ]
 )
-"""The task of one drone's vehicle, packed."""
+"""A point of the task of one drone's vehicle, packed."""
+
+MAX_POINTS = 64
+"""Largest number of points of a way."""
 
 
 def vehicle_tasks_message(header: Header, tasks: NDArray[Any]) -> PointCloud2:
-    """Return tasks (N,) of `VEHICLE_TASK` as a cloud of one row.
+    """Return tasks (P, N) of `VEHICLE_TASK` as a cloud of P rows.
 
     Args:
         header: Time of the last step, and the map frame.
         tasks: The tasks in the order of the agents.
     """
-    return cloud_message(header, tasks[np.newaxis])
+    return cloud_message(header, tasks)
 
 
 def vehicle_tasks_from_message(message: PointCloud2) -> NDArray[Any]:
-    """Return the tasks in a cloud: the inverse of `vehicle_tasks_message`.
+    """Return the tasks (P, N) in a cloud: the inverse of `vehicle_tasks_message`.
 
     Raises:
         ValueError: If the cloud has no tasks.
     """
-    if message.height != 1:
-        raise ValueError(f"height must be 1, got {message.height}")
-    tasks: NDArray[Any] = points_from_message(message, VEHICLE_TASK)[0]
+    if not 1 <= message.height <= MAX_POINTS:
+        raise ValueError(f"height must be 1 to {MAX_POINTS}, got {message.height}")
+    tasks = points_from_message(message, VEHICLE_TASK)
+    if len({*map(bytes, tasks["task"])}) > 1:
+        raise ValueError("task must be the same in all rows")
     return tasks

@@ -49,18 +49,27 @@ class Progress:
     run_id: int = 0
 
 
-def vehicle_pose(header: Header, position: Position, heading_deg: float) -> PoseStamped:
+def vehicle_pose(
+    header: Header, position: Position, attitude: tuple[float, float, float]
+) -> PoseStamped:
     """Return where a vehicle is in the map frame.
 
     Args:
         header: Time of the pose, and the map frame.
         position: Where it is.
-        heading_deg: Where its nose points, clockwise from north; NaN is east.
+        attitude: Roll, right side down, and pitch, nose up, in radians; and where its nose points,
+            clockwise from north in degrees, NaN for east.
     """
     message = pose_stamped(header, position)
+    roll, pitch, heading_deg = attitude
+    yaw = math.radians(90.0 - heading_deg) if math.isfinite(heading_deg) else 0.0
+    # In the frames of ROS the nose goes down with a positive pitch (REP-103).
+    (sr, cr), (sp, cp), (sy, cy) = (
+        (math.sin(angle / 2), math.cos(angle / 2)) for angle in (roll, -pitch, yaw)
+    )
     turn = message.pose.orientation
-    yaw_rad = math.radians(90.0 - heading_deg) if math.isfinite(heading_deg) else 0.0
-    turn.z, turn.w = math.sin(yaw_rad / 2), math.cos(yaw_rad / 2)
+    turn.x, turn.y = sr * cp * cy - cr * sp * sy, cr * sp * cy + sr * cp * sy
+    turn.z, turn.w = cr * cp * sy - sr * sp * cy, cr * cp * cy + sr * sp * sy
     return message
 
 

@@ -83,7 +83,7 @@ class AwaitedVehicles:
         task, progress = int(self._tasks.numbers[drone]), self._progress.get(drone)
         if progress is None or progress.arrived_task == task:
             place = self._places.get(drone, (math.inf, math.inf))
-            cell = self._tasks.cells[drone].tolist()
+            cell = self._tasks.ends[drone].tolist()
             if math.dist(place, cell_to_map(self._frame, *cell)) <= radius_m:
                 return DONE
         has_looked = progress is not None and progress.looked_task == task

@@ -19,7 +19,7 @@ from dsse_ros.mission.mission_snapshots import Possible, is_by_drone, is_pair
 from dsse_ros.search import HOLD, SearchEnv, Snapshot
 from dsse_ros.search.flights import Flights
 
-_OF_FLOWN = ("actions", "paths")
+_OF_FLOWN = ("actions", "paths", "looked")
 """Arrays of `Flown` that a snapshot has beside the world."""
 
 
@@ -73,6 +73,44 @@ class FlightMission(Mission):
         self.result = replace(self.result, flown=Flown.of(self._flights))
         return self.result
 
+    def ways(self, actions: NDArray[Any] | None) -> NDArray[np.float64]:
+        """Return the paths of actions (N, 2) without flying them, (N, P, 2) (col, row).
+
+        Args:
+            actions: Turns and speeds; None for drones that stay.
+        """
+        flights, kinds = self._flights, self.env.world.looks.kind
+        ways = np.repeat(flights.in_cells()[0][:, None], flights.paths.shape[2], axis=1)
+        if actions is not None:
+            for drone in self.live:
+                path = flights.plan(drone, actions[drone], int(kinds[drone]))
+                ways[drone] = path / self.env.scenario.cell_size - 0.5
+        return ways
+
+    @property
+    def pieces(self) -> int:
+        """Number of the pieces of a path."""
+        return self._flights.paths.shape[2] - 1
+
+    def set_paths(self, paths: NDArray[np.float64], looked: NDArray[np.bool_]) -> None:
+        """Have the drones fly in the next step what vehicles have flown, see `Flown`.
+
+        Args:
+            paths: (N, P, 2) float64.
+            looked: (N, P) bool.
+
+        Raises:
+            ValueError: If there are more or fewer points than in a path of the mission.
+        """
+        if paths.shape != self._flights.paths.shape[1:]:
+            raise ValueError(f"path must be {self.pieces + 1} points, got {paths.shape[1]}")
+        for drone in self.live:
+            self.set_flown(drone, paths[drone], looked[drone])
+
+    def set_flown(self, drone: int, path: NDArray[np.float64], looked: NDArray[np.bool_]) -> None:
+        """Have a drone fly in the next step what its vehicle has flown, see `Flights.give`."""
+        self._flights.give(drone, path, looked)
+
     def _command_buffer(self) -> FlightCommands:  # type: ignore[override]
         flights = self._flights
         return FlightCommands(flights, self.env.world.looks.kind)
@@ -121,6 +159,7 @@ class FlightMission(Mission):
                 "result_actions": lambda array: bool((array == HOLD).all()),
                 "result_actions_m": within(-1.0, 1.0),
                 "result_paths_m": within(0.0, side_m),
+                "result_looked_m": within(0.0, 1.0),
             },
         )
 

@@ -24,12 +24,14 @@ class Flown:
         actions: (N, 2) float64, turns and speeds.
         flights: (N,) of `flight_paths.FLIGHTS`, the states after it.
         paths: (N, K + 1, 2) float64, positions at equal times of the step.
+        looked: (N, K + 1) bool, whether they looked right before it and on each piece.
         places: (N, 2) float64 (col, row) after it; fractions lie between cells.
     """
 
     actions: NDArray[np.float64]
     flights: NDArray[np.void]
     paths: NDArray[np.float64]
+    looked: NDArray[np.bool_]
     places: NDArray[np.float64]
 
     @classmethod
@@ -39,6 +41,7 @@ class Flown:
             flights.actions[0].copy(),
             flights.flights[0].copy(),
             flights.paths[0].copy(),
+            flights.looked[0].copy(),
             flights.in_cells()[0],
         )
 

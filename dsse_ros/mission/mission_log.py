@@ -39,6 +39,11 @@ OF_VEHICLES = ("work",)
 """Further columns of missions with `vehicle_timed_actions`, which have faults too: one of
 `fault_kernels.WORKS`.
 """
+OF_FLOWN = ("path", "looked")
+"""Further columns of missions with `vehicle_timed_actions` in metres, empty for persons: `path` and
+`looked` of `Flown`; the points as x y x y ..., metres to the east and to the south of the grid's
+north-west corner, and 0 or 1 for each.
+"""
 OF_FLIGHT = ("heading_deg", "airspeed", "turn", "speed")
 """Further columns of missions in metres, empty for persons: the heading clockwise from north, the
 airspeed in m/s, and the action, see `step.flight_paths`. `east_m`, `north_m`, `lat_deg` and
@@ -50,7 +55,8 @@ def columns_of(
 ) -> tuple[str, ...]:
     """Return the columns of a mission's record."""
     groups = (
-        (covers, OF_COVERAGE), (faults, OF_FAULTS), (vehicles, OF_VEHICLES), (metres, OF_FLIGHT)
+        (covers, OF_COVERAGE), (faults, OF_FAULTS), (vehicles and not metres, OF_VEHICLES),
+        (metres, OF_FLIGHT), (vehicles and metres, OF_FLOWN),
     )  # fmt: skip
     return COLUMNS + tuple(name for has, names in groups if has for name in names)
 
@@ -144,7 +150,7 @@ class MissionLog:
                         pos,
                         *covered,
                         *self._of_faults(mission, result, i),
-                        *_of_flight(result, i),
+                        *_of_flight(result, i, vehicles=self._vehicles),
                     )  # fmt: skip
                 )
             else:
@@ -192,13 +198,17 @@ class MissionLog:
             self._defined.close()
 
 
-def _of_flight(result: StepResult, drone: int) -> tuple[str, ...]:
-    """Return the values of `OF_FLIGHT`; none if drones move from cell to cell."""
+def _of_flight(result: StepResult, drone: int, *, vehicles: bool) -> tuple[str, ...]:
+    """Return the values of `OF_FLIGHT`, and with vehicles of `OF_FLOWN`; none between cells."""
     if result.flown is None:
         return ()
     state, (turn, speed) = result.flown.flights[drone], result.flown.actions[drone].tolist()
     heading_deg = math.degrees(float(state["heading"])) % 360.0
-    return (f"{heading_deg:.6f}", f"{state['speed']:.6f}", repr(turn), repr(speed))
+    values = (f"{heading_deg:.6f}", f"{state['speed']:.6f}", repr(turn), repr(speed))
+    if not vehicles:
+        return values
+    path = " ".join(map(repr, result.flown.paths[drone].ravel().tolist()))
+    return (*values, path, "".join(str(int(looked)) for looked in result.flown.looked[drone]))
 
 
 def _cut(path: str | os.PathLike[str], end: tuple[int, int], columns: Sequence[str]) -> None:

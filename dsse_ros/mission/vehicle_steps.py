@@ -6,13 +6,18 @@ from __future__ import annotations
 
 from dsse_ros.mission import status
 from dsse_ros.mission.awaited_vehicles import AwaitedVehicles
+from dsse_ros.mission.commands import parse_place
 from dsse_ros.mission.fleet_clock import FleetClock
+from dsse_ros.mission.flight_mission import FlightMission
 from dsse_ros.mission.mission import Mission
 from dsse_ros.mission.step_scheduler import StepScheduler
 from dsse_ros.mission.vehicle_tasks import VehicleTasks
 from dsse_ros.mission.vehicle_time import FOLLOWED, IGNORED, VehicleTimeSettings
+from dsse_ros.mission.vehicle_tracks import Position, VehicleTrack, tilt_deg
 from dsse_ros.mission_items.track_missions import acceptance_radius_m
+from dsse_ros.result import Rejected
 from dsse_ros.scenario.frames import GridFrame
+from msg_adapters.poses import FramedPose
 
 
 class VehicleSteps:
@@ -45,31 +50,70 @@ class VehicleSteps:
         self.settings = settings
         self.exist = settings.vehicle_time != IGNORED
         self.follows = settings.vehicle_time == FOLLOWED
-        self.tasks = VehicleTasks(len(mission.tracks))
+        self.tasks = VehicleTasks(mission)
         self.vehicles = AwaitedVehicles(frame, self.tasks, mission.set_battery)
         self._clock = FleetClock()
         self._watched_s = -1.0
+        step_s = mission.env.scenario.step_duration_s
+        self._flown = [VehicleTrack(step_s) for _ in mission.tracks]
 
     def restart(self) -> None:
         """Have the vehicles go to where the drones of another mission start."""
         self.vehicles.begin()
         self._scheduler.stop()
         if self.exist:
-            self.tasks.restart(self._mission)
+            self.tasks.restart()
 
     def begin(self, missing_action: str) -> None:
         """Take the commands of the next step, and have the vehicles begin with it."""
         if not self._scheduler.started:
             self._scheduler.start(self._clock.time_s)
-        self.tasks.begin(self._mission, self._mission.begin(missing_action))
+            for track in self._flown:
+                track.begin()
+        self.tasks.begin(self._mission.begin(missing_action))
 
     def end(self) -> None:
-        """End a step that is about to be done: what is not done by now is under way."""
-        if self.follows:
+        """End a step that is about to be done.
+
+        What is not done by now is under way; in metres it is what the vehicles have flown.
+        """
+        if self.follows and isinstance(self._mission, FlightMission):
+            self._set_flown(self._mission)
+        elif self.follows:
             self._mission.set_work(self.vehicles.work(self._radius_m))
 
-    def set_time(self, drone: int, boot_ms: int) -> None:
-        """Set the clock of a vehicle; only those whose drones are in the search count."""
+    def _set_flown(self, mission: FlightMission) -> None:
+        """Have the drones fly what their vehicles have flown, as far as that is known."""
+        for drone in mission.live:
+            flown = self._flown[drone].take(mission.pieces)
+            if flown is not None:
+                path, looked = flown
+                path[:, 1] = self._frame.side_m - path[:, 1]
+                mission.set_flown(drone, path, looked)
+
+    def set_pose(self, drone: int, stamp_ns: int, pose: FramedPose) -> Rejected | None:
+        """Set the pose of a vehicle in the map frame, with the stamp of its message.
+
+        Returns:
+            Why it is refused, see `parse_place`; the vehicle's place is not known then.
+        """
+        parsed = parse_place(pose, self._frame)
+        if isinstance(parsed, Rejected):
+            self.vehicles.set_place(drone, None)
+            return parsed
+        self.vehicles.set_place(drone, parsed.value)
+        away_m = abs(pose.position[2] - self._frame.alt_of(drone))
+        level = tilt_deg(pose.orientation) <= self.settings.look_tilt
+        looks = level and away_m <= self.settings.look_altitude_error
+        self._flown[drone].set_place(stamp_ns, Position(*parsed.value, looks))
+        return None
+
+    def set_time(self, drone: int, stamp_ns: int, boot_ms: int) -> None:
+        """Set the clock of a vehicle, with the stamp of its message.
+
+        Only the vehicles whose drones are in the search count.
+        """
+        self._flown[drone].set_time(stamp_ns, boot_ms * 1e-3)
         live = self._mission.live
         self._clock.keep(live)
         if drone in live:

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from dsse_ros.mission.flight_mission import FlightMission
 from dsse_ros.mission.mission import Mission
 from dsse_ros.mission.step_reports import place_columns
 from dsse_ros.scenario.frames import GridFrame
@@ -23,67 +24,80 @@ class VehicleTasks:
     task has done that one and no other.
 
     Args:
-        num_drones: N.
+        mission: The mission.
 
     Attributes:
         numbers: (N,) int64, numbers of the tasks; 0 before the first.
-        cells: (N, 2) int64 cells (col, row) where they end.
+        ways: (N, P, 2) float64 (col, row) of the way of each, in metres with fractions; elsewhere
+            it is one cell, that where the task ends.
         actions: (N,) int8, the actions of the drones, `HOLD` to stay.
         first: Number of the first task of the mission.
     """
 
-    def __init__(self, num_drones: int) -> None:
+    def __init__(self, mission: Mission) -> None:
+        num_drones = len(mission.tracks)
+        self._mission = mission
         self.numbers = np.zeros(num_drones, np.int64)
-        self.cells = np.zeros((num_drones, 2), np.int64)
+        self.ways = _ways(mission, None)
         self.actions = np.full(num_drones, HOLD, np.int8)
         self.first = 1
         self._last = 0
 
-    def restart(self, mission: Mission) -> None:
-        """Have all vehicles go to the cells of their drones, at the start of a mission."""
+    def restart(self) -> None:
+        """Have all vehicles go to where their drones are, at the start of a mission."""
         self.first = self._last + 1
-        stay = np.full(len(self.numbers), HOLD, np.int8)
-        self._set(mission, stay, np.zeros(len(stay), bool))
+        self._set(None, np.zeros(len(self.numbers), bool))
 
-    def begin(self, mission: Mission, joint: NDArray[np.int8]) -> None:
+    def begin(self, joint: NDArray[Any]) -> None:
         """Have the vehicles do what the drones do in the next step; those under way go on.
 
         Args:
-            mission: The mission.
-            joint: (N,) int8, commands of the drones.
+            joint: (N, ...) commands of the drones, of `Mission.begin`.
         """
-        self._set(mission, *mission.actions_of(joint))
+        self._set(*self._mission.actions_of(joint))
 
-    def _set(self, mission: Mission, actions: NDArray[np.int8], goes_on: NDArray[np.bool_]) -> None:
-        drones = mission.env.world.drones[0]
-        for i in np.flatnonzero(~goes_on & (drones["alive"] | (self.numbers < self.first))):
+    def _set(self, actions: NDArray[Any] | None, goes_on: NDArray[np.bool_]) -> None:
+        ways, alive = _ways(self._mission, actions), self._mission.env.world.drones["alive"][0]
+        for i in np.flatnonzero(~goes_on & (alive | (self.numbers < self.first))):
             self._last += 1
-            self.numbers[i], self.actions[i] = self._last, actions[i]
-            self.cells[i] = _end(mission, int(i), int(actions[i]))
+            self.numbers[i], self.ways[i] = self._last, ways[i]
+            numbered = actions is not None and actions.ndim == 1
+            self.actions[i] = actions[i] if actions is not None and numbered else HOLD
 
-    def points(self, mission: Mission, frame: GridFrame, run_id: int) -> NDArray[Any]:
-        """Return the tasks as (N,) of `VEHICLE_TASK`.
+    @property
+    def ends(self) -> NDArray[np.float64]:
+        """Where they end, (N, 2) as (col, row)."""
+        return self.ways[:, -1]
+
+    def points(self, frame: GridFrame, run_id: int) -> NDArray[Any]:
+        """Return the tasks as (P, N) of `VEHICLE_TASK`.
 
         Args:
-            mission: The mission.
-            frame: Frame of its grid.
+            frame: Frame of the grid.
             run_id: Identity of the simulation.
         """
-        points = np.zeros(len(self.numbers), VEHICLE_TASK)
-        for name, values in place_columns(frame, self.cells, self.cells).items():
+        ways = self.ways.swapaxes(0, 1)
+        points = np.zeros(ways.shape[:2], VEHICLE_TASK)
+        for name, values in place_columns(frame, np.floor(ways + 0.5), ways).items():
             points[name] = values
-        points["run_id"], points["mission"] = run_id, mission.number
+        points["run_id"], points["mission"] = run_id, self._mission.number
         points["task"], points["action"] = self.numbers, self.actions
         return points
 
 
-def _end(mission: Mission, drone: int, action: int) -> tuple[int, int]:
-    """Return the cell in which a drone's action ends; its own if it may not enter that one."""
-    world, actions = mission.env.world, mission.env.rules.action_set
-    place, grid = world.drones[0, drone], world.grid_size
-    col, row = int(place["x"]), int(place["y"])
-    on_grid = 0 <= col < grid and 0 <= row < grid
-    if on_grid and 0 <= action < len(actions.moves) and world.mask_table[row][col][action]:
-        dx, dy = actions.moves[action]
-        return col + dx, row + dy
-    return col, row
+def _ways(mission: Mission, actions: NDArray[Any] | None) -> NDArray[np.float64]:
+    """Return where actions lead, (N, P, 2) (col, row); None has the drones stay.
+
+    Between cells P is 1, and a drone that may not enter a cell stays in its own.
+    """
+    if isinstance(mission, FlightMission):
+        return mission.ways(actions)
+    world, moves = mission.env.world, mission.env.rules.action_set.moves
+    drones = world.drones[0]
+    ends = np.stack([drones["x"], drones["y"]], axis=1)
+    for drone, action in enumerate([] if actions is None else actions.tolist()):
+        col, row = ends[drone].tolist()
+        inside = 0 <= col < world.grid_size and 0 <= row < world.grid_size
+        if inside and 0 <= action < len(moves) and world.mask_table[row][col][action]:
+            ends[drone] += moves[action]
+    return ends[:, None].astype(np.float64)

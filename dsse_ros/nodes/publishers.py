@@ -213,7 +213,7 @@ class MissionPublishers:
     def publish_tasks(self, stamp: Time, tasks: VehicleTasks) -> None:
         """Publish what the vehicles have to do, if there are any."""
         for publisher in self._publishers.get("vehicle_tasks", ()):
-            points = tasks.points(self._mission, self._frame, self.run_id)
+            points = tasks.points(self._frame, self.run_id)
             publisher.publish(vehicle_tasks_message(self._messages.header(stamp), points))
 
     def publish_mission_report(self, stamp: Time) -> None:

@@ -20,7 +20,6 @@ from rclpy.parameter import Parameter
 from sensor_msgs.msg import TimeReference
 
 from dsse_ros.mission import status
-from dsse_ros.mission.commands import parse_place
 from dsse_ros.mission.flight_intake import intake_of
 from dsse_ros.mission.flight_mission import mission_of
 from dsse_ros.mission.mission_files import MissionFiles
@@ -361,12 +360,10 @@ class SimNode(AlarmNode):
         self._advance()
 
     def _on_vehicle(self, drone: int, message: PoseStamped) -> None:
-        parsed = parse_place(pose_from_message(message), self.frame)
-        if isinstance(parsed, Rejected):
-            self._commands.reject(f"drone{drone}/vehicle_pose", parsed)
-            self._fleet.vehicles.set_place(drone, None)
+        stamp_ns, pose = to_nanoseconds(message.header.stamp), pose_from_message(message)
+        if rejected := self._fleet.set_pose(drone, stamp_ns, pose):
+            self._commands.reject(f"drone{drone}/vehicle_pose", rejected)
         else:
-            self._fleet.vehicles.set_place(drone, parsed.value)
             self._advance()
 
     def _on_state(self, drone: int, message: DiagnosticArray) -> None:
@@ -381,7 +378,10 @@ class SimNode(AlarmNode):
         self._advance()
 
     def _on_time(self, drone: int, message: TimeReference) -> None:
-        self._fleet.set_time(drone, to_nanoseconds(message.time_ref) // 10**6)
+        stamp_ns, boot_ns = (
+            to_nanoseconds(one) for one in (message.header.stamp, message.time_ref)
+        )
+        self._fleet.set_time(drone, stamp_ns, boot_ns // 10**6)
         self._advance()
 
     def _lose(self, drone: int, reason: str) -> None:

@@ -13,7 +13,7 @@ import numpy as np
 from dsse_ros.drift.flow import utc
 from dsse_ros.mission.scenario_files import find_scenario
 from dsse_ros.mission.step_scheduler import Timing
-from dsse_ros.mission.vehicle_time import FOLLOWED, IGNORED
+from dsse_ros.mission.vehicle_time import FOLLOWED
 from dsse_ros.nodes.settings import (
     FULL_NAMES,
     PROFILE,
@@ -64,10 +64,6 @@ def read_parameters(node: AlarmNode) -> tuple[SimSettings, SearchEnv, Endpoints]
         raise FieldError(
             f"publish_belief must be false with rules {rules.profile}, which have no persons, "
             "got true"
-        )
-    if rules.in_metres and settings.vehicle_time != IGNORED:
-        raise FieldError(
-            f"vehicle_time must be {IGNORED!r} with space metres, got {settings.vehicle_time!r}"
         )
     log = node.get_logger().info
     with announced(lambda line: log(f"{line}; topics and services appear when it is done")):

@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 from sensor_msgs.msg import PointCloud2
 
-from dsse_ros.mission.flight_mission import mission_of
+from dsse_ros.mission.flight_mission import FlightMission, mission_of
 from dsse_ros.mission.mission import Mission
 from dsse_ros.mission.step_messages import StepMessages
 from dsse_ros.mission.step_reports import step_report_of
@@ -31,7 +31,12 @@ from dsse_ros.scenario.agents import AgentsInfo, agents_from_json
 from dsse_ros.scenario.limits import LARGEST_GRID_CELLS, check_cells
 from dsse_ros.search import HOLD, FieldError, search_env
 from msg_adapters.stamps import to_nanoseconds
-from msg_adapters.step_report import step_report_from_message, step_report_message
+from msg_adapters.step_report import (
+    looked_of,
+    path_of,
+    step_report_from_message,
+    step_report_message,
+)
 from msg_adapters.topics import EACH_DRONE, TOPICS, Reading, of_drones, replayed, topic_of
 
 _FIRST = ("action", "held", "col", "row")
@@ -319,6 +324,9 @@ class _Flight:
         elif len(report.points) == len(self.info.agents):
             if "work" in (report.points.dtype.names or ()):
                 mission.set_work(report.points["work"].astype(np.int8))
+            looked = looked_of(report.points)
+            if looked is not None and isinstance(mission, FlightMission):
+                mission.set_paths(path_of(report.points), looked)
             mission.command_all(self._commands(report.points))
             mission.advance("hold")
             self.outcome.steps += 1

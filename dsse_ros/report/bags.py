@@ -5,7 +5,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -14,15 +14,17 @@ from numpy.typing import NDArray
 
 from dsse_ros.recording.bag import Recorded, read_bag
 from dsse_ros.report.flown_over import places_of
+from dsse_ros.report.of_vehicles import Flown
 from dsse_ros.report.recomputed import Maps
 from dsse_ros.report.record import RecordedMission, Search, check_limit
 from dsse_ros.scenario.agents import AgentsInfo, agents_from_json
 from dsse_ros.scenario.limits import LARGEST_GRID_CELLS, check_cells
+from dsse_ros.scenario.scenario import ResolvedScenario
 from dsse_ros.search import FieldError
 from msg_adapters.images import image_to_probability
 from msg_adapters.mission_report import mission_report_from_message
 from msg_adapters.stamps import to_nanoseconds
-from msg_adapters.step_report import step_report_from_message
+from msg_adapters.step_report import looked_of, path_of, step_report_from_message
 from msg_adapters.topics import TOPICS
 
 _BELIEF = "belief"
@@ -169,6 +171,23 @@ def _has_turns(row: NDArray[Any] | None) -> bool:
     return row is not None and "turn_action" in (row.dtype.names or ())
 
 
+def _in_metres(scenario: ResolvedScenario, reports: Sequence[NDArray[Any]]) -> dict[str, Any]:
+    """Return what a mission in metres has besides, by the fields of `RecordedMission`."""
+
+    def table(name: str) -> NDArray[Any]:
+        return np.stack([report[name] for report in reports])
+
+    of_metres: dict[str, Any] = {"in_cells": places_of(scenario, table("x"), table("y"))}
+    # A report of the mission does not have them.
+    if all(map(_has_turns, reports)):
+        turns = np.stack([table("turn_action"), table("speed_action")], axis=2)
+        of_metres["turns"] = turns
+        if looked_of(reports[0]) is not None:
+            paths = np.stack([path_of(report) for report in reports])
+            of_metres["flown"] = Flown(paths, table("looked") > 0)
+    return of_metres
+
+
 def _mission(
     key: Key,
     info: AgentsInfo | None,
@@ -200,12 +219,6 @@ def _mission(
     def table(name: str) -> NDArray[Any]:
         return np.stack([rows[step][name] for step in steps])
 
-    in_cells = turns = None
-    if rules.in_metres:
-        in_cells = places_of(scenario, table("x"), table("y"))
-        # A report of the mission does not have them.
-        if all(_has_turns(rows[step]) for step in steps):
-            turns = np.stack([table("turn_action"), table("speed_action")], axis=2)
     actions, names = table("action"), np.array([*info.actions, ""])
     if (actions >= len(info.actions)).any():
         raise ValueError(f"step_report has action {actions.max()}, which agents does not name")
@@ -225,7 +238,6 @@ def _mission(
             scenario=scenario,
             seed=info.seed,
             run_id=key[0],
-            in_cells=in_cells,
-            turns=turns,
+            **(_in_metres(scenario, [rows[step] for step in steps]) if rules.in_metres else {}),
         )
     )

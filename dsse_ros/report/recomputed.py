@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from dsse_ros.belief.beliefs import forecast_for as new_forecast
 from dsse_ros.belief.protocol import TargetForecast
-from dsse_ros.mission.flight_mission import mission_of
+from dsse_ros.mission.flight_mission import FlightMission, mission_of
 from dsse_ros.report.metrics import effort
 from dsse_ros.report.record import RecordedMission
 from dsse_ros.search import HOLD, FieldError, SearchEnv, search_env
@@ -211,7 +211,7 @@ def follow_belief(
     The record does not contain which look of an action found a person: if there were several, the
     belief learns nothing from them.
 
-    In metres the mission is flown again: its paths are not recorded.
+    In metres the mission is flown again: only the paths of vehicles are recorded.
 
     Args:
         record: The record; it has every step from the start.
@@ -287,6 +287,8 @@ def mission_views(record: RecordedMission, *, belief: bool) -> Iterator[MissionV
             mission.command_all(commands[step])
             if record.work is not None:
                 mission.set_work(record.work[step])
+            if record.flown is not None and isinstance(mission, FlightMission):
+                mission.set_paths(record.flown.paths[step], record.flown.looked[step])
             mission.advance("hold")
         if not np.array_equal(np.stack([drones["x"], drones["y"]], axis=1), cells):
             raise ValueError(f"step {step} is not of the mission with seed {record.seed}")

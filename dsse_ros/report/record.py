@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from dsse_ros.mission.definition_log import definition_file, read_definitions
 from dsse_ros.mission.mission_log import COLUMNS, OF_COVERAGE
 from dsse_ros.report.flown_over import check_flown, flown_over, places_of
+from dsse_ros.report.of_vehicles import Flown, flown_of, works_of
 from dsse_ros.scenario.agents import definition_from
 from dsse_ros.scenario.definition import SearchDefinition
 from dsse_ros.scenario.frames import cell_to_map, scenario_frame
@@ -26,7 +27,6 @@ from dsse_ros.scenario.limits import LARGEST_GRID_CELLS, check_cells
 from dsse_ros.scenario.scenario import ResolvedScenario
 from dsse_ros.search import FieldError, Rules
 from dsse_ros.sensors.sensor import SEARCH
-from dsse_ros.step.fault_kernels import WORKS
 from dsse_ros.step.looks import looks_of
 
 Search = Callable[[int], SearchDefinition]
@@ -36,8 +36,8 @@ _MCAP = b"\x89MCAP0\r\n"
 """How MCAP files begin."""
 _ROUNDING_M = 6e-4
 """Precision of the metres in a log, which have three decimals."""
-_LONGEST_FIELD = 100
-"""Characters of a field of a log; NumPy makes room for as many in every one."""
+_LONGEST_FIELD = 1000
+"""Characters of a field of a log: a path of a vehicle has about 300."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,6 +62,7 @@ class RecordedMission:
         scenario: The scenario, resolved.
         commands: (K, N) names of the commanded actions, `actions` without faults; None if not
             recorded.
+        flown: What vehicles have flown in metres; else None.
         work: (K, N) int8 of `WORKS`, what the vehicles still had to do; None without vehicles whose
             actions last as long as they need.
         probabilities: (K, N) float64, map values of the cells searched; None if not recorded.
@@ -94,6 +95,7 @@ class RecordedMission:
     scenario: ResolvedScenario
     commands: NDArray[np.str_] | None = None
     work: NDArray[np.int8] | None = None
+    flown: Flown | None = None
     probabilities: NDArray[np.float64] | None = None
     pos: NDArray[np.float64] | None = None
     coverage_rate: NDArray[np.float64] | None = None
@@ -429,18 +431,6 @@ def _places(
     return places
 
 
-def _work(names: NDArray[np.str_]) -> NDArray[np.int8]:
-    """Return the numbers of `WORKS` by name.
-
-    Raises:
-        ValueError: If a name is unknown.
-    """
-    unknown = sorted(set(names.ravel().tolist()) - {*WORKS})
-    if unknown:
-        raise ValueError(f"work must be one of {', '.join(WORKS)}, got {unknown[0]!r}")
-    return np.vectorize(WORKS.index, otypes=[np.int8])(names)
-
-
 def _mission(
     columns: Sequence[str],
     steps: Sequence[Sequence[Sequence[str]]],
@@ -455,7 +445,8 @@ def _mission(
     definition = search(count := _count_drones(steps))
     rules, scenario = definition.rules, definition.scenario.resolve(definition.rules)
     check_cells(scenario.grid_size, max_cells)
-    table = np.array(steps)
+    # NumPy's own strings would all be as long as the longest.
+    table = np.array(steps, object)
 
     def column(name: str, kind: Any = np.float64, agents: slice = slice(0, count)) -> NDArray[Any]:
         values: NDArray[Any] = table[:, agents, columns.index(name)].astype(kind)
@@ -481,7 +472,8 @@ def _mission(
             cells=of_drones,
             actions=column("action", np.str_),
             commands=column("command" if "command" in columns else "action", np.str_),
-            work=_work(column("work", np.str_)) if "work" in columns else None,
+            work=works_of(column("work", np.str_)) if "work" in columns else None,
+            flown=flown_of(column) if "path" in columns else None,
             rewards=column("reward"),
             terminated=flag("terminated"),
             truncated=flag("truncated"),

@@ -24,7 +24,7 @@ from dsse_ros.step.flight_paths import FLIGHTS, flyers_of
 from msg_adapters.commands import joint_action_message, joint_command_message
 from msg_adapters.images import image_to_probability
 from msg_adapters.stamps import to_nanoseconds
-from msg_adapters.step_report import finds_of, path_of, step_report_from_message
+from msg_adapters.step_report import finds_of, looked_of, path_of, step_report_from_message
 
 StepId = tuple[int, int, int]
 """run_id, mission and step of a report: no two steps have all alike."""
@@ -99,6 +99,9 @@ class ObservedStep:
             masks = report["action_mask"].astype(np.int8)
         else:
             columns["path"] = list(path_of(report))
+            looked = looked_of(report)
+            if looked is not None:
+                columns["looked"] = list(looked)
         return agent_infos(agents, found, masks, columns)
 
     def answer(self, actions: Mapping[int, Any]) -> Int32MultiArray | Float64MultiArray:

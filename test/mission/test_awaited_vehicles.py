@@ -33,9 +33,9 @@ def charges() -> dict[int, float]:
 @pytest.fixture
 def tasks() -> VehicleTasks:
     """The tasks 3 and 4 of a mission whose first is 3."""
-    made, mission = VehicleTasks(2), Mission(parallel_env(**PLACE), 1)
+    made = VehicleTasks(Mission(parallel_env(**PLACE), 1))
     for _ in range(2):
-        made.restart(mission)
+        made.restart()
     return made
 
 

@@ -181,9 +181,9 @@ def test_the_battery_of_a_drone_is_that_of_its_vehicle() -> None:
 
 def test_a_vehicle_s_report_of_this_mission_sets_the_battery_of_its_drone() -> None:
     mission = make(battery_move=5.0)
-    tasks = VehicleTasks(3)
+    tasks = VehicleTasks(mission)
     for _ in range(2):
-        tasks.restart(mission)
+        tasks.restart()
     vehicles = AwaitedVehicles(scenario_frame(mission.env.scenario), tasks, mission.set_battery)
     state = {"level": "ok", "message": "", "values": {}}
     for drone, task, share in ((0, 4, 0.25), (1, 2, 0.25), (2, 6, math.nan)):

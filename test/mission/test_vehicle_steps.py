@@ -71,8 +71,8 @@ class Flight:
         for i, vehicle in enumerate(self.vehicles):
             progress = vehicle.progress(int(tasks.numbers[i]), self.now_s)
             self.steps.vehicles.set_progress(i, progress, RUN)
-            self.steps.vehicles.set_place(i, cell_to_map(self.frame, *tasks.cells[i].tolist()))
-            self.steps.set_time(i, round((vehicle.boot_s + self.now_s) * 1e3))
+            self.steps.vehicles.set_place(i, cell_to_map(self.frame, *tasks.ends[i].tolist()))
+            self.steps.set_time(i, 0, round((vehicle.boot_s + self.now_s) * 1e3))
 
     def begin(self, actions: list[int]) -> None:
         """Command the drones, if that is all that is waited for."""

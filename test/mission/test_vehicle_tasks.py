@@ -28,13 +28,14 @@ def make(**fields: Any) -> tuple[Mission, VehicleTasks]:
         "grid_size": 8, "num_drones": 3, "person_initial_position": (7, 7), "rules": "sea",
         "probability_of_detection": 0.0, "vehicle_timed_actions": True,
     }  # fmt: skip
-    return Mission(parallel_env(**{**given, **fields}), 3), VehicleTasks(3)
+    mission = Mission(parallel_env(**{**given, **fields}), 3)
+    return mission, VehicleTasks(mission)
 
 
 def begun(mission: Mission, tasks: VehicleTasks, actions: list[int]) -> None:
     count = len(mission.env.rules.actions)
     mission.command_all([action % count for action in actions])
-    tasks.begin(mission, mission.begin("hold"))
+    tasks.begin(mission.begin("hold"))
 
 
 @given(plans, st.booleans())
@@ -42,7 +43,7 @@ def test_a_drone_ends_where_its_task_did_and_one_under_way_keeps_its_task(
     plan: list[tuple[list[int], list[int]]], battery: bool
 ) -> None:
     mission, tasks = make(**({"battery_move": 4.0, "relief_steps": 2} if battery else {}))
-    tasks.restart(mission)
+    tasks.restart()
     under_way = np.zeros(3, bool)
     for actions, work in plan:
         if mission.done:
@@ -58,24 +59,24 @@ def test_a_drone_ends_where_its_task_did_and_one_under_way_keeps_its_task(
         under_way = conditions["heading"] >= 0
         for i in mission.live:
             if not under_way[i] and conditions["status"][i] == 0:
-                assert tasks.cells[i].tolist() == mission.result.cells[i].tolist()
+                assert tasks.ends[i].tolist() == mission.result.cells[i].tolist()
 
 
 @pytest.mark.parametrize("rules", ["paper", "v1", "v2"])
 def test_without_faults_the_tasks_are_the_commands(rules: str) -> None:
     mission, tasks = make(rules=rules, vehicle_timed_actions=False)
-    tasks.restart(mission)
+    tasks.restart()
     assert tasks.numbers.tolist() == [1, 2, 3] and tasks.actions.tolist() == [-1, -1, -1]
     begun(mission, tasks, [1, 3, mission.env.rules.action_set.search])
-    assert tasks.cells.tolist() == [[1, 0], [1, 1], [2, 0]]
+    assert tasks.ends.tolist() == [[1, 0], [1, 1], [2, 0]]
     # A vehicle is not sent off the grid.
     begun(mission, tasks, [0, 2, 2])
-    assert tasks.cells.tolist() == [[0, 0], [1, 0], [2, 0]]
+    assert tasks.ends.tolist() == [[0, 0], [1, 0], [2, 0]]
 
 
 def test_a_step_that_has_begun_is_done_with_its_commands() -> None:
     mission, tasks = make()
-    tasks.restart(mission)
+    tasks.restart()
     assert mission.missing == [0, 1, 2] and not mission.begun
     begun(mission, tasks, [1, 1, 1])
     assert mission.begun and mission.missing == []
@@ -86,28 +87,28 @@ def test_a_step_that_has_begun_is_done_with_its_commands() -> None:
 
 def test_tasks_of_another_mission_have_other_numbers_and_those_of_dead_drones_stay() -> None:
     mission, tasks = make()
-    tasks.restart(mission)
+    tasks.restart()
     mission.lose(1)
     begun(mission, tasks, [1, 1, 1])
     assert tasks.numbers.tolist() == [4, 2, 5] and tasks.first == 1
     mission.reset(4)
-    tasks.restart(mission)
+    tasks.restart()
     assert tasks.numbers.tolist() == [6, 7, 8] and tasks.first == 6
 
 
 def test_the_message_has_what_each_vehicle_does_and_where() -> None:
     mission, tasks = make()
-    tasks.restart(mission)
+    tasks.restart()
     begun(mission, tasks, [1, 8, 3])
     frame = scenario_frame(mission.env.scenario)
-    points = tasks.points(mission, frame, 7)
+    points = tasks.points(frame, 7)
     message = vehicle_tasks_message(header("map", to_stamp(0)), points)
     assert vehicle_tasks_from_message(message).tobytes() == points.tobytes()
-    assert points[["run_id", "mission", "task", "col", "row", "action"]].tolist() == [
+    assert points[["run_id", "mission", "task", "col", "row", "action"]][0].tolist() == [
         (7, 1, 4, 1, 0, 1), (7, 1, 5, 1, 0, 8), (7, 1, 6, 2, 1, 3)
     ]  # fmt: skip
     x, y = cell_to_map(frame, 2, 1)
-    assert (points["x"][2], points["y"][2]) == pytest.approx((x, y))
-    message.height = 2
-    with pytest.raises(ValueError, match="height must be 1"):
+    assert (points["x"][0, 2], points["y"][0, 2]) == pytest.approx((x, y))
+    message.height = 0
+    with pytest.raises(ValueError, match="height must be 1 to 64, got 0"):
         vehicle_tasks_from_message(message)

@@ -60,18 +60,27 @@ def test_the_state_of_another_drone_is_none() -> None:
             progress_from_message(message, "drone2")
 
 
-@given(st.floats(0, 360))
-def test_a_pose_is_where_the_vehicle_is(heading: float) -> None:
-    pose = vehicle_pose(header("map", STAMP), (1.0, -2.0, 30.0), heading)
-    assert pose_from_message(pose)[:2] == ("map", (1.0, -2.0, 30.0))
-    turn = pose.pose.orientation
+@given(st.floats(0, 360), st.floats(-3, 3), st.floats(-1.5, 1.5))
+def test_a_pose_is_where_the_vehicle_is_and_how_it_lies(
+    heading: float, roll: float, pitch: float
+) -> None:
+    attitude = (roll, pitch, heading)
+    pose = pose_from_message(vehicle_pose(header("map", STAMP), (1.0, -2.0, 30.0), attitude))
+    assert pose[:2] == ("map", (1.0, -2.0, 30.0))
+    x, y, z, w = pose.orientation
+    assert x * x + y * y + z * z + w * w == pytest.approx(1.0)
+    # Where its nose and its left side point, in the map frame.
+    nose = (1 - 2 * (y * y + z * z), 2 * (x * y + z * w), 2 * (x * z - y * w))
+    left_up = 2 * (y * z + x * w)
     east, north = math.sin(math.radians(heading)), math.cos(math.radians(heading))
-    yaw = 2 * math.atan2(turn.z, turn.w)
-    assert (math.cos(yaw), math.sin(yaw)) == pytest.approx((east, north), abs=1e-9)
+    assert nose == pytest.approx(
+        (east * math.cos(pitch), north * math.cos(pitch), math.sin(pitch)), abs=1e-9
+    )
+    assert left_up == pytest.approx(math.sin(roll) * math.cos(pitch), abs=1e-9)
 
 
 def test_a_vehicle_that_does_not_know_its_heading_faces_east() -> None:
-    pose = vehicle_pose(header("map", STAMP), (0.0, 0.0, 10.0), math.nan)
+    pose = vehicle_pose(header("map", STAMP), (0.0, 0.0, 10.0), (0.0, 0.0, math.nan))
     assert (pose.pose.orientation.z, pose.pose.orientation.w) == (0.0, 1.0)
 
 

@@ -385,11 +385,11 @@ class Sim:
         """Return the tasks of the vehicles, one entry per drone."""
 
         def current() -> bool:
-            tasks = [vehicle_tasks_from_message(message) for message in self._tasks[-1:]]
+            tasks = [vehicle_tasks_from_message(message)[-1] for message in self._tasks[-1:]]
             return any(search_of(one) == self.search for one in tasks)
 
         self.rig.until(current, "the tasks")
-        return vehicle_tasks_from_message(self._tasks.last)
+        return vehicle_tasks_from_message(self._tasks.last)[-1]
 
     def begin(self, *actions: int) -> NDArray[Any]:
         """Command all drones and return the tasks with which their vehicles begin."""

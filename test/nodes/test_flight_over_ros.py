@@ -243,9 +243,3 @@ def test_in_real_time_drones_without_commands_fly_straight_on(rig: Rig) -> None:
     report = node.report
     assert report["turn_action"].tolist() == [0.0] * 3
     assert report["speed_action"].tolist() == [1.0] * 3 and not report["held"].any()
-
-
-def test_vehicles_cannot_be_waited_for(rig: Rig) -> None:
-    process = rig.start("sim_node", SIM | {"vehicle_time": "awaited"})
-    assert process.wait() == 2
-    assert "vehicle_time must be 'ignored' with space metres, got 'awaited'" in process.output

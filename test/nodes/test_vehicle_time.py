@@ -7,16 +7,20 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
+import numpy as np
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PoseStamped
 from numpy.typing import NDArray
 from rig import Rig, Sim
 from sensor_msgs.msg import TimeReference
-from std_msgs.msg import Header
+from std_msgs.msg import Float64MultiArray, Header
 
 from dsse_ros.step.fault_kernels import SEARCHING, UNDER_WAY
+from msg_adapters.commands import joint_command_message
+from msg_adapters.poses import pose_stamped
 from msg_adapters.stamps import to_stamp
+from msg_adapters.step_report import looked_of, path_of
 from msg_adapters.vehicles import Progress, vehicle_state_message, vehicle_time
 
 LEFT, RIGHT, UP, DOWN, SEARCH = range(5)
@@ -160,3 +164,43 @@ def test_the_node_says_when_the_clocks_stand_still(sim: Sim) -> None:
         vehicles.report(drone)
     sim.begin(RIGHT, LEFT)
     sim.health_when(lambda h: "waiting for the clocks of the vehicles" in h["message"])
+
+
+def test_in_metres_the_path_of_a_step_is_what_the_vehicles_flew_by_their_own_clocks(
+    rig: Rig,
+) -> None:
+    sim = rig.sim(
+        {
+            "rules": "flight", "person_motion": "constant_drift", "grid_size": 20,
+            "drones_positions": [9, 9, 12, 12], "particles": 500, "vehicle_time": "followed",
+        },
+        namespace="/metres",
+    )  # fmt: skip
+    starts = [(float(task["x"]), float(task["y"])) for task in sim.tasks()]
+
+    def fly(since_s: float, until_s: float) -> None:
+        """Fly north at 8 m/s, the second one without a position after 5 s of the first step."""
+        for time_s in np.arange(since_s, until_s + 0.01, 0.5).tolist():
+            for drone, (x, y) in enumerate(starts):
+                header = Header(stamp=to_stamp(round((100.0 + time_s) * 1e9)), frame_id="map")
+                pose = pose_stamped(header, (x, y + 8.0 * time_s, 120.0))
+                if drone == 0 or time_s <= 5.0:
+                    sim.talk(PoseStamped, f"drone{drone}/vehicle_pose").publish(pose)
+                clock = vehicle_time(header, "none", 50.0 * drone + time_s)
+                sim.talk(TimeReference, f"drone{drone}/vehicle_time").publish(clock)
+            sim.wait_until_quiet()
+
+    fly(0.0, 0.0)
+    seen, number = len(sim.reports), int(sim.tasks()["task"].max())
+    message = joint_command_message(1, 0, [(0.0, 1.0)] * 2)
+    sim.talk(Float64MultiArray, "joint_command").publish(message)
+    sim.rig.until(lambda: sim.tasks()["task"].max() > number, "the step")
+    fly(0.5, 13.0)
+    report = sim.next_report(seen)
+    path, looked = path_of(report), looked_of(report)
+    assert looked is not None and looked[0, 1:].all()
+    assert np.ptp(path[0], axis=0) == pytest.approx((0.0, 104.0), abs=8.0)
+    assert report["airspeed"][0] == pytest.approx(8.0, abs=0.1)
+    # Its clock goes on, but where it is nobody knows.
+    assert looked[1, 1:6].all() and not looked[1, 8:].any()
+    assert np.ptp(path[1], axis=0) == pytest.approx((0.0, 40.0), abs=1.0)

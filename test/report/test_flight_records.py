@@ -38,9 +38,13 @@ PLACE: dict[str, Any] = {
 SEED = 4
 
 
-def flown() -> Iterator[FlightMission]:
-    """Yield a mission at its start and after each step, in some of which drones are held."""
-    mission, draw = mission_of(parallel_env(**PLACE), SEED), np.random.default_rng(1)
+def flown(*, vehicles: bool = False) -> Iterator[FlightMission]:
+    """Yield a mission at its start and after each step, in some of which drones are held.
+
+    Vehicles fly as they like, and do not always look.
+    """
+    env = parallel_env(**PLACE, vehicle_timed_actions=vehicles)
+    mission, draw = mission_of(env, SEED), np.random.default_rng(1)
     assert isinstance(mission, FlightMission)
     yield mission
     while not mission.done:
@@ -48,21 +52,28 @@ def flown() -> Iterator[FlightMission]:
         if mission.result.step % 3 == 1:
             joint[1] = None
         mission.command_all(joint)
+        if vehicles:
+            shape = (3, mission.pieces + 1)
+            legs = draw.uniform(-20.0, 20.0, (*shape, 2)).cumsum(axis=1)
+            starts = (mission.result.places + 0.5) * env.scenario.cell_size
+            legs[:, 0] = 0.0
+            mission.set_paths(starts[:, None] + legs, draw.random(shape) < 0.8)
         mission.advance("hold")
         yield mission
 
 
-def log_of(path: Path) -> tuple[RecordedMission, FlightMission]:
+def log_of(path: Path, *, vehicles: bool = False) -> tuple[RecordedMission, FlightMission]:
     log: MissionLog | None = None
-    for mission in flown():
-        log = log or MissionLog(path, scenario_frame(mission.env.scenario), metres=True)
+    for mission in flown(vehicles=vehicles):
+        frame = scenario_frame(mission.env.scenario)
+        log = log or MissionLog(path, frame, metres=True, vehicles=vehicles)
         log.write(mission, mission.result)
     assert log is not None
     log.close()
     return read_csv(path)[0], mission
 
 
-def messages_of() -> list[Recorded]:
+def messages_of(*, vehicles: bool = False) -> list[Recorded]:
     """Return what `sim_node` publishes of the mission."""
     found: list[Recorded] = []
 
@@ -73,7 +84,7 @@ def messages_of() -> list[Recorded]:
             Recorded(f"/{topic}", kind, time_ns, time_ns, bytes(serialize_message(message)))
         )
 
-    for mission in flown():
+    for mission in flown(vehicles=vehicles):
         env, frame = mission.env, scenario_frame(mission.env.scenario)
         if not found:
             messages = StepMessages(mission, frame, 7)
@@ -95,8 +106,10 @@ def messages_of() -> list[Recorded]:
     return found
 
 
-def test_a_record_is_flown_again_to_the_same_views_and_pos(tmp_path: Path) -> None:
-    record, mission = log_of(tmp_path / "mission.csv")
+@pytest.mark.parametrize("vehicles", [False, True])
+def test_a_record_is_flown_again_to_the_same_views_and_pos(tmp_path: Path, vehicles: bool) -> None:
+    record, mission = log_of(tmp_path / "mission.csv", vehicles=vehicles)
+    assert (record.flown is not None) == vehicles
     *_, last = mission_views(record, belief=True)
     assert record.pos is not None and last.pos == record.pos[-1] == mission.pos
     assert last.probability.tobytes() == mission.belief().tobytes()

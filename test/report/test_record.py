@@ -192,8 +192,8 @@ def changed(path: Path, cells: dict[str, str]) -> Path:
 @pytest.mark.parametrize(
     ("cells", "says"),
     [
-        ({"action": "x" * 100_000}, "at most 100 characters, got 100000"),
-        ({"agent": "drone" + "1" * 96}, "at most 100 characters, got 101"),
+        ({"action": "x" * 100_000}, "at most 1000 characters, got 100000"),
+        ({"agent": "drone" + "1" * 996}, "at most 1000 characters, got 1001"),
         ({"action": "x" * 200_000}, "is neither the CSV of a mission nor a bag"),
     ],
 )

@@ -1,0 +1,156 @@
+# Copyright 2026 dsse_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""What a vehicle has flown in a step in metres, from its own positions and clock, without ROS."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from typing import NamedTuple, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dsse_ros.mission.fleet_clock import MAX_SKIP_MS
+
+LONGEST_GAP_S = 2.0
+"""Time between two positions of a vehicle after which nobody knows where it has looked."""
+_LATE_S = 5.0
+"""A clock that is behind by less is that of a position that came late."""
+_RESOLUTION_S = 1e-3
+_MOST_UNPAIRED = 32
+_MOST_POSITIONS = 10_000
+"""Positions in a step that are kept; a step with more has a gap at its start."""
+
+
+T = TypeVar("T")
+
+
+class Position(NamedTuple):
+    """A position of a vehicle in the map frame.
+
+    Attributes:
+        x: To the east, m.
+        y: To the north, m.
+        looks: Whether it can look from there: at its altitude, and level enough.
+    """
+
+    x: float
+    y: float
+    looks: bool
+
+
+class VehicleTrack:
+    """The positions of one vehicle since the last step.
+
+    Args:
+        step_s: Time of a step.
+    """
+
+    def __init__(self, step_s: float) -> None:
+        self._step_s = step_s
+        self._positions: deque[tuple[float, Position]] = deque(maxlen=_MOST_POSITIONS)
+        self._start_s = 0.0
+        self._looked = False
+        self._places: dict[int, Position] = {}
+        self._times: dict[int, float] = {}
+
+    def begin(self) -> None:
+        """Begin a mission where the vehicle is."""
+        self._forget_way()
+        self._looked = False
+
+    def set_place(self, stamp_ns: int, place: Position) -> None:
+        """Take a position, with the stamp of its message."""
+        _keep(self._places, stamp_ns, place)
+        self._pair(stamp_ns)
+
+    def set_time(self, stamp_ns: int, time_s: float) -> None:
+        """Take the vehicle's clock at the position with the same stamp."""
+        _keep(self._times, stamp_ns, time_s)
+        self._pair(stamp_ns)
+
+    def _pair(self, stamp_ns: int) -> None:
+        if stamp_ns not in self._places or stamp_ns not in self._times:
+            return
+        time_s, place = self._times.pop(stamp_ns), self._places.pop(stamp_ns)
+        last_s = self._positions[-1][0] if self._positions else -math.inf
+        if not 0.0 < time_s - last_s <= MAX_SKIP_MS * 1e-3:
+            if -_LATE_S < time_s - last_s <= 0.0:
+                return
+            # The first one, or that of an autopilot that was restarted: the way to it is not known.
+            self._positions.clear()
+            self._start_s, self._looked = time_s, False
+        self._positions.append((time_s, place))
+
+    def _forget_way(self) -> None:
+        """Keep the last position only."""
+        if self._positions:
+            last = self._positions[-1]
+            self._positions.clear()
+            self._positions.append(last)
+            self._start_s = last[0]
+
+    def take(self, pieces: int) -> tuple[NDArray[np.float64], NDArray[np.bool_]] | None:
+        """Return what was flown since the last call, and forget it; None before any position.
+
+        A vehicle whose positions stop coming counts as where it was last, and does not look.
+
+        Args:
+            pieces: K.
+
+        Returns:
+            (K + 1, 2) float64 x and y, m, at equal times, and (K + 1,) bool: whether it looked
+            right before the first one and on each piece.
+        """
+        if not self._positions:
+            return None
+        times = np.array([time_s for time_s, _ in self._positions])
+        x, y, looks = np.array([place for _, place in self._positions]).T
+        end_s = float(times[-1])
+        if end_s - self._start_s < self._step_s - LONGEST_GAP_S:
+            end_s = self._start_s + self._step_s
+        at_s = np.linspace(self._start_s, end_s, pieces + 1)
+        path = np.stack([np.interp(at_s, times, x), np.interp(at_s, times, y)], axis=1)
+        looked = np.zeros(pieces + 1, np.bool_)
+        looked[0] = self._looked
+        known_s = _known(times, looks > 0.0)
+        for k in range(pieces):
+            begin_s, until_s = at_s[k] + _RESOLUTION_S, at_s[k + 1] - _RESOLUTION_S
+            looked[k + 1] = any(a <= begin_s and until_s <= b for a, b in known_s)
+        self._forget_way()
+        self._start_s, self._looked = end_s, bool(looked[-1])
+        return path, looked
+
+
+def _keep(values: dict[int, T], stamp_ns: int, value: T) -> None:
+    """Keep a value until the other one with its stamp comes."""
+    values[stamp_ns] = value
+    while len(values) > _MOST_UNPAIRED:
+        del values[next(iter(values))]
+
+
+def _known(times: NDArray[np.float64], looks: NDArray[np.bool_]) -> list[tuple[float, float]]:
+    """Return the times, from and to, in which a vehicle looked without a gap."""
+    spans: list[tuple[float, float]] = []
+    together = looks[:-1] & looks[1:] & (np.diff(times) <= LONGEST_GAP_S)
+    for k in np.flatnonzero(together).tolist():
+        if spans and spans[-1][1] == times[k]:
+            spans[-1] = (spans[-1][0], float(times[k + 1]))
+        else:
+            spans.append((float(times[k]), float(times[k + 1])))
+    return spans
+
+
+def tilt_deg(orientation: tuple[float, float, float, float]) -> float:
+    """Return how far a body's vertical axis is from the vertical; NaN if it is not known.
+
+    Args:
+        orientation: Quaternion x, y, z, w, of any length; one of zeros, as in an empty message, is
+            level.
+    """
+    x, y, z, w = orientation
+    length = x * x + y * y + z * z + w * w
+    if length == 0.0:
+        return 0.0
+    return math.degrees(math.acos(min(max(1.0 - 2.0 * (x * x + y * y) / length, -1.0), 1.0)))
