@@ -9,13 +9,14 @@ not known takes the whole column where it is.
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from dsse_ros.flight.orders import FlyMission, GoTo, Land, Return, Search, TakeOff
+from dsse_ros.flight.orders import FlyMission, FlyTrack, GoTo, Land, Return, Search, TakeOff
 from dsse_ros.flight.vehicle_controller import Order
 from dsse_ros.flight.vehicle_state import VehicleState
 from dsse_ros.mission_items.separation import (
@@ -24,6 +25,7 @@ from dsse_ros.mission_items.separation import (
     leg,
     meetings,
     place_of,
+    places_of,
     rows_of,
     separation_m,
     spot,
@@ -91,6 +93,11 @@ class Flyer:
                 if isinstance(order, Search):
                     spaces.append(spot(there, order.search_amsl_m - self.datum_m, level_m))
                 return spaces
+            case FlyTrack(places, level_amsl_m):
+                points = [here, *places_of(self.frame, places)]
+                level_m = level_amsl_m - self.datum_m
+                legs = [leg(start, end, level_m) for start, end in itertools.pairwise(points)]
+                return [spot(here, height_m, level_m), *legs]
             case Return():
                 # It may climb first, to the altitude of its parameters.
                 top_m = max(height_m, self._return_m)

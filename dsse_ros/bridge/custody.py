@@ -14,6 +14,7 @@ from enum import Enum
 
 from dsse_ros.flight.orders import (
     FlyMission,
+    FlyTrack,
     GoTo,
     Hold,
     Land,
@@ -135,7 +136,7 @@ NEXT: Mapping[Custody, Mapping[Event, Custody]] = {
 MAY_ORDER: Mapping[Custody, tuple[type[Order], ...]] = {
     Custody.FREE: (),
     Custody.CLEARED: (MakeReady, TakeOff, FlyMission),
-    Custody.FOLLOWING: (TakeOff, GoTo, Search, Hold, FlyMission),
+    Custody.FOLLOWING: (TakeOff, GoTo, Search, FlyTrack, Hold, FlyMission),
     Custody.HELD: (Hold,),
     Custody.RECALLED: (Return, Land),
     Custody.ENDING: (GoTo, Hold, Return, Land),

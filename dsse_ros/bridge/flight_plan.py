@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 
 from dsse_ros.bridge.fence import Fence, check_search, check_take_off
 from dsse_ros.bridge.settings import BridgeSettings
-from dsse_ros.bridge.tasks import Task, leg_task, mission_task
+from dsse_ros.bridge.tasks import Task, leg_task, mission_task, way_task
 from dsse_ros.flight.autopilots import AUTOPILOTS
 from dsse_ros.flight.orders import GoTo
 from dsse_ros.flight.vehicle_state import VehicleState
@@ -67,7 +67,7 @@ class FlightPlan:
         self, settings: BridgeSettings, info: AgentsInfo, center: tuple[float, float] | None
     ) -> None:
         self._settings = settings
-        self._area = info.area
+        self._area, self._step_s = info.area, info.step_duration_s
         self.datum_m = settings.datum_altitude
         self.frames = layered(info.frame, settings, len(info.agents))
         self.center = _middle(info.frame) if center is None else center
@@ -94,7 +94,11 @@ class FlightPlan:
 
     def leg_task(self, i: int, leg: Leg) -> Result[Task]:
         """Return the task of a vehicle for a leg, or why the vehicle may not fly it."""
-        return leg_task(leg, self.frames[i], self._settings, self.fence(i), self.datum_m)
+        frame, fence = self.frames[i], self.fence(i)
+        if leg.way:
+            top_m = self.top_amsl_m(i)
+            return way_task(leg, frame, self._settings, fence, top_m, self._step_s)
+        return leg_task(leg, frame, self._settings, fence, self.datum_m)
 
     def missions(
         self, tracks: Mapping[int, Track], homes: Mapping[int, tuple[float, float, float]]

@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable
 from dataclasses import replace
 from enum import Enum, auto
@@ -15,7 +16,9 @@ from numpy.typing import NDArray
 from dsse_ros.mission_items.track_missions import Leg
 from dsse_ros.scenario.agents import AgentsInfo
 from dsse_ros.scenario.agents_inbox import Latest
+from dsse_ros.scenario.frames import GridFrame
 from dsse_ros.sensors.sensor import SEARCH
+from msg_adapters.step_report import path_of
 
 MISSION_REPORT_S = 5.0
 """Time within which the report of a finished mission should come."""
@@ -23,6 +26,8 @@ MISSION_REPORT_S = 5.0
 
 Identity = tuple[int, int]
 """run_id and mission."""
+Way = tuple[tuple[float, float], ...]
+"""Points (x, y) of the map frame, in metres."""
 _KEPT = 4
 """Number of searches whose reports are kept."""
 
@@ -107,9 +112,9 @@ class FollowedSearch:
         self._look_at_step |= _keep(self._reports, stamp_ns, report)
 
     def take_tasks(self, tasks: NDArray[Any]) -> None:
-        """Take the tasks (N,) of the vehicles."""
+        """Take the tasks (P, N) of the vehicles."""
         if tasks.size:
-            self._tasks.put((int(tasks["run_id"][0]), int(tasks["mission"][0])), tasks)
+            self._tasks.put((int(tasks["run_id"][0, 0]), int(tasks["mission"][0, 0])), tasks)
             self._look_at_step = True
 
     def take_mission_report(self, stamp_ns: int, report: NDArray[Any]) -> None:
@@ -169,8 +174,8 @@ class FollowedSearch:
         count = len(info.agents)
         if self._vehicles != count:
             return f"{self._vehicles} vehicles for {count} drones: nothing is flown"
-        if not info.actions:
-            return "the search is in metres, vehicles fly from cell to cell: nothing is flown"
+        if not info.actions and self._whole:
+            return "the search is in metres, which mode mission does not fly: nothing is flown"
         known = self.info
         if known is not None and info.run_id == known.run_id and info.mission != known.mission:
             return ""
@@ -197,10 +202,10 @@ class FollowedSearch:
             return self._begin(info)
         self._followed_step = step
         search = _search_action(info)
-        self.legs = _legs(stamp_ns, report, search)
+        self.legs = _legs(stamp_ns, report, search, info.frame)
         if _identity(info) in self._tasks:
             tasks = self._tasks[_identity(info)]
-            if len(tasks) == len(self.legs):
+            if tasks.shape[1] == len(self.legs):
                 self.legs = _legs_of_tasks(self.legs, tasks, search)
         if self._over_since_s is None and all(leg.over for leg in self.legs):
             self._over_since_s = now_s
@@ -215,7 +220,9 @@ class FollowedSearch:
         if report.shape[1] != len(info.agents):
             return None
         self.tracks = report
-        self.final_legs = [replace(leg, over=True) for leg in _legs(stamp_ns, report[-1], -1)]
+        self.final_legs = [
+            replace(leg, over=True) for leg in _legs(stamp_ns, report[-1], -1, info.frame)
+        ]
         return News.TRACKS
 
     def track(self, drone: int) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
@@ -248,25 +255,39 @@ def _search_action(info: AgentsInfo) -> int:
     return info.actions.index(SEARCH) if SEARCH in info.actions else -1
 
 
-def _legs(stamp_ns: int, report: NDArray[Any], search: int) -> list[Leg]:
+def _legs(stamp_ns: int, report: NDArray[Any], search: int, frame: GridFrame) -> list[Leg]:
     """Return the legs of a step, one for each drone."""
     over = (report["terminated"] | report["truncated"]).astype(bool)
     cells = list(zip(report["col"].tolist(), report["row"].tolist(), strict=True))
     searched = report["action"] == search
     crashed = [bool(over[i]) and cells.count(cell) > 1 for i, cell in enumerate(cells)]
+    ways: list[Way] = [()] * len(cells)
+    if "path" in (report.dtype.names or ()):
+        crashed = [False] * len(cells)
+        # From the north-west corner to the map frame.
+        ways = [_way_of((0.0, frame.side_m) + path * (1, -1)) for path in path_of(report)]
     return [
-        Leg(stamp_ns, cell, bool(searched[i]), bool(over[i]), crashed[i])
+        Leg(stamp_ns, cell, bool(searched[i]), bool(over[i]), crashed[i], ways[i])
         for i, cell in enumerate(cells)
     ]
 
 
+def _way_of(points: NDArray[np.floating[Any]]) -> Way:
+    """Return points (P, 2) of the map frame without those that repeat the one before."""
+    places = [(float(x), float(y)) for x, y in points.tolist()]
+    return tuple(place for place, _ in itertools.groupby(places))
+
+
 def _legs_of_tasks(legs: list[Leg], tasks: NDArray[Any], search: int) -> list[Leg]:
-    """Return the legs of the tasks, which end as those of the last step."""
-    cells = zip(tasks["col"].tolist(), tasks["row"].tolist(), strict=True)
-    searches = (tasks["action"] == search).tolist()
+    """Return the legs of the tasks (P, N), which end as those of the last step."""
+    ends = tasks[-1]
+    cells = zip(ends["col"].tolist(), ends["row"].tolist(), strict=True)
+    searches = (ends["action"] == search).tolist()
+    points = np.stack([tasks["x"], tasks["y"]], axis=-1)
+    ways = [_way_of(points[:, i]) if leg.way else () for i, leg in enumerate(legs)]
     return [
-        replace(leg, number=number, cell=cell, searched=searched)
-        for leg, number, cell, searched in zip(
-            legs, tasks["task"].tolist(), cells, searches, strict=True
+        replace(leg, number=number, cell=cell, searched=searched, way=way)
+        for leg, number, cell, searched, way in zip(
+            legs, ends["task"].tolist(), cells, searches, ways, strict=True
         )
     ]

@@ -8,7 +8,7 @@ import math
 
 from dsse_ros.bridge.flight_record import FlightRecord
 from dsse_ros.flight.autopilots import Autopilot
-from dsse_ros.flight.orders import FlyMission, GoTo, Hold, Land, Return, Search, TakeOff
+from dsse_ros.flight.orders import FlyMission, FlyTrack, GoTo, Hold, Land, Return, Search, TakeOff
 from dsse_ros.flight.vehicle_controller import Order
 from dsse_ros.flight.vehicle_state import VehicleState
 from dsse_ros.scenario.geodesy import offset_m
@@ -28,7 +28,7 @@ def modes_of(order: Order, autopilot: Autopilot) -> tuple[str, ...]:
         case TakeOff():
             # In the air it flies to a setpoint.
             return (autopilot.take_off_mode or autopilot.guided_mode, autopilot.guided_mode)
-        case GoTo() | Search():
+        case GoTo() | Search() | FlyTrack():
             return (autopilot.guided_mode,)
         case Hold():
             return (autopilot.resting_mode,)

@@ -4,12 +4,15 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from dataclasses import replace
 
+import numpy as np
+
 from dsse_ros.bridge.fence import Fence, check_mission, check_place
 from dsse_ros.flight.autopilots import Autopilot
-from dsse_ros.flight.orders import FlyMission, GoTo, Search
+from dsse_ros.flight.orders import FlyMission, FlyTrack, GoTo, Search
 from dsse_ros.flight.vehicle_controller import Order
 from dsse_ros.flight.vehicle_state import VehicleState
 from dsse_ros.mission.vehicle_missions import FlightSettings
@@ -17,7 +20,7 @@ from dsse_ros.mission_items.items import NAV_WAYPOINT, VehicleMission
 from dsse_ros.mission_items.track_missions import Leg, acceptance_radius_m
 from dsse_ros.result import Accepted, Rejected, Result
 from dsse_ros.scenario.frames import GridFrame
-from dsse_ros.scenario.geodesy import cell_to_geodetic, offset_m
+from dsse_ros.scenario.geodesy import cell_to_geodetic, map_to_geodetic, offset_m
 
 Task = tuple[Order, ...]
 """Orders, one after the other."""
@@ -51,6 +54,32 @@ def leg_task(
         return Accepted((there,))
     search = Search(lat_deg, lon_deg, top_m, low_m, settings.search_hold, radius_m)
     return Accepted((search, there))
+
+
+def way_task(
+    leg: Leg, frame: GridFrame, settings: FlightSettings, fence: Fence, top_m: float, step_s: float
+) -> Result[Task]:
+    """Return the task of a vehicle for a leg in metres, or why the vehicle may not fly it.
+
+    Args:
+        leg: The leg, with a way.
+        frame: The grid.
+        settings: How to fly the leg.
+        fence: Where the vehicle may be.
+        top_m: Altitude of the vehicle's layer above mean sea level.
+        step_s: Time in which the way is to be flown.
+    """
+    x_m, y_m = np.array(leg.way).T
+    lats, lons, _ = map_to_geodetic(frame, x_m, y_m, frame.alt_m)
+    places = tuple(zip(lats.tolist(), lons.tolist(), strict=True))
+    for lat_deg, lon_deg in places:
+        checked = check_place(lat_deg, lon_deg, top_m, fence)
+        if isinstance(checked, Rejected):
+            return checked
+    length_m = sum(math.dist(a, b) for a, b in itertools.pairwise(leg.way))
+    if length_m < settings.acceptance_radius:
+        return Accepted((GoTo(*places[-1], top_m, settings.acceptance_radius),))
+    return Accepted((FlyTrack(places, top_m, length_m / step_s),))
 
 
 def mission_task(

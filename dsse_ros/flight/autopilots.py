@@ -15,6 +15,7 @@ from typing import Any
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from dsse_ros.mavlink.messages import (
+    Attitude,
     BatteryStatus,
     EkfStatus,
     ExtendedSysState,
@@ -215,7 +216,7 @@ class Autopilot:
         return [f"udpin:127.0.0.1:{port}" for port in ports]
 
 
-_MESSAGES = (GlobalPosition, GpsRaw, SysStatus, ExtendedSysState, MissionCurrent)
+_MESSAGES = (GlobalPosition, Attitude, GpsRaw, SysStatus, ExtendedSysState, MissionCurrent)
 
 ARDUPILOT = Autopilot(
     name="ardupilot",

@@ -5,7 +5,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, TypeAlias
 
@@ -68,6 +68,31 @@ def fly_to(
             return
         situation.expect_progress(setpoints.target, max(away_m - radius_m, 0.0) + above_m)
         yield f"flying to {lat_deg:.6f}, {lon_deg:.6f}, {alt_amsl_m:g} m"
+
+
+def follow_track(
+    controller: VehicleController,
+    places: Sequence[tuple[float, float]],
+    alt_amsl_m: float,
+    speed_mps: float,
+) -> Iterator[str]:
+    """Fly along a track, and be done at its end, behind which the vehicle flies on for a while."""
+    situation, setpoints = controller.situation, controller.setpoints
+    guided_mode = situation.autopilot.guided_mode
+    yield from until_position_known(controller)
+    yield from until_lift_off_known(controller)
+    while True:
+        expect_flying(controller)
+        setpoints.follow(places, alt_amsl_m, speed_mps)
+        if controller.state.mode != guided_mode:
+            yield enter_guided_mode(controller)
+            continue
+        controller.modes.allow(guided_mode)
+        left_m = setpoints.left_m
+        if left_m <= 0.0:
+            return
+        situation.expect_progress(setpoints.target, left_m)
+        yield f"flying a track of {len(places)} places at {alt_amsl_m:g} m"
 
 
 def climb_on_the_spot(controller: VehicleController, alt_amsl_m: float) -> Iterator[str]:

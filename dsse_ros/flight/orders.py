@@ -28,6 +28,7 @@ from dsse_ros.flight.order_steps import (
     expect_flying,
     fly_to,
     follow_mission,
+    follow_track,
     mission_modes,
     moving_mps,
     stop_at_setpoint,
@@ -165,6 +166,41 @@ class GoTo(Order):
         """See `Order`."""
         yield from climb_on_the_spot(controller, self.alt_amsl_m)
         yield from fly_to(controller, self.lat_deg, self.lon_deg, self.alt_amsl_m, self.radius_m)
+
+
+@dataclass(frozen=True)
+class FlyTrack(Order):
+    """Fly along a track without a stop; the order is done at its end.
+
+    The vehicle flies on behind the end for a few seconds, so that it need not stop where the next
+    order goes on, and holds then.
+
+    Attributes:
+        places: WGS84 latitudes and longitudes, at least two that differ.
+        alt_amsl_m: Altitude above mean sea level.
+        speed_mps: Speed over ground.
+
+    Raises:
+        ValueError: If a place is not on Earth, all places are the same, or the speed is not above
+            0.
+    """
+
+    places: tuple[tuple[float, float], ...]
+    alt_amsl_m: float
+    speed_mps: float
+    flies_to_setpoints: ClassVar[bool] = True
+
+    def __post_init__(self) -> None:
+        for lat_deg, lon_deg in self.places:
+            _check_place(lat_deg, lon_deg, self.alt_amsl_m, 1.0)
+        check_number("speed_mps", self.speed_mps, 0, 1e3, exclusive=True)
+        if len({*self.places}) < 2:
+            raise ValueError(f"places must be at least two that differ, got {self.places!r:.60}")
+
+    def carry_out(self, controller: VehicleController) -> Iterator[str]:
+        """See `Order`."""
+        yield from climb_on_the_spot(controller, self.alt_amsl_m)
+        yield from follow_track(controller, self.places, self.alt_amsl_m, self.speed_mps)
 
 
 @dataclass(frozen=True)

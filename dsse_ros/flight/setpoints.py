@@ -5,9 +5,11 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 
 from dsse_ros.flight.commands import OrderFailedError, Situation, TakenOverError
+from dsse_ros.flight.paced_setpoint import PacedSetpoint, Place
 from dsse_ros.mavlink.messages import SetPositionTarget
 from dsse_ros.scenario.geodesy import offset_m
 
@@ -21,6 +23,10 @@ _ALIKE_REPORTS = 2
 _MOVED_M = 15.0
 _UNREPORTED_S = 3.0
 """Time without a report of the target after which the vehicle flies to none."""
+_BETWEEN_TRACKS_S = 1.0
+"""Time up to which a track goes on from the last one."""
+_OVERRUN_S = 3.0
+"""Time for which a vehicle flies on behind the end of a track, before it stops."""
 
 
 class SetpointStreamer:
@@ -50,6 +56,11 @@ class SetpointStreamer:
         self._was_confirmed = False
         self._foreign_reports = 0
         self._paced: PacedSetpoint | None = None
+        # Whether the target is the end of a track, and since when it was that of one.
+        self._on_track, self._track_s = False, -math.inf
+        # Where the setpoint was on the last track, and when it was left.
+        self._left_place: Place | None = None
+        self._left_s = -math.inf
 
     def begin(self, *, to_setpoints: bool) -> None:
         """Forget the target of the last order.
@@ -68,8 +79,8 @@ class SetpointStreamer:
 
     def stop(self) -> None:
         """Send no more setpoints."""
-        self.target = None
-        self._stands = False
+        self._leave_track()
+        self.target, self._stands = None, False
 
     def stand(self) -> None:
         """Send no more setpoints to a vehicle that stays where it is in its resting mode."""
@@ -80,20 +91,59 @@ class SetpointStreamer:
     @property
     def expects_reports(self) -> bool:
         """Whether the vehicle should report where it flies to."""
-        return self.target is not None or self._stands
+        return (self.target is not None and not self._on_track) or self._stands
 
     def fly_to(self, lat_deg: float, lon_deg: float, alt_amsl_m: float) -> None:
         """Have the vehicle fly to a place, at an altitude above mean sea level."""
-        situation = self._situation
-        target = SetPositionTarget(situation.target, lat_deg, lon_deg, float(alt_amsl_m))
+        target = SetPositionTarget(self._situation.target, lat_deg, lon_deg, float(alt_amsl_m))
+        self._leave_track()
+        self._set_target(target)
+
+    def _leave_track(self) -> None:
+        if self._on_track and self._paced is not None:
+            self._left_place, self._left_s = self._paced.place, self._situation.now
+        if self._on_track:
+            self._on_track, self._paced = False, None
+
+    def _set_target(self, target: SetPositionTarget) -> None:
+        now = self._situation.now
         if self.target is None:
-            self._streaming_since_s = situation.now
+            self._streaming_since_s = now
         self._stands = False
         if target != self.target:
             self.target = target
-            self._set_s = self._due_s = situation.now
+            self._set_s = self._due_s = now
             self._tries = 0
             self._was_confirmed, self._foreign_reports = False, 0
+
+    def follow(self, places: Sequence[Place], alt_amsl_m: float, speed_mps: float) -> None:
+        """Have the vehicle fly along a track, without a stop where it goes on from another one.
+
+        It flies on behind the end for `_OVERRUN_S`, in the same direction.
+
+        Args:
+            places: At least two, not all the same.
+            alt_amsl_m: Altitude above mean sea level.
+            speed_mps: Speed over ground, more than 0.
+        """
+        beyond = _beyond(places, speed_mps * _OVERRUN_S)
+        target = SetPositionTarget(self._situation.target, *beyond, float(alt_amsl_m))
+        if self._on_track and target == self.target:
+            return
+        self._leave_track()
+        self._set_target(target)
+        now, boot_s = self._situation.now, self._situation.state.boot_s
+        goes_on = now - self._left_s <= _BETWEEN_TRACKS_S
+        last = self._left_place if goes_on else None
+        self._paced, self._on_track = PacedSetpoint(target, speed_mps, places, boot_s, last), True
+        if not goes_on:
+            self._track_s = now
+
+    @property
+    def left_m(self) -> float:
+        """How far the vehicle still has to fly to the end of the track that it follows."""
+        # The last place is where it stops behind that end.
+        return math.inf if self._paced is None else self._paced.at_place_m(-2) - self._paced.flown_m
 
     def watch_reports(self) -> None:
         """Handle a report of the target.
@@ -103,6 +153,10 @@ class SetpointStreamer:
                 it had confirmed.
         """
         state = self._situation.state
+        expected = self._autopilot.streams_setpoints or not self._on_track
+        if not expected and state.target_s > self._track_s + _UNREPORTED_S:
+            # It reports none while it flies to positions with velocities.
+            raise TakenOverError("sent elsewhere by somebody else")
         if self._stands and state.mode == self._autopilot.resting_mode:
             if self._standing is None:
                 # The first reports may be of the order before, or of the way to a stop.
@@ -149,7 +203,8 @@ class SetpointStreamer:
         """Whether the vehicle should report to fly to the target."""
         autopilot = self._autopilot
         guided = self._situation.state.mode == autopilot.guided_mode
-        return self.target is not None and guided and not autopilot.streams_setpoints
+        streams = autopilot.streams_setpoints or self._on_track
+        return self.target is not None and guided and not streams
 
     @property
     def deadline(self) -> float:
@@ -164,7 +219,7 @@ class SetpointStreamer:
     def confirmed(self) -> bool:
         """Whether the vehicle flies to the target; by its own report, if it sends any."""
         now, state, target = self._situation.now, self._situation.state, self.target
-        if self._autopilot.streams_setpoints:
+        if self._autopilot.streams_setpoints or self._on_track:
             return state.mode == self._autopilot.guided_mode
         if target is None or state.target_s <= self._set_s:
             return False
@@ -183,7 +238,7 @@ class SetpointStreamer:
         situation, settings = self._situation, self._situation.settings
         if self.target is None or situation.now < self._due_s:
             return
-        if self._autopilot.streams_setpoints:
+        if self._autopilot.streams_setpoints or self._on_track:
             self._due_s = situation.now + 1 / settings.setpoint_hz
             situation.out.append(self._streamed(self.target))
             return
@@ -210,15 +265,33 @@ class SetpointStreamer:
         if not state.has_position:
             return target
         place = (state.lat_deg, state.lon_deg)
-        if not (speed_mps > 0 and self._autopilot.paced_setpoints):
+        paced = speed_mps > 0 and self._autopilot.paced_setpoints
+        if not (paced or self._on_track):
             return target
         if state.mode != self._autopilot.guided_mode:
             # Hold its position until its mode shows that it follows setpoints.
-            self._paced = None
+            if not self._on_track:
+                self._paced = None
             return replace(target, lat_deg=state.lat_deg, lon_deg=state.lon_deg)
         if self._paced is None or self._paced.target != target:
-            self._paced = PacedSetpoint(target, speed_mps, place, state.boot_s)
-        return self._paced.advance(place, state.boot_s)
+            self._paced = PacedSetpoint(target, speed_mps, [place], state.boot_s)
+        setpoint = self._paced.advance(place, state.boot_s)
+        if self._on_track and setpoint.velocity_mps is None:
+            # Without a velocity ArduCopter would fly to it in another way.
+            return replace(setpoint, velocity_mps=(0.0, 0.0))
+        return setpoint
+
+
+def _beyond(places: Sequence[Place], metres: float) -> Place:
+    """Return the place behind the end of a track, in the direction of its last leg."""
+    end = places[-1]
+    start = next(place for place in reversed(places) if place != end)
+    share = 1.0 + metres / math.hypot(*offset_m(start, end))
+    east_deg = (end[1] - start[1] + 180) % 360 - 180
+    return (
+        start[0] + share * (end[0] - start[0]),
+        (start[1] + share * east_deg + 180) % 360 - 180,
+    )
 
 
 def _are_near(
@@ -229,64 +302,3 @@ def _are_near(
         return one is other
     limits = (_TARGET_DEG, _TARGET_DEG, _TARGET_ALT_M)
     return all(abs(a - b) < limit for a, b, limit in zip(one, other, limits, strict=True))
-
-
-class PacedSetpoint:
-    """A setpoint that leads a vehicle along a straight leg at a given speed: carrot chasing.
-
-    This is how `Autopilot.paced_setpoints` are flown, with the velocity as feed-forward.
-
-    Args:
-        target: The end of the leg; its altitude is the setpoint's from the start.
-        speed_mps: Speed over ground, more than 0.
-        place: Latitude and longitude of the vehicle in degrees.
-        boot_s: The vehicle's own clock.
-    """
-
-    _LEAD_S = 1.0
-    """Greatest lead: longer than the age of the position, short enough not to make the vehicle
-    accelerate."""
-    _APPROACH_S = 1.0
-    """Time before the end at which the setpoint is the end itself, where the vehicle stops."""
-
-    def __init__(
-        self,
-        target: SetPositionTarget,
-        speed_mps: float,
-        place: tuple[float, float],
-        boot_s: float,
-    ) -> None:
-        self.target = target
-        self._speed_mps = speed_mps
-        self._start = place
-        self._at_m = 0.0
-        self._boot_s = boot_s
-        north_m, east_m = offset_m(place, (target.lat_deg, target.lon_deg))
-        self._length_m = math.hypot(north_m, east_m)
-        length_m = self._length_m or 1.0
-        self._direction = (north_m / length_m, east_m / length_m)
-
-    def advance(self, place: tuple[float, float], boot_s: float) -> SetPositionTarget:
-        """Return the setpoint at a time of the vehicle's clock; it waits for one that lags."""
-        north_m, east_m = offset_m(self._start, place)
-        flown_m = north_m * self._direction[0] + east_m * self._direction[1]
-        # A clock that has gone back was restarted.
-        passed_s = max(boot_s - self._boot_s, 0.0)
-        self._boot_s = boot_s
-        lead_m = self._speed_mps * self._LEAD_S
-        at_m = min(self._at_m + self._speed_mps * passed_s, flown_m + lead_m)
-        self._at_m = max(self._at_m, at_m)
-        if max(self._at_m, flown_m + self._speed_mps * self._APPROACH_S) >= self._length_m:
-            return self.target
-        share = self._at_m / self._length_m
-        lat_deg, lon_deg = self._start
-        east_deg = (self.target.lon_deg - lon_deg + 180) % 360 - 180
-        return replace(
-            self.target,
-            lat_deg=lat_deg + share * (self.target.lat_deg - lat_deg),
-            lon_deg=(lon_deg + share * east_deg + 180) % 360 - 180,
-            velocity_mps=(
-                self._speed_mps * self._direction[0],
-                self._speed_mps * self._direction[1],
-            ),
-        )

@@ -21,6 +21,7 @@ from dsse_ros.flight.identity import (
 from dsse_ros.mavlink.messages import (
     NO_POSITION,
     Address,
+    Attitude,
     AutopilotVersion,
     BatteryStatus,
     EkfStatus,
@@ -99,6 +100,8 @@ class VehicleState:
         alt_m: Altitude above home.
         geoid_m: Height of mean sea level above the WGS84 ellipsoid there, as its GPS reports it.
         heading_deg: Where its nose points, clockwise from north.
+        roll_rad: How far its right side is down; 0 until it is known.
+        pitch_rad: How far its nose is up; 0 until it is known.
         speed_mps: Over ground.
         climb_mps: Upwards.
         home: Latitude, longitude in degrees and altitude above mean sea level.
@@ -135,6 +138,8 @@ class VehicleState:
     alt_m: float = math.nan
     geoid_m: float = math.nan
     heading_deg: float = math.nan
+    roll_rad: float = 0.0
+    pitch_rad: float = 0.0
     speed_mps: float = math.nan
     climb_mps: float = math.nan
     home: tuple[float, float, float] | None = None
@@ -195,6 +200,8 @@ def observe(
             return _heartbeat(state, message, now, autopilot)
         case GlobalPosition():
             return _position(state, message, now)
+        case Attitude(roll=roll, pitch=pitch):
+            return replace(state, roll_rad=roll, pitch_rad=pitch)
         case GpsRaw(fix_type=fix, alt=alt_mm, alt_ellipsoid=alt_ellipsoid_mm):
             known = fix > _NO_FIX and alt_ellipsoid_mm != 0
             geoid_m = (alt_ellipsoid_mm - alt_mm) * 1e-3 if known else math.nan
@@ -382,7 +389,7 @@ class MessageRequests:
     Args:
         target: The vehicle's autopilot.
         autopilot: Which autopilot it is.
-        position_hz: How often to ask for positions and for the target.
+        position_hz: How often to ask for positions, attitudes and the target.
     """
 
     def __init__(self, target: Address, autopilot: Autopilot, position_hz: float) -> None:
@@ -393,7 +400,7 @@ class MessageRequests:
             names for names in (autopilot.return_altitudes, autopilot.return_climbs) if names
         ]
         self._rates_hz = dict.fromkeys(self._kinds, _RATE_HZ)
-        for kind in (GlobalPosition, PositionTarget):
+        for kind in (GlobalPosition, Attitude, PositionTarget):
             if kind in self._rates_hz:
                 self._rates_hz[kind] = position_hz
         self._received_s = dict.fromkeys(self._kinds, -math.inf)

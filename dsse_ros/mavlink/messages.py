@@ -32,6 +32,7 @@ SysStatus = mavlink.MAVLink_sys_status_message
 BatteryStatus = mavlink.MAVLink_battery_status_message
 AutopilotVersion = mavlink.MAVLink_autopilot_version_message
 EkfStatus = mavlink.MAVLink_ekf_status_report_message
+Attitude = mavlink.MAVLink_attitude_message
 GlobalPosition = mavlink.MAVLink_global_position_int_message
 GpsRaw = mavlink.MAVLink_gps_raw_int_message
 HomePosition = mavlink.MAVLink_home_position_message
@@ -124,6 +125,7 @@ INCOMING: tuple[Any, ...] = (
     AutopilotVersion,
     BatteryStatus,
     EkfStatus,
+    Attitude,
     GlobalPosition,
     GpsRaw,
     HomePosition,

@@ -40,6 +40,7 @@ class Leg:
         searched: Whether the drone searches there.
         over: Whether its search is over.
         crashed: Whether that is because another drone is in its cell: no vehicle follows it there.
+        way: In metres, the points (x, y) of the map frame to fly along in a step; one to stay at.
     """
 
     number: int
@@ -47,6 +48,7 @@ class Leg:
     searched: bool = False
     over: bool = False
     crashed: bool = False
+    way: tuple[tuple[float, float], ...] = ()
 
     def is_same(self, other: Leg) -> bool:
         """Return whether another leg is this one, even if only one of them is over."""

@@ -74,7 +74,9 @@ class BridgePublishers:
         alt_m = frame.origin_alt_m + (state.alt_amsl_m - datum_m)
         position = geodetic_to_map(frame, *place, alt_m)
         head = header(frame.map_frame, stamp)
-        self._poses[i].publish(vehicle_pose(head, position, state.heading_deg))
+        self._poses[i].publish(
+            vehicle_pose(head, position, (state.roll_rad, state.pitch_rad, state.heading_deg))
+        )
         fix = (*place, state.alt_amsl_m + state.geoid_m)
         body = base_link(self._names[i], frame.frame_prefix)
         self._fixes[i].publish(vehicle_fix(header(body, stamp), fix))

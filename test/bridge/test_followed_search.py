@@ -87,7 +87,7 @@ def test_a_step_is_followed_once_it_is_known_whose_it_is() -> None:
 
 def tasks(*ends: tuple[int, int, int, int], run_id: int = 7, mission: int = 1) -> NDArray[np.void]:
     """Tasks of (number, column, row, action)."""
-    made = np.zeros(len(ends), VEHICLE_TASK)
+    made = np.zeros((1, len(ends)), VEHICLE_TASK)
     made["run_id"], made["mission"] = run_id, mission
     made["task"], made["col"], made["row"], made["action"] = np.array(ends).T
     return made
@@ -107,7 +107,11 @@ def test_vehicles_follow_their_tasks_and_end_with_their_drones(first: str) -> No
 
 @pytest.mark.parametrize(
     "other",
-    [tasks((3, 0, 0, 1), (4, 0, 0, 1), run_id=8), tasks((3, 0, 0, 1)), np.zeros(0, VEHICLE_TASK)],
+    [
+        tasks((3, 0, 0, 1), (4, 0, 0, 1), run_id=8),
+        tasks((3, 0, 0, 1)),
+        np.zeros((1, 0), VEHICLE_TASK),
+    ],
 )
 def test_tasks_of_another_search_or_number_of_drones_are_not_followed(
     other: NDArray[np.void],
@@ -117,6 +121,38 @@ def test_tasks_of_another_search_or_number_of_drones_are_not_followed(
     search.take_tasks(other)
     assert news(search) == [News.STEP]
     assert [leg.cell for leg in search.legs] == [AHEAD, (5, 5)]
+
+
+def in_metres(search: FollowedSearch) -> None:
+    search.take_agents(replace(agents(), actions=()))
+    made = np.zeros(2, step_report_dtype(0, path_points=3))
+    made["run_id"], made["mission"], made["step"] = 7, 1, 1
+    made["path"] = [[0.0, 0.0, 100.0, 0.0, 200.0, 50.0], [300.0, 800.0] * 3]
+    search.take_report(13, made)
+
+
+def test_in_metres_a_leg_has_the_points_of_its_way_in_the_map_frame() -> None:
+    search = FollowedSearch(2, whole=False)
+    in_metres(search)
+    assert news(search) == [News.BEGUN, News.STEP]
+    # From the north-west corner; a point that repeats the one before is left out.
+    assert search.legs[0].way == ((0.0, 800.0), (100.0, 800.0), (200.0, 750.0))
+    assert search.legs[1].way == ((300.0, 0.0),)
+    points = np.repeat(tasks((3, 2, 2, -1), (4, 5, 5, -1)), 3, axis=0)
+    points["x"][:, 0] = [10.0, 20.0, 20.0]
+    search.take_tasks(points)
+    assert news(search) == [News.STEP]
+    assert [(leg.number, leg.way) for leg in search.legs] == [
+        (3, ((10.0, 0.0), (20.0, 0.0))), (4, ((0.0, 0.0),))
+    ]  # fmt: skip
+
+
+def test_a_search_in_metres_is_not_flown_as_missions() -> None:
+    search = FollowedSearch(2, whole=True)
+    in_metres(search)
+    assert news(search) == [] and search.trouble(0.0) == (
+        "the search is in metres, which mode mission does not fly: nothing is flown"
+    )
 
 
 @pytest.mark.parametrize("order", permutations(["agents", "report", "mission_report"]))

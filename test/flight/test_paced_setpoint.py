@@ -1,16 +1,18 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""A setpoint leads a vehicle along its leg at the speed that is asked for."""
+"""A setpoint leads a vehicle along its track at the speed that is asked for."""
 
 from __future__ import annotations
 
+import itertools
 import math
+from dataclasses import replace
 
 import pytest
-from hypothesis import given
+from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from dsse_ros.flight.setpoints import PacedSetpoint
+from dsse_ros.flight.paced_setpoint import PacedSetpoint
 from dsse_ros.mavlink.messages import Address, SetPositionTarget
 
 METRE_DEG = 1 / 111_195.0
@@ -36,7 +38,7 @@ def on_the_leg(metres: float) -> tuple[float, float]:
 def test_a_vehicle_that_follows_is_led_at_the_speed_to_the_target(
     speed_mps: float, lag_s: float
 ) -> None:
-    paced = PacedSetpoint(TARGET, speed_mps, START, START_S)
+    paced = PacedSetpoint(TARGET, speed_mps, [START], START_S)
     flown_m, boot_s, leads = 0.0, START_S, []
     for _ in range(10_000):
         setpoint = paced.advance(on_the_leg(flown_m), boot_s)
@@ -58,7 +60,7 @@ def test_a_vehicle_that_follows_is_led_at_the_speed_to_the_target(
 
 
 def test_it_waits_for_a_vehicle_that_does_not_come() -> None:
-    paced = PacedSetpoint(TARGET, 5.0, START, START_S)
+    paced = PacedSetpoint(TARGET, 5.0, [START], START_S)
     for second in range(60):
         setpoint = paced.advance(START, 100.0 + second)
     assert math.hypot(*place_m(setpoint.lat_deg, setpoint.lon_deg)) < 5.1
@@ -66,10 +68,41 @@ def test_it_waits_for_a_vehicle_that_does_not_come() -> None:
 
 def test_a_vehicle_that_is_there_gets_the_target() -> None:
     here = (TARGET.lat_deg, TARGET.lon_deg)
-    assert PacedSetpoint(TARGET, 5.0, here, START_S).advance(here, START_S) == TARGET
+    assert PacedSetpoint(TARGET, 5.0, [here], START_S).advance(here, START_S) == TARGET
 
 
 def test_a_clock_that_goes_back_does_no_harm() -> None:
-    paced = PacedSetpoint(TARGET, 5.0, START, START_S)
+    paced = PacedSetpoint(TARGET, 5.0, [START], START_S)
     before = paced.advance(START, 100.4)
     assert paced.advance(START, 3.0) == before
+
+
+@given(
+    st.lists(st.tuples(st.floats(-500, 500), st.floats(-500, 500)), min_size=1, max_size=6),
+    st.floats(2.0, 20.0),
+)
+def test_along_a_track_it_moves_at_the_speed_from_leg_to_leg_and_stops_at_the_end(
+    points_m: list[tuple[float, float]], speed_mps: float
+) -> None:
+    places = [START, *((n * METRE_DEG, START[1] + e * METRE_DEG) for n, e in points_m)]
+    target = replace(TARGET, lat_deg=places[-1][0] + 0.001, lon_deg=places[-1][1])
+    assume(all(math.dist(a, b) > METRE_DEG for a, b in itertools.pairwise(places)))
+    paced, boot_s, here, setpoints = PacedSetpoint(target, speed_mps, places, 0.0), 0.0, START, []
+    while boot_s < 60.0 + 2 * paced.length_m / speed_mps:
+        # A vehicle that follows without a lag.
+        setpoints.append(paced.advance(here, boot_s))
+        here, boot_s = paced.place, boot_s + 0.25
+    assert setpoints[-1] == target
+    moving = [one for one in setpoints if one.velocity_mps is not None]
+    for one in moving:
+        assert math.hypot(*one.velocity_mps) == pytest.approx(speed_mps, rel=2e-3)
+    # A track may cross itself, where the vehicle is on two of its legs.
+    least_s = (paced.length_m - 2 * speed_mps) / speed_mps
+    assert len(moving) * 0.25 <= paced.length_m / speed_mps + 1.0
+    assert least_s - 1.0 <= len(moving) * 0.25 or len(points_m) > 1
+
+
+def test_a_track_begins_where_the_setpoint_was_on_the_last_one() -> None:
+    places = [START, (0.001, START[1])]
+    paced = PacedSetpoint(TARGET, 5.0, places, START_S, at=(0.0004, START[1]))
+    assert paced.at_m == pytest.approx(0.0004 / METRE_DEG, rel=1e-2)

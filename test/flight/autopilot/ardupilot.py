@@ -13,7 +13,7 @@ from .ardupilot_missions import ArduPilotMissions
 from .channel import Sender
 from .commands import ACCEPTED, DENIED, FAILED, Command
 from .local_frame import Point
-from .maneuvers import GoTo, Hold, Land, Return, TakeOff, Velocity
+from .maneuvers import Follow, GoTo, Hold, Land, Return, TakeOff, Velocity
 from .mission_items import ABSOLUTE_FRAMES, RELATIVE_FRAMES, TERRAIN_FRAMES, Item, height_m
 from .mission_run import MissionRun
 from .parameters import Number
@@ -399,6 +399,10 @@ class ArduCopter(Vehicle):
         good = known and on_the_earth and target.within_reach
         if good and not self.in_fence(target):
             # It continues its maneuver, without a message.
+            return
+        if good and not message.type_mask & _IGNORE_VELOCITY:
+            until_s = self.time_s + self.parameters["GUID_TIMEOUT"]
+            self.maneuver = Follow(target, message.vx, message.vy, until_s)
             return
         self.maneuver = GoTo(target) if good else Hold()
 

@@ -136,6 +136,39 @@ class Track(Maneuver):
         craft.fly_with(north_mps, east_mps, up_mps, self._limits, dt_s)
 
 
+class Follow(Maneuver):
+    """Follow a place that moves on by itself, as ArduCopter does; it reports no target.
+
+    Args:
+        place: The place now.
+        north_mps: Velocity of the place, likewise the next.
+        until_s: When the vehicle stops for want of another place.
+    """
+
+    def __init__(self, place: Point, north_mps: float, east_mps: float, until_s: float) -> None:
+        self._place = place
+        self._velocity = (north_mps, east_mps)
+        self._until_s = until_s
+
+    def step(self, vehicle: Vehicle, dt_s: float) -> None:
+        if vehicle.landed:
+            return
+        craft, place, (north_mps, east_mps) = vehicle.craft, self._place, self._velocity
+        if vehicle.time_s >= self._until_s:
+            craft.fly_with(0.0, 0.0, 0.0, vehicle.limits, dt_s)
+            return
+        self._place = place = place._replace(
+            north_m=place.north_m + north_mps * dt_s, east_m=place.east_m + east_mps * dt_s
+        )
+        craft.fly_with(
+            north_mps + place.north_m - craft.north_m,
+            east_mps + place.east_m - craft.east_m,
+            place.up_m - craft.up_m,
+            vehicle.limits,
+            dt_s,
+        )
+
+
 class TakeOff(Maneuver):
     """Climb straight up to a height and stay there.
 
