@@ -6,24 +6,22 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from typing import NamedTuple, TypeVar
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dsse_ros.mission.fleet_clock import MAX_SKIP_MS
 
+MAX_SKIP_S = MAX_SKIP_MS * 1e-3
 LONGEST_GAP_S = 2.0
 """Time between two positions of a vehicle after which nobody knows where it has looked."""
 _LATE_S = 5.0
 """A clock that is behind by less is that of a position that came late."""
 _RESOLUTION_S = 1e-3
-_MOST_UNPAIRED = 32
+_MOST_WAITING = 32
 _MOST_POSITIONS = 10_000
 """Positions in a step that are kept; a step with more has a gap at its start."""
-
-
-T = TypeVar("T")
 
 
 class Position(NamedTuple):
@@ -52,8 +50,9 @@ class VehicleTrack:
         self._positions: deque[tuple[float, Position]] = deque(maxlen=_MOST_POSITIONS)
         self._start_s = 0.0
         self._looked = False
+        # Positions whose time is not known yet, by stamp; the last two clocks, with their stamps.
         self._places: dict[int, Position] = {}
-        self._times: dict[int, float] = {}
+        self._before, self._clock = (-1, math.nan), (-1, math.nan)
 
     def begin(self) -> None:
         """Begin a mission where the vehicle is."""
@@ -62,22 +61,41 @@ class VehicleTrack:
 
     def set_place(self, stamp_ns: int, place: Position) -> None:
         """Take a position, with the stamp of its message."""
-        _keep(self._places, stamp_ns, place)
-        self._pair(stamp_ns)
+        self._places[stamp_ns] = place
+        while len(self._places) > _MOST_WAITING:
+            del self._places[min(self._places)]
+        if stamp_ns <= self._clock[0]:
+            self._time_places(*self._before, *self._clock)
 
     def set_time(self, stamp_ns: int, time_s: float) -> None:
-        """Take the vehicle's clock at the position with the same stamp."""
-        _keep(self._times, stamp_ns, time_s)
-        self._pair(stamp_ns)
+        """Take the vehicle's clock, with the stamp of its message.
 
-    def _pair(self, stamp_ns: int) -> None:
-        if stamp_ns not in self._places or stamp_ns not in self._times:
-            return
-        time_s, place = self._times.pop(stamp_ns), self._places.pop(stamp_ns)
-        last_s = self._positions[-1][0] if self._positions else -math.inf
-        if not 0.0 < time_s - last_s <= MAX_SKIP_MS * 1e-3:
-            if -_LATE_S < time_s - last_s <= 0.0:
+        The time of a position is between those of the clocks before and after it: a node that has
+        no time for all messages does not get the two that belong together.
+        """
+        if stamp_ns > self._clock[0]:
+            self._before = self._clock
+        self._clock = (stamp_ns, time_s)
+        self._time_places(*self._before, *self._clock)
+
+    def _time_places(self, from_ns: int, from_s: float, to_ns: int, to_s: float) -> None:
+        """Add the waiting positions whose times are known now, and drop older ones."""
+        goes_on = 0.0 <= to_s - from_s <= MAX_SKIP_S
+        for stamp_ns in sorted(self._places):
+            if stamp_ns > to_ns:
                 return
+            place = self._places.pop(stamp_ns)
+            if stamp_ns == to_ns:
+                self._add(to_s, place)
+            elif goes_on and stamp_ns >= from_ns:
+                share = (stamp_ns - from_ns) / (to_ns - from_ns)
+                self._add(from_s + share * (to_s - from_s), place)
+
+    def _add(self, time_s: float, place: Position) -> None:
+        last_s = self._positions[-1][0] if self._positions else -math.inf
+        if -_LATE_S < time_s - last_s <= 0.0:
+            return
+        if not 0.0 < time_s - last_s <= MAX_SKIP_S:
             # The first one, or that of an autopilot that was restarted: the way to it is not known.
             self._positions.clear()
             self._start_s, self._looked = time_s, False
@@ -121,13 +139,6 @@ class VehicleTrack:
         self._forget_way()
         self._start_s, self._looked = end_s, bool(looked[-1])
         return path, looked
-
-
-def _keep(values: dict[int, T], stamp_ns: int, value: T) -> None:
-    """Keep a value until the other one with its stamp comes."""
-    values[stamp_ns] = value
-    while len(values) > _MOST_UNPAIRED:
-        del values[next(iter(values))]
 
 
 def _known(times: NDArray[np.float64], looks: NDArray[np.bool_]) -> list[tuple[float, float]]:

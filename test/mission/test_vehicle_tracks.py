@@ -94,20 +94,27 @@ def test_another_clock_begins_a_new_track(jump_s: float) -> None:
     assert flown[0][0].tolist() == [30.0, 5.0] and flown[1].tolist() == [False, *[True] * 13]
 
 
-def test_positions_and_clocks_belong_together_by_their_stamps_in_any_order() -> None:
-    one, other = VehicleTrack(STEP_S), VehicleTrack(STEP_S)
-    stamps = list(range(0, 14))
-    for stamp in stamps:
-        one.set_time(stamp, float(stamp))
-        one.set_place(stamp, Position(float(stamp), 0.0, True))
-    for stamp in stamps:
-        other.set_place(stamp, Position(float(stamp), 0.0, True))
-        if stamp % 2:
-            other.set_time(stamp, float(stamp))
-            other.set_time(stamp - 1, float(stamp - 1))
-    a, b = one.take(PIECES), other.take(PIECES)
-    assert a is not None and b is not None
-    assert a[0][-1].tolist() == b[0][-1].tolist() == [13.0, 0.0]
+@given(
+    st.lists(st.tuples(st.booleans(), st.booleans()), min_size=20, max_size=20),
+    st.permutations(range(20)),
+)
+def test_the_time_of_a_position_is_between_the_clocks_around_it(
+    heard: list[tuple[bool, bool]], order: list[int]
+) -> None:
+    track, expected = VehicleTrack(STEP_S), []
+    for stamp in range(20):
+        has_place, has_clock = heard[stamp]
+        messages = [("place", has_place), ("clock", has_clock)]
+        for kind, is_heard in messages if order[stamp] % 2 else reversed(messages):
+            if is_heard and kind == "place":
+                track.set_place(stamp, Position(float(stamp), 0.0, True))
+            elif is_heard:
+                track.set_time(stamp, 100.0 + stamp)
+    clocks = [stamp for stamp in range(20) if heard[stamp][1]]
+    for stamp in range(20):
+        if heard[stamp][0] and clocks and clocks[0] <= stamp <= clocks[-1]:
+            expected.append((100.0 + stamp, Position(float(stamp), 0.0, True)))
+    assert list(track._positions) == expected
 
 
 def test_the_tilt_is_that_of_the_vertical_axis_whatever_the_heading() -> None:
