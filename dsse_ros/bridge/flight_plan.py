@@ -59,13 +59,17 @@ class FlightPlan:
         center: Latitude and longitude of the middle of the fence.
 
     Raises:
-        FieldError: If the vehicles do not all fit between the allowed altitudes, or the search does
-            not lie in the fence.
+        FieldError: If the vehicles do not all fit between the allowed altitudes, cannot hover over
+            the search's cells, or the search does not lie in the fence.
     """
 
     def __init__(
         self, settings: BridgeSettings, info: AgentsInfo, center: tuple[float, float] | None
     ) -> None:
+        if info.actions and AUTOPILOTS[settings.autopilot].circles:
+            raise FieldError(
+                f"autopilot must be one that hovers with space cells, got {settings.autopilot!r}"
+            )
         self._settings = settings
         self._area, self._step_s = info.area, info.step_duration_s
         self.datum_m = settings.datum_altitude

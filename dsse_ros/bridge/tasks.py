@@ -11,7 +11,7 @@ from dataclasses import replace
 import numpy as np
 
 from dsse_ros.bridge.fence import Fence, check_mission, check_place
-from dsse_ros.flight.autopilots import Autopilot
+from dsse_ros.flight.autopilots import AUTOPILOTS, Autopilot
 from dsse_ros.flight.orders import FlyMission, FlyTrack, GoTo, Search
 from dsse_ros.flight.vehicle_controller import Order
 from dsse_ros.flight.vehicle_state import VehicleState
@@ -25,6 +25,8 @@ from dsse_ros.scenario.geodesy import cell_to_geodetic, map_to_geodetic, offset_
 Task = tuple[Order, ...]
 """Orders, one after the other."""
 _OVER_HOME_M = 15.0
+_STANDS_M = 1.0
+"""Length of a way up to which the vehicle stays where it is."""
 
 
 def leg_task(
@@ -77,8 +79,9 @@ def way_task(
         if isinstance(checked, Rejected):
             return checked
     length_m = sum(math.dist(a, b) for a, b in itertools.pairwise(leg.way))
-    if length_m < settings.acceptance_radius:
-        return Accepted((GoTo(*places[-1], top_m, settings.acceptance_radius),))
+    if length_m < _STANDS_M:
+        radius_m = max(settings.acceptance_radius, AUTOPILOTS[settings.autopilot].circle_m)
+        return Accepted((GoTo(*places[-1], top_m, radius_m),))
     return Accepted((FlyTrack(places, top_m, length_m / step_s),))
 
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
@@ -55,7 +55,8 @@ MULTICOPTERS = frozenset(
         mavlink.MAV_TYPE_DECAROTOR,
     }
 )
-"""HEARTBEAT.type of the vehicles whose modes are known here: they take off and land upright."""
+"""HEARTBEAT.type of the vehicles that take off and land upright."""
+FIXED_WINGS = frozenset({mavlink.MAV_TYPE_FIXED_WING})
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -64,6 +65,11 @@ class Autopilot:
 
     Attributes:
         name: Its name in parameters and in `FIRMWARES`.
+        kinds: HEARTBEAT.type of the vehicles whose modes are known here.
+        kind: What they are called.
+        circle_m: Distance within which a vehicle that cannot hover circles over a place; 0 for one
+            that can. Such a vehicle takes off in `take_off_mode`, and flies to places by
+            MAV_CMD_DO_REPOSITION.
         modes: Names of the flight modes by the fields of HEARTBEAT.custom_mode.
         mode_shifts: Bit positions of these fields.
         mode_mask: Bits of each of them.
@@ -113,6 +119,9 @@ class Autopilot:
     """
 
     name: str
+    kinds: frozenset[int] = MULTICOPTERS
+    kind: str = "a multicopter"
+    circle_m: float = 0.0
     modes: Mapping[tuple[int, ...], str]
     mode_shifts: tuple[int, ...]
     mode_mask: int
@@ -161,9 +170,14 @@ class Autopilot:
         if autopilot != number:
             wanted, name = (enum_name("MAV_AUTOPILOT", one) for one in (number, autopilot))
             return f"HEARTBEAT.autopilot must be {wanted} with autopilot:={self.name}, got {name}"
-        if kind not in MULTICOPTERS:
-            return f"HEARTBEAT.type must be a multicopter, got {enum_name('MAV_TYPE', kind)}"
+        if kind not in self.kinds:
+            return f"HEARTBEAT.type must be {self.kind}, got {enum_name('MAV_TYPE', kind)}"
         return ""
+
+    @property
+    def circles(self) -> bool:
+        """Whether it cannot hover."""
+        return self.circle_m > 0.0
 
     @property
     def orderly_modes(self) -> frozenset[str]:
@@ -260,6 +274,29 @@ ARDUPILOT = Autopilot(
     port_step=10,
 )
 
+ARDUPLANE = replace(
+    ARDUPILOT,
+    name="arduplane",
+    kinds=FIXED_WINGS,
+    kind="a fixed wing",
+    # WP_LOITER_RAD is 60 m unless it is changed.
+    circle_m=120.0,
+    # https://mavlink.io/en/messages/ardupilotmega.html#PLANE_MODE
+    modes={
+        (number,): entry.name.removeprefix("PLANE_MODE_")
+        for number, entry in mavlink.enums["PLANE_MODE"].items()
+        if not entry.name.endswith("_ENUM_END")
+    },
+    resting_mode="LOITER",
+    land_mode="RTL",
+    take_off_mode="TAKEOFF",
+    boot_modes=frozenset({"MANUAL", "STABILIZE", "INITIALIZING"}),
+    landed_modes=frozenset({"RTL", "AUTO"}),
+    # The second from 4.6 on.
+    return_altitudes={"ALT_HOLD_RTL": 0.01, "RTL_ALTITUDE": 1.0},
+    return_climbs={"RTL_CLIMB_MIN": 1.0},
+)
+
 PX4 = Autopilot(
     name="px4",
     # MAVLink does not enumerate these: see px4_custom_mode.h; the names are QGroundControl's.
@@ -325,4 +362,4 @@ PX4 = Autopilot(
     port_step=1,
 )
 
-AUTOPILOTS: Mapping[str, Autopilot] = {one.name: one for one in (ARDUPILOT, PX4)}
+AUTOPILOTS: Mapping[str, Autopilot] = {one.name: one for one in (ARDUPILOT, ARDUPLANE, PX4)}

@@ -39,6 +39,7 @@ _DENIED_TRIES = 3
 _OVERTAKEN_S = 1.5
 """How much later a heartbeat may arrive than a reply that was sent after it."""
 _ACCEPTED_PATIENCE = 3.0
+_AIRSPEED = float(mavlink.SPEED_TYPE_AIRSPEED)
 _GROUND_SPEED = float(mavlink.SPEED_TYPE_GROUNDSPEED)
 _THROTTLE_UNCHANGED = -1.0
 _SPEED_TRIES = 5
@@ -57,7 +58,7 @@ class ControllerSettings:
 
     Attributes:
         autopilot: Name of its autopilot in `AUTOPILOTS`.
-        speed_mps: Ground speed to request, 0 for the vehicle's own.
+        speed_mps: Ground speed to request, of a fixed wing airspeed; 0 for the vehicle's own.
         alt_tolerance_m: Difference in altitude at which the vehicle has arrived.
         recovery_alt_m: Altitude above home below which a vehicle that has left its guided mode for
             lack of setpoints is left to land.
@@ -304,5 +305,6 @@ class CommandSender:
         if due and situation.state.flying:
             self._speed_tries -= 1
             self._speed_due_s = situation.now + situation.settings.command_s
-            speed = (_GROUND_SPEED, situation.settings.speed_mps, _THROTTLE_UNCHANGED)
+            kind = _AIRSPEED if situation.autopilot.circles else _GROUND_SPEED
+            speed = (kind, situation.settings.speed_mps, _THROTTLE_UNCHANGED)
             situation.out.append(command_long(situation.target, DO_CHANGE_SPEED, *speed))

@@ -50,6 +50,7 @@ def fly_to(
     situation, setpoints = controller.situation, controller.setpoints
     autopilot = situation.autopilot
     alt_tolerance_m = min(alt_tolerance_m, situation.settings.alt_tolerance_m)
+    radius_m = max(radius_m, autopilot.circle_m)
     yield from until_position_known(controller)
     yield from until_lift_off_known(controller)
     while True:
@@ -78,7 +79,7 @@ def follow_track(
 ) -> Iterator[str]:
     """Fly along a track, and be done at its end, behind which the vehicle flies on for a while."""
     situation, setpoints = controller.situation, controller.setpoints
-    guided_mode = situation.autopilot.guided_mode
+    guided_mode, circles = situation.autopilot.guided_mode, situation.autopilot.circles
     yield from until_position_known(controller)
     yield from until_lift_off_known(controller)
     while True:
@@ -88,6 +89,8 @@ def follow_track(
             yield enter_guided_mode(controller)
             continue
         controller.modes.allow(guided_mode)
+        if circles:
+            controller.commands.request_speed()
         left_m = setpoints.left_m
         if left_m <= 0.0:
             return

@@ -47,6 +47,8 @@ NAV_TAKEOFF = mavlink.MAV_CMD_NAV_TAKEOFF
 _MAX_ALT_M = 1e5
 _SEARCH_ALT_M = 1.0
 """Difference in altitude at which the hold of a search begins."""
+_CLEAR_M = 30.0
+"""Altitude above home from which a fixed wing may circle."""
 _LIFT_OFF_S = 4.0
 """Motors spool up, and the autopilot looks whether the vehicle has left the ground."""
 
@@ -117,6 +119,9 @@ class TakeOff(Order):
                     controller.situation.expect_progress("lift-off", 0.0)
                     yield "taking off"
                     continue
+                if autopilot.circles:
+                    yield modes.change(autopilot.take_off_mode)
+                    continue
                 modes.announce(autopilot.take_off_mode)
             home_amsl_m = controller.state.alt_amsl_m - controller.state.alt_m
             controller.situation.take_off_amsl_m = self.alt_amsl_m
@@ -127,6 +132,9 @@ class TakeOff(Order):
         tolerance_m = controller.situation.settings.alt_tolerance_m
         while (left_m := abs(controller.state.alt_amsl_m - self.alt_amsl_m)) > tolerance_m:
             expect_flying(controller)
+            if autopilot.circles and controller.state.alt_m >= _CLEAR_M:
+                # It flies straight on in this mode: the next order has it climb in a circle.
+                break
             if autopilot.take_off_mode:
                 # Up there it goes to the resting mode by itself; below, a person has set that.
                 resting = end_of_climb(controller)
@@ -263,7 +271,7 @@ class Hold(Order):
         if autopilot.resting_mode == autopilot.guided_mode:
             yield from stop_at_setpoint(controller)
             return
-        while not modes.resting or not moving_mps(controller) < STANDING_MPS:
+        while not modes.resting or not (autopilot.circles or moving_mps(controller) < STANDING_MPS):
             if not modes.resting:
                 yield modes.change(autopilot.resting_mode)
                 continue

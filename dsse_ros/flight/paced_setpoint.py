@@ -16,6 +16,8 @@ from dsse_ros.scenario.geodesy import offset_m
 Place = tuple[float, float]
 """Latitude and longitude, in degrees."""
 
+AHEAD_M = 250.0
+"""How far the place to which a fixed wing flies is ahead of it: farther than its circle."""
 _LEAD_S = 1.0
 """Greatest lead: longer than the age of the position, short enough not to make the vehicle
 accelerate."""
@@ -101,7 +103,12 @@ class PacedSetpoint:
         return (self.at_m - self._at_m[leg]) / length_m if length_m > 0.0 else 1.0, leg
 
     def advance(self, place: Place, boot_s: float) -> SetPositionTarget:
-        """Return the setpoint at a time of the vehicle's clock; it waits for one that lags."""
+        """Return the setpoint at a time of the vehicle's clock; it waits for one that lags.
+
+        Args:
+            place: Where the vehicle is.
+            boot_s: The time.
+        """
         lead_m = self._speed_mps * _LEAD_S
         # A track may cross itself: the vehicle is near where it was.
         self.flown_m = flown_m = self._along_m(place, self.flown_m, self.at_m + lead_m)
@@ -118,3 +125,17 @@ class PacedSetpoint:
         per_m = self._speed_mps / (self._at_m[leg + 1] - self._at_m[leg])
         velocity = ((to_north_m - north_m) * per_m, (to_east_m - east_m) * per_m)
         return replace(self.target, lat_deg=lat_deg, lon_deg=lon_deg, velocity_mps=velocity)
+
+
+class LeadingSetpoint(PacedSetpoint):
+    """A place on a track, ahead of a fixed wing, which flies straight towards it.
+
+    It is so far ahead that the vehicle does not circle over it. The speed is the vehicle's own.
+    """
+
+    def advance(self, place: Place, boot_s: float) -> SetPositionTarget:
+        """See `PacedSetpoint`."""
+        self.flown_m = self._along_m(place, self.flown_m, self.flown_m + AHEAD_M)
+        self.at_m = min(self.flown_m + AHEAD_M, self.length_m)
+        lat_deg, lon_deg = self.place
+        return replace(self.target, lat_deg=lat_deg, lon_deg=lon_deg)

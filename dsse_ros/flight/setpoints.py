@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from dsse_ros.flight.commands import OrderFailedError, Situation, TakenOverError
-from dsse_ros.flight.paced_setpoint import PacedSetpoint, Place
+from dsse_ros.flight.paced_setpoint import AHEAD_M, LeadingSetpoint, PacedSetpoint, Place
 from dsse_ros.mavlink.messages import SetPositionTarget
 from dsse_ros.scenario.geodesy import offset_m
 
@@ -25,6 +25,8 @@ _UNREPORTED_S = 3.0
 """Time without a report of the target after which the vehicle flies to none."""
 _BETWEEN_TRACKS_S = 1.0
 """Time up to which a track goes on from the last one."""
+_OF_CIRCLES = 0.2
+"""Share of the rate at which a fixed wing, which each acknowledges, gets its places."""
 _OVERRUN_S = 3.0
 """Time for which a vehicle flies on behind the end of a track, before it stops."""
 
@@ -95,9 +97,12 @@ class SetpointStreamer:
 
     def fly_to(self, lat_deg: float, lon_deg: float, alt_amsl_m: float) -> None:
         """Have the vehicle fly to a place, at an altitude above mean sea level."""
-        target = SetPositionTarget(self._situation.target, lat_deg, lon_deg, float(alt_amsl_m))
         self._leave_track()
-        self._set_target(target)
+        self._set_target(self._target_at((lat_deg, lon_deg), alt_amsl_m))
+
+    def _target_at(self, place: Place, alt_amsl_m: float) -> SetPositionTarget:
+        circles = self._autopilot.circles
+        return SetPositionTarget(self._situation.target, *place, float(alt_amsl_m), circles=circles)
 
     def _leave_track(self) -> None:
         if self._on_track and self._paced is not None:
@@ -126,8 +131,9 @@ class SetpointStreamer:
             alt_amsl_m: Altitude above mean sea level.
             speed_mps: Speed over ground, more than 0.
         """
-        beyond = _beyond(places, speed_mps * _OVERRUN_S)
-        target = SetPositionTarget(self._situation.target, *beyond, float(alt_amsl_m))
+        circles = self._autopilot.circles
+        beyond_m = AHEAD_M if circles else speed_mps * _OVERRUN_S
+        target = self._target_at(_beyond(places, beyond_m), alt_amsl_m)
         if self._on_track and target == self.target:
             return
         self._leave_track()
@@ -135,7 +141,8 @@ class SetpointStreamer:
         now, boot_s = self._situation.now, self._situation.state.boot_s
         goes_on = now - self._left_s <= _BETWEEN_TRACKS_S
         last = self._left_place if goes_on else None
-        self._paced, self._on_track = PacedSetpoint(target, speed_mps, places, boot_s, last), True
+        kind = LeadingSetpoint if circles else PacedSetpoint
+        self._paced, self._on_track = kind(target, speed_mps, places, boot_s, last), True
         if not goes_on:
             self._track_s = now
 
@@ -153,7 +160,8 @@ class SetpointStreamer:
                 it had confirmed.
         """
         state = self._situation.state
-        expected = self._autopilot.streams_setpoints or not self._on_track
+        autopilot = self._autopilot
+        expected = autopilot.streams_setpoints or autopilot.circles or not self._on_track
         if not expected and state.target_s > self._track_s + _UNREPORTED_S:
             # It reports none while it flies to positions with velocities.
             raise TakenOverError("sent elsewhere by somebody else")
@@ -239,7 +247,8 @@ class SetpointStreamer:
         if self.target is None or situation.now < self._due_s:
             return
         if self._autopilot.streams_setpoints or self._on_track:
-            self._due_s = situation.now + 1 / settings.setpoint_hz
+            rate_hz = settings.setpoint_hz * (_OF_CIRCLES if self._autopilot.circles else 1.0)
+            self._due_s = situation.now + 1 / rate_hz
             situation.out.append(self._streamed(self.target))
             return
         self._due_s = situation.now + settings.command_s
@@ -276,7 +285,7 @@ class SetpointStreamer:
         if self._paced is None or self._paced.target != target:
             self._paced = PacedSetpoint(target, speed_mps, [place], state.boot_s)
         setpoint = self._paced.advance(place, state.boot_s)
-        if self._on_track and setpoint.velocity_mps is None:
+        if self._on_track and setpoint.velocity_mps is None and not self._autopilot.circles:
             # Without a velocity ArduCopter would fly to it in another way.
             return replace(setpoint, velocity_mps=(0.0, 0.0))
         return setpoint

@@ -323,8 +323,9 @@ class VehicleController:
         """Whether, after `hand_over`, the vehicle does not hold yet."""
         if not (self._handing_over and self._may_act and self._outcome.status == "under_way"):
             return False
-        streams = self.situation.autopilot.streams_setpoints
-        return not (self.modes.resting and (streams or self.setpoints.confirmed))
+        autopilot = self.situation.autopilot
+        by_itself = autopilot.resting_mode != autopilot.guided_mode
+        return not (self.modes.resting and (by_itself or self.setpoints.confirmed))
 
     @property
     def _may_act(self) -> bool:

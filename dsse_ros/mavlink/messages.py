@@ -7,6 +7,7 @@ Names and units of the fields are MAVLink's: https://mavlink.io/en/messages/comm
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Any, NamedTuple, get_args
 
@@ -83,6 +84,7 @@ class SetPositionTarget:
         lon_deg: WGS84 longitude.
         alt_amsl_m: Altitude above mean sea level.
         velocity_mps: Velocity to north and east, None to stop there.
+        circles: Whether the vehicle cannot hover: it is MAV_CMD_DO_REPOSITION then.
     """
 
     target: Address
@@ -90,6 +92,7 @@ class SetPositionTarget:
     lon_deg: float
     alt_amsl_m: float
     velocity_mps: tuple[float, float] | None = None
+    circles: bool = False
 
     def message(self) -> mavlink.MAVLink_message:
         """Return it as MAVLink has it.
@@ -97,6 +100,19 @@ class SetPositionTarget:
         Raises:
             ValueError: If a coordinate is not allowed.
         """
+        if self.circles:
+            return mavlink.MAVLink_command_int_message(
+                *self.target,
+                mavlink.MAV_FRAME_GLOBAL,
+                mavlink.MAV_CMD_DO_REPOSITION,
+                0,
+                0,
+                # The speed, the mode, the radius and its sense as they are.
+                *(-1.0, 0.0, 0.0, math.nan),
+                _degrees_e7("lat_deg", self.lat_deg),
+                _degrees_e7("lon_deg", self.lon_deg),
+                self.alt_amsl_m,
+            )
         return mavlink.MAVLink_set_position_target_global_int_message(
             0,
             *self.target,

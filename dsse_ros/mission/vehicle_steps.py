@@ -150,4 +150,6 @@ class VehicleSteps:
 
     @property
     def _radius_m(self) -> float:
+        if self._mission.env.rules.in_metres:
+            return self.settings.acceptance_radius
         return acceptance_radius_m(self._frame, self.settings.acceptance_radius)

@@ -34,14 +34,17 @@ class Firmware(NamedTuple):
     Attributes:
         home_first: Whether item 0 is home; else it is the first to fly.
         mav_autopilot: Its number in MAV_AUTOPILOT.
+        mav_type: Number of its vehicles in MAV_TYPE.
     """
 
     home_first: bool
     mav_autopilot: int
+    mav_type: int = 2
 
 
 FIRMWARES: Mapping[str, Firmware] = {
     "ardupilot": Firmware(home_first=True, mav_autopilot=3),
+    "arduplane": Firmware(home_first=True, mav_autopilot=3, mav_type=1),
     "px4": Firmware(home_first=False, mav_autopilot=12),
 }
 """By the names of the autopilots: see `dsse_ros.flight.autopilots`."""

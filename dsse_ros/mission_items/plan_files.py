@@ -13,8 +13,6 @@ from typing import Any
 
 from dsse_ros.mission_items.items import FIRMWARES, MissionItem, VehicleMission, check_item
 
-MAV_TYPE_QUADROTOR = 2
-
 _SPEED_MPS = 10.0
 """For QGroundControl's estimates."""
 _ALTITUDE_ABOVE_HOME = 1
@@ -48,7 +46,7 @@ def plan_text(mission: VehicleMission, firmware: str = "ardupilot") -> str:
             "hoverSpeed": _SPEED_MPS,
             "items": [_simple_item(number, item) for number, item in enumerate(mission.items, 1)],
             "plannedHomePosition": list(mission.home),
-            "vehicleType": MAV_TYPE_QUADROTOR,
+            "vehicleType": FIRMWARES[firmware].mav_type,
             "version": _MISSION_VERSION,
         },
         "rallyPoints": {"points": [], "version": _RALLY_VERSION},

@@ -11,4 +11,7 @@ DEFAULT = "drone"
 
 SEARCHERS: dict[str, Searcher] = {
     DEFAULT: Searcher(doc="has the speed, altitude and sensor of the scenario"),
+    "fixed_wing": Searcher(
+        doc="cannot hover, and turns within 80 m", speed=22.0, min_speed=16.0, turn_radius=80.0
+    ),
 }

@@ -84,6 +84,37 @@ def test_vehicles_fly_their_tracks_at_speed_without_a_stop_by_the_clock_of_the_s
 
 
 @pytest.mark.slow
+def test_a_fixed_wing_takes_off_climbs_in_a_circle_and_flies_its_tracks() -> None:
+    search, fleet = fly("arduplane", limits={"acceptance_radius": 150.0})
+    assert not any(one.lost or one.refused for one in fleet.controller.followers), fleet.shown()
+    result = search.flight.result
+    assert result.flown is not None and result.flown.looked[:, 1:].all()
+    for i, (flown, flight) in enumerate(zip(search.flown, fleet.flights, strict=True)):
+        assert flown[-1][0] == pytest.approx(6 * search.step_s, abs=1.0)
+        assert speeds(flown) == pytest.approx(np.full(len(flown) - 1, 22.0), abs=0.5)
+        assert flight.vehicle.craft.up_m == pytest.approx(40.0 - 5.0 * i, abs=2.0)
+        # It turns where a drone of the kind would have.
+        ways = [(way[i] + 0.5) * FRAME.cell_size_m * (1, -1) for way in search.ways]
+        assert away_m(flown, np.concatenate(ways) + (0.0, FRAME.side_m)) < 80.0
+    # It holds, and returns, in circles.
+    fleet.controller.operate(0, "hold")
+    fleet.controller.operate(1, "return")
+    fleet.wait(20.0)
+    assert [one.vehicle.mode.name for one in fleet.flights] == ["LOITER", "RTL"]
+    assert not any(one.vehicle.landed for one in fleet.flights)
+
+
+def test_a_fixed_wing_does_not_fly_from_cell_to_cell() -> None:
+    fleet = VirtualFleet(1, "arduplane")
+    fleet.simulate(7)
+    fleet.wait(5.0)
+    assert fleet.controller.trouble(fleet.now) == (
+        "autopilot must be one that hovers with space cells, got 'arduplane': nothing is flown"
+    )
+    assert not fleet.flights[0].vehicle.armed
+
+
+@pytest.mark.slow
 def test_what_the_vehicles_have_flown_is_what_the_mission_has() -> None:
     search, _ = fly("ardupilot", 4)
     result = search.flight.result

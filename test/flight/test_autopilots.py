@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import ast
+import math
 from dataclasses import replace
 from pathlib import Path
 
@@ -13,8 +14,9 @@ from virtual_flight import OURSELVES, VEHICLE, VirtualFlight, mission
 
 from dsse_ros.flight.autopilots import AUTOPILOTS, PX4, Autopilot
 from dsse_ros.flight.commands import ControllerSettings
-from dsse_ros.flight.orders import FlyMission, GoTo, Return, TakeOff
+from dsse_ros.flight.orders import FlyMission, GoTo, Hold, Return, TakeOff
 from dsse_ros.flight.vehicle_controller import VehicleController
+from dsse_ros.mavlink.messages import SetPositionTarget
 from dsse_ros.mission_items.items import FIRMWARES
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -67,3 +69,34 @@ def test_another_autopilot_is_one_object_and_its_registration(
     there = GoTo(*flight.place(40.0, 0.0), 15.0, 3.0)
     for order in (TakeOff(10.0), there, Return(), FlyMission(mission(flight, (30.0, 0.0, 15.0)))):
         assert flight.fly(order).status == "done", flight.outcome
+
+
+@pytest.mark.slow
+def test_a_fixed_wing_takes_off_in_a_mode_of_its_own_and_circles_where_others_hover() -> None:
+    flight = VirtualFlight("arduplane")
+    assert flight.fly(TakeOff(100.0)).status == "done"
+    assert flight.vehicle.mode.name == "TAKEOFF" and flight.vehicle.craft.up_m >= 30.0
+    place = flight.place(400.0, 300.0)
+    assert flight.fly(GoTo(*place, 100.0, 10.0)).status == "done"
+    for seconds in range(60):
+        flight.wait(1.0)
+        craft = flight.vehicle.craft
+        away_m = math.hypot(craft.north_m - 400.0, craft.east_m - 300.0)
+        assert seconds < 20 or 40.0 < away_m < 120.0
+        assert craft.up_m == pytest.approx(100.0, abs=3.0)
+    assert flight.fly(Hold()).status == "done" and flight.vehicle.mode.name == "LOITER"
+    flight.give(Return())
+    flight.wait(5.0)
+    assert flight.vehicle.mode.name == "RTL" and flight.outcome.status == "under_way"
+
+
+@pytest.mark.slow
+def test_a_fixed_wing_that_somebody_else_sends_elsewhere_is_given_up() -> None:
+    flight = VirtualFlight("arduplane")
+    assert flight.fly(TakeOff(60.0)).status == "done"
+    assert flight.fly(GoTo(*flight.place(300.0, 0.0), 60.0, 10.0)).status == "done"
+    lat_deg, lon_deg = flight.place(-900.0, 0.0)
+    sent = SetPositionTarget(VEHICLE, lat_deg, lon_deg, 60.0, circles=True).message()
+    flight.send_from_station(sent)
+    flight.until(lambda: flight.outcome.status == "taken_over")
+    assert flight.outcome.reason == "sent elsewhere by somebody else"

@@ -218,7 +218,7 @@ def test_wrong_senders_have_no_effect_and_are_counted(datagram: bool) -> None:
 
 def test_a_message_that_is_not_needed_is_counted_and_not_decoded() -> None:
     ours = codec()
-    frame = VehicleCodec(7).encode(mavlink.MAVLink_attitude_message(0, *[0.0] * 6))
+    frame = VehicleCodec(7).encode(mavlink.MAVLink_attitude_quaternion_message(0, *[0.0] * 7))
     assert ours.decode(frame, 0.0, datagram=True) == []
     assert ours.counts == {"not_needed": 1}
 
@@ -256,6 +256,19 @@ def test_a_message_of_another_message_set_is_skipped() -> None:
             SetPositionTarget(VEHICLE, -24.0, -46.3, 120.0, (3.0, -4.0)),
             "SET_POSITION_TARGET_GLOBAL_INT",
             {"coordinate_frame": 5, "type_mask": 3520, "vx": 3.0, "vy": -4.0, "vz": 0.0},
+        ),
+        (
+            SetPositionTarget(VEHICLE, -24.0, -46.3, 120.0, circles=True),
+            "COMMAND_INT",
+            {
+                "target_system": 7,
+                "frame": 0,
+                "command": 192,
+                "param1": -1.0,
+                "x": -240000000,
+                "y": -463000000,
+                "z": 120.0,
+            },
         ),
         (MissionSetCurrent(*VEHICLE, 3), "MISSION_SET_CURRENT", {"seq": 3, "target_system": 7}),
         (

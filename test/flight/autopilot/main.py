@@ -14,6 +14,7 @@ from selectors import EVENT_READ, DefaultSelector
 
 from . import options
 from .ardupilot import ArduCopter
+from .arduplane import ArduPlane
 from .channel import Channel
 from .endpoints import Endpoint, TcpEndpoint, UdpEndpoint
 from .px4 import Px4
@@ -31,7 +32,9 @@ _STRIDE_S = 0.25
 
 def make_vehicle(settings: Settings) -> Vehicle:
     """Return a vehicle with the behaviour of its autopilot."""
-    return {"ardupilot": ArduCopter, "px4": Px4}[settings.autopilot](settings)
+    return {"ardupilot": ArduCopter, "arduplane": ArduPlane, "px4": Px4}[settings.autopilot](
+        settings
+    )
 
 
 def run(

@@ -9,7 +9,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TypeVar
 
-from . import ardupilot, px4
+from . import ardupilot, arduplane, px4
 from .endpoints import Address
 from .faults import KINDS, Fault
 from .local_frame import Place
@@ -17,8 +17,8 @@ from .settings import Settings
 
 T = TypeVar("T")
 
-_READY_S = {"ardupilot": 42.0, "px4": 10.0}
-_MODES = {"ardupilot": ardupilot.Mode, "px4": px4.Mode}
+_READY_S = {"ardupilot": 42.0, "arduplane": 42.0, "px4": 10.0}
+_MODES = {"ardupilot": ardupilot.Mode, "arduplane": arduplane.Mode, "px4": px4.Mode}
 
 
 def parse(arguments: Sequence[str] | None = None) -> argparse.Namespace:

@@ -66,7 +66,7 @@ def heartbeat(vehicle: Vehicle) -> Message:
     if vehicle.armed:
         base_mode |= mavlink.MAV_MODE_FLAG_SAFETY_ARMED
     return mavlink.MAVLink_heartbeat_message(
-        mavlink.MAV_TYPE_QUADROTOR,
+        vehicle.kind,
         vehicle.autopilot,
         base_mode,
         vehicle.custom_mode,

@@ -76,6 +76,7 @@ class Vehicle(ABC):
         uid: Its own id.
     """
 
+    kind: ClassVar[int] = mavlink.MAV_TYPE_QUADROTOR
     autopilot: ClassVar[int]
     version: ClassVar[tuple[int, int, int]]
     capabilities: ClassVar[int]
