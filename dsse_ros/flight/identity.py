@@ -108,4 +108,6 @@ def _with_signs(identity: Identity, signs: int, now: float) -> Identity:
     proven = sum(now - time_s < _SIGNS_S for time_s in recent) >= _SIGNS
     lasts = bool(identity.twins) and bool(recent)
     twins = "two vehicles have its system id" if proven or lasts else ""
+    if (twins, recent) == (identity.twins, identity._signs_s):
+        return identity
     return replace(identity, twins=twins, _signs_s=recent)

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
@@ -205,20 +206,20 @@ def observe(
         case GpsRaw(fix_type=fix, alt=alt_mm, alt_ellipsoid=alt_ellipsoid_mm):
             known = fix > _NO_FIX and alt_ellipsoid_mm != 0
             geoid_m = (alt_ellipsoid_mm - alt_mm) * 1e-3 if known else math.nan
-            return replace(state, geoid_m=geoid_m)
+            return _with(state, geoid_m=geoid_m)
         case SysStatus():
             return _sys_status(state, message, autopilot)
         case BatteryStatus(charge_state=charge):
-            return _failsafe(replace(state, _battery_low=charge in autopilot.failsafe_charges))
+            return _failsafe(_with(state, _battery_low=charge in autopilot.failsafe_charges))
         case EkfStatus(flags=flags):
             good = (
                 bool(flags & mavlink.EKF_POS_HORIZ_ABS) and not flags & mavlink.EKF_CONST_POS_MODE
             )
-            return _ready(replace(state, _position_good=good), good and state._checks_passed)
+            return _ready(_with(state, _position_good=good), good and state._checks_passed)
         case ExtendedSysState(landed_state=landed):
-            return _flying(replace(state, _landed_state=landed))
+            return _flying(_with(state, _landed_state=landed))
         case HomePosition(latitude=lat, longitude=lon, altitude=alt):
-            return replace(state, home=(lat * 1e-7, lon * 1e-7, alt * 1e-3))
+            return _with(state, home=(lat * 1e-7, lon * 1e-7, alt * 1e-3))
         case ParamValue(param_id=name, param_value=value) if name in autopilot.return_altitudes:
             return replace(state, return_alt_m=value * autopilot.return_altitudes[name])
         case ParamValue(param_id=name, param_value=value) if name in autopilot.return_climbs:
@@ -244,6 +245,13 @@ def observe(
     return state
 
 
+def _with(state: VehicleState, **reported: Any) -> VehicleState:
+    """Return the state with what is reported; most reports are no news, and copies are slow."""
+    before = vars(state)
+    news = any(before[name] != value for name, value in reported.items())
+    return replace(state, **reported) if news else state
+
+
 def without_link(state: VehicleState) -> VehicleState:
     """Return the state of a vehicle whose heartbeats have stopped: the last one that is known.
 
@@ -263,7 +271,7 @@ def _sys_status(state: VehicleState, message: SysStatus, autopilot: Autopilot) -
     placed = state.has_position if autopilot.position_is_checked else state._position_good
     missing = message.onboard_control_sensors_enabled & ~health
     state = _failsafe(
-        replace(
+        _with(
             state,
             battery=remaining / 100 if 0 <= remaining <= 100 else math.nan,
             fenced=bool(message.onboard_control_sensors_enabled & mavlink.MAV_SYS_STATUS_GEOFENCE),
@@ -275,7 +283,7 @@ def _sys_status(state: VehicleState, message: SysStatus, autopilot: Autopilot) -
 
 
 def _ready(state: VehicleState, ready: bool) -> VehicleState:
-    return replace(state, ready=ready, _complaints=() if ready else state._complaints)
+    return _with(state, ready=ready, _complaints=() if ready else state._complaints)
 
 
 def _failsafe(state: VehicleState) -> VehicleState:
@@ -310,24 +318,25 @@ def _heartbeat(
     known = _failsafe(known)
     if state._landed_state == _LANDED_UNKNOWN:
         # It has not reported its landed state yet.
-        return replace(known, flying=armed and message.system_status >= mavlink.MAV_STATE_ACTIVE)
+        return _with(known, flying=armed and message.system_status >= mavlink.MAV_STATE_ACTIVE)
     return _flying(known)
 
 
 def _flying(state: VehicleState) -> VehicleState:
     if state._landed_state == _LANDED_UNKNOWN:
         return state
-    return replace(state, flying=state.armed and state._landed_state in _AIRBORNE)
+    return _with(state, flying=state.armed and state._landed_state in _AIRBORNE)
 
 
 def _position(state: VehicleState, message: GlobalPosition, now: float) -> VehicleState:
-    state = replace(state, identity=with_position(state.identity, message, now))
+    identity = with_position(state.identity, message, now)
     if message.lat == 0 and message.lon == 0:
         # Autopilots send this while the position is unknown.
-        return state
+        return replace(state, identity=identity)
     heading_deg = message.hdg / 100 if message.hdg <= _MAX_HEADING else math.nan
     return replace(
         state,
+        identity=identity,
         lat_deg=message.lat * 1e-7,
         lon_deg=message.lon * 1e-7,
         alt_amsl_m=message.alt * 1e-3,
