@@ -144,11 +144,19 @@ TOPICS = {
         use="RViz, Foxglove",
         replay=("compared", "after report", "between steps"),
     ),
-    "drone<i>/plan": Topic(
+    "drone<i>/remaining_path": Topic(
         type_name="nav_msgs/msg/Path",
         qos="latched",
         publishers=_SIM,
-        content="in metres: what is left of the track that the drone flies, m; empty without one",
+        content="in metres: what is left of the track of a command, m; empty without one",
+        use="RViz, Foxglove",
+    ),
+    "drone<i>/plan": Topic(
+        type_name="nav_msgs/msg/Path",
+        qos="latched",
+        publishers=("planner_node",),
+        content="where the planner will fly the drone, m; at most twice a second, only with "
+        "subscribers; empty once the mission is over",
         use="RViz, Foxglove",
     ),
     "drones": Topic(

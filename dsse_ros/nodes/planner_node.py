@@ -17,6 +17,7 @@ from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Float64MultiArray, Int32MultiArray, String
 
 from dsse_ros.nodes.node_diagnostics import PERIOD_S, NodeDiagnostics
+from dsse_ros.nodes.plan_publishers import PLAN, PLAN_PERIOD_S, PlanPublishers
 from dsse_ros.nodes.settings import PlannerSettings
 from dsse_ros.planners import (
     PLANNERS,
@@ -26,6 +27,7 @@ from dsse_ros.planners import (
     planner_with,
     read_options,
 )
+from dsse_ros.planners.planner import Planning
 from dsse_ros.runtime.observed_step import ObservedStep, StepId, StepInbox, step_id_of
 from dsse_ros.runtime.qos import read_settings
 from dsse_ros.runtime.run_node import AlarmNode, run_node
@@ -91,12 +93,16 @@ class PlannerNode(AlarmNode):
             )
         ]
         self._diagnostics = NodeDiagnostics(self, endpoints)
-        endpoints.check_all_used()
+        self._plans = PlanPublishers(endpoints)
+        self._planned: ObservedStep | None = None
+        endpoints.check_all_used(later=PLAN)
         # A lost command would stop a lockstep mission forever.
         self._resend_alarm = self.alarms.make(self._send)
         self._retry_alarm = self.alarms.make(self._plan)
         self.alarms.make(self._log_waiting).repeat(_RETRY_S)
         self.alarms.make(self._publish_diagnostics).repeat(PERIOD_S)
+        publish_plans = self.isolated("plans", self._publish_plans)
+        self.alarms.make(publish_plans).repeat(PLAN_PERIOD_S)
 
     def _on(self, read: Callable[[Any], None], message: Any) -> None:
         read(message)
@@ -148,7 +154,7 @@ class PlannerNode(AlarmNode):
                 self._report_failure(step, error)
                 self._retry_alarm.set(_RETRY_S)
                 return
-        self._answer = answer
+        self._answer, self._planned = answer, observed
         self._send()
         if answer is not None and not self._ready and not self._compiled:
             self._ready = True
@@ -189,6 +195,12 @@ class PlannerNode(AlarmNode):
                 f"mission {mission}, which waited {time_s:g} s",
             )
         return actions
+
+    def _publish_plans(self) -> None:
+        """Publish the plans of the last decision; none once its mission is over or replaced."""
+        if isinstance(self._planner, Planning) and self._planned is not None:
+            plans = {} if self._answer is None else self._planner.plans()
+            self._plans.publish(self._planned, plans)
 
     def _make_planner(self, info: AgentsInfo) -> Planner:
         """Return a planner for a mission.

@@ -19,6 +19,7 @@ from dsse_ros.mission.mission import Mission, StepResult
 from dsse_ros.mission.step_messages import DEFAULT, MESSAGES, Display, StepMessages
 from dsse_ros.mission.step_scheduler import Timing
 from dsse_ros.mission.vehicle_tasks import VehicleTasks
+from dsse_ros.runtime.news import News
 from dsse_ros.runtime.qos import Endpoints
 from dsse_ros.scenario.agents import AgentsInfo, agents_json, area_rows
 from dsse_ros.scenario.frames import GridFrame, map_positions
@@ -87,7 +88,7 @@ class MissionPublishers:
             "/clock": publish_clock,
             "/tf": self._tf_type is not None,
             "/tf_static": self._tf_type is not None,
-            "drone<i>/plan": isinstance(mission, FlightMission),
+            "drone<i>/remaining_path": isinstance(mission, FlightMission),
             # See `NodeDiagnostics`.
             "/diagnostics": False,
         }
@@ -99,10 +100,10 @@ class MissionPublishers:
         # The last messages of the topics that are not latched, for late joiners.
         self._of_time: dict[Publisher, Any] = {}
         self._before = self._cells = mission.result.cells
-        # The state that was last published on each topic of paths and markers.
-        self._seen: dict[Publisher, tuple[int, ...]] = {}
+        # Of paths and markers.
+        self._news = News()
         # The track that was last published for each drone.
-        self._plans: dict[int, TrackLeft | None] = {}
+        self._tracks: dict[int, TrackLeft | None] = {}
 
     @property
     def run_id(self) -> int:
@@ -188,19 +189,19 @@ class MissionPublishers:
         self._cells, display = result.cells, Display(grid_scaling=grid_scaling)
         for topic in _EACH_STEP:
             self._publish(topic, stamp, display)
-        self.publish_plans(stamp)
+        self.publish_remaining_paths(stamp)
         self.publish_report(stamp)
 
-    def publish_plans(self, stamp: Time) -> None:
+    def publish_remaining_paths(self, stamp: Time) -> None:
         """Publish what is left of the tracks of drones in metres, if that has changed."""
         mission = self._mission
         if not isinstance(mission, FlightMission):
             return
-        for drone, publisher in enumerate(self._publishers["drone<i>/plan"]):
+        for drone, publisher in enumerate(self._publishers["drone<i>/remaining_path"]):
             track = mission.commands.track_of(drone)
-            if drone in self._plans and track is self._plans[drone]:
+            if drone in self._tracks and track is self._tracks[drone]:
                 continue
-            self._plans[drone] = track
+            self._tracks[drone] = track
             points = [] if track is None else track.points.tolist()
             altitude_m = self._frame.alt_of(drone)
             positions = [(x, self._frame.side_m - south, altitude_m) for x, south in points]
@@ -262,12 +263,6 @@ class MissionPublishers:
         state = {"drone<i>/path": (), "markers": (len(self._mission.lost), reveal_person)}
         for topic, further in state.items():
             for drone, publisher in enumerate(self._publishers[topic]):
-                if self._is_news(publisher, result.stamp_ns, *further):
+                if self._news.is_news(publisher, result.stamp_ns, *further):
                     display = Display(reveal_person=reveal_person)
                     publisher.publish(self._messages.make(topic, stamp, drone, display))
-
-    def _is_news(self, publisher: Publisher, *state: int) -> bool:
-        listeners = publisher.get_subscription_count()
-        news = listeners > 0 and self._seen.get(publisher) != (listeners, *state)
-        self._seen[publisher] = (listeners, *state)
-        return news

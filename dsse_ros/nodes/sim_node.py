@@ -356,7 +356,7 @@ class SimNode(AlarmNode):
     def _on_accepted(self) -> None:
         """Go on after a new command."""
         self.publishers_.publish_first_commands(self._scheduler.timing)
-        self.publishers_.publish_plans(self._report_stamp)
+        self.publishers_.publish_remaining_paths(self._report_stamp)
         self._advance()
 
     def _on_vehicle(self, drone: int, message: PoseStamped) -> None:

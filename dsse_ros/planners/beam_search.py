@@ -22,7 +22,7 @@ from dsse_ros.belief.protocol import LooksToCome, TargetBelief, TargetForecast
 from dsse_ros.planners import plan_kernels
 from dsse_ros.planners.beam import plan_drone
 from dsse_ros.planners.options import BeamOptions
-from dsse_ros.planners.planner import DecisionPoint
+from dsse_ros.planners.planner import DecisionPoint, Plans, as_plan
 from dsse_ros.planners.reach import Reach
 from dsse_ros.scenario.action_times import ActionTimes, action_times_of_kinds
 from dsse_ros.scenario.actions import Cell
@@ -144,6 +144,13 @@ class BeamSearch:
         twin = self.copy()
         twin._rng = np.random.default_rng(seed)
         return twin
+
+    def plans(self) -> Plans:
+        """See `Planning`."""
+        return {
+            agent: as_plan([self._forecast.cell(int(c)) for c in plan.path[1 : plan.length + 1]])
+            for agent, plan in self._plans.items()
+        }
 
     def __call__(self, at: DecisionPoint) -> list[Cell]:
         """Return the next cell of each drone; its present cell means a search there.

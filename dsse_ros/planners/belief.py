@@ -35,6 +35,8 @@ from dsse_ros.planners.planner import (
     DrawsNothing,
     Infos,
     Observations,
+    Planning,
+    Plans,
     Search,
     Tactic,
     TacticFactory,
@@ -234,6 +236,10 @@ class BeliefPlanner:
             for agent, cell in cells.items()
         }
         return commands
+
+    def plans(self) -> Plans:
+        """See `Planning`; empty if the tactic has none."""
+        return self._tactic.plans() if isinstance(self._tactic, Planning) else {}
 
     def _end_of_way(self, cell: Cell, info: Mapping[str, Any]) -> Cell:
         """Return the cell in which the action of a drone under way ends."""

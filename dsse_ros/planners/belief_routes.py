@@ -11,7 +11,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, ClassVar
 
 from dsse_ros.belief.protocol import TargetBelief, TargetForecast
-from dsse_ros.planners.planner import Cell, DecisionPoint
+from dsse_ros.planners.planner import Cell, DecisionPoint, Plans
 from dsse_ros.planners.route_follower import RouteFollower
 from dsse_ros.scenario.actions import ActionSet
 from dsse_ros.scenario.swarm import Swarm
@@ -74,6 +74,10 @@ class RoutesOnBelief(ABC):
         if self._follower is not None:
             twin._follower = self._follower.with_seed(seed + self._planned_at)
         return twin
+
+    def plans(self) -> Plans:
+        """See `Planning`."""
+        return {} if self._follower is None else self._follower.plans()
 
     def __call__(self, at: DecisionPoint) -> list[Cell]:
         """Return the cell that each drone goes to; see `Tactic`."""

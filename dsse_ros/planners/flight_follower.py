@@ -14,7 +14,7 @@ from dsse_ros.planners.flight_patterns import Datum
 from dsse_ros.planners.planner import DrawsNothing
 from dsse_ros.step.flight_paths import Wind, pieces_of
 from dsse_ros.step.flight_steering import steer
-from dsse_ros.step.polylines import SAMPLES, goal_within_reach, nearest
+from dsse_ros.step.polylines import SAMPLES, along, goal_within_reach, nearest, points_at
 
 Floats = NDArray[np.float64]
 
@@ -75,3 +75,24 @@ class TrackFollower(DrawsNothing):
         self._flown, self._goals = flown, goals
         goal = points + self._datum.at(now_s + self._wind.step_s)
         return steer(self._flyers[numbers], self._wind, self._side, flights, goal, True, self._path)
+
+    def ahead(self, step: int, steps: int) -> list[Floats]:
+        """Return where each drone will be, in turn: what is left of its track, at cruise.
+
+        Args:
+            step: Number of steps done.
+            steps: Steps left.
+
+        Returns:
+            (M, 2) float64 each, metres to the east and to the south of the grid's north-west
+            corner: where the step ends, and the corners of the track until the steps are over,
+            with the datum where it will have drifted by then.
+        """
+        found = []
+        for track, done, flyer in zip(self._tracks, self._goals, self._flyers, strict=True):
+            lengths, cruise = along(track), float(flyer["cruise"])
+            end = min(done + cruise * (steps - 1) * self._wind.step_s, lengths[-1])
+            to_come = np.array([done, *lengths[(lengths > done) & (lengths < end)], end])
+            times_s = (step + 1) * self._wind.step_s + (to_come - done) / cruise
+            found.append(points_at(track, to_come) + self._datum.at(times_s))
+        return found

@@ -22,7 +22,7 @@ from dsse_ros.planners.flight_goals import goals_on_map
 from dsse_ros.planners.flight_patterns import Datum, Layout, tracks_along, tracks_of
 from dsse_ros.planners.flight_plans import FlightPlans, FlightSwarm
 from dsse_ros.planners.options import BeamOptions, Options, PatternOptions
-from dsse_ros.planners.planner import DrawsNothing, Infos, Search
+from dsse_ros.planners.planner import DrawsNothing, Infos, Plans, Search
 from dsse_ros.scenario.scenario import ResolvedScenario
 from dsse_ros.scenario.swarm import number_of
 from dsse_ros.search.flights import lateral_ranges, wind_of
@@ -121,6 +121,12 @@ class FlightPlanner:
             for agent, action in self._decide(observations, infos).items()
         }
 
+    def plans(self) -> Plans:
+        """See `Planning`."""
+        return {
+            agent: ahead / self._scenario.cell_size - 0.5 for agent, ahead in self._ahead().items()
+        }
+
     def copy(self) -> Self:
         """Return an independent copy in the same state."""
         return copy.copy(self)
@@ -143,6 +149,10 @@ class FlightPlanner:
 
     def _decide(self, observations: Observations, infos: Infos) -> dict[str, Any]:
         """Return the action of each drone."""
+        raise NotImplementedError
+
+    def _ahead(self) -> dict[str, Floats]:
+        """Return where the drones will be, in turn, (M, 2) each, metres to the east and south."""
         raise NotImplementedError
 
     def _shares(self, observations: Observations, chosen: Floats) -> dict[str, Any]:
@@ -169,15 +179,13 @@ class FlightBelief(FlightPlanner):
 
     Attributes:
         belief: The belief at the last observation, None before the first.
-        paths: (N, H K + 1, 2) float64, the planned positions of the drones observed last, metres
-            to the east and to the south of the grid's north-west corner.
     """
 
     def __init__(self, search: Search, options: BeamOptions, *, seed: int = 0) -> None:
         super().__init__(search, seed=seed)
         self._options = options
         self.belief: EnsembleBelief | None = None
-        self.paths = np.empty((0, 1, 2))
+        self._paths: dict[str, Floats] = {}
 
     def copy(self) -> Self:
         """Return an independent copy in the same state; the forecast is shared."""
@@ -203,6 +211,9 @@ class FlightBelief(FlightPlanner):
             self._swarm, positions, self._options, multiplier=multiplier, seed=self._seed
         )
         self._skip(step)
+
+    def _ahead(self) -> dict[str, Floats]:
+        return self._paths
 
     def _skip(self, step: int) -> None:
         """Let the steps pass in which nobody knows what the drones did."""
@@ -233,7 +244,7 @@ class FlightBelief(FlightPlanner):
             deadline_s=began_s + limit_s,
         )
         self.drawn = True
-        self.paths = planned.paths[numbers]
+        self._paths = dict(zip(observations, planned.paths[numbers, 1:], strict=True))
         return dict(zip(observations, planned.actions[numbers], strict=True))
 
 
@@ -245,6 +256,10 @@ class FlightGreedy(DrawsNothing, FlightPlanner):
 
     def __init__(self, search: Search, options: Options, *, seed: int = 0) -> None:
         FlightPlanner.__init__(self, search, seed=seed)
+        self._goals: dict[str, Floats] = {}
+
+    def _ahead(self) -> dict[str, Floats]:
+        return self._goals
 
     def _decide(self, observations: Observations, infos: Infos) -> dict[str, Any]:
         flights, flyers = flights_of(observations, self._swarm), self._flyers(observations)
@@ -254,6 +269,7 @@ class FlightGreedy(DrawsNothing, FlightPlanner):
             np.where(self._swarm.area, probability, 0.0), flights, self._scenario.cell_size,
             flyers["cruise"] * wind.step_s,
         )  # fmt: skip
+        self._goals = dict(zip(observations, goals[:, None], strict=True))
         path = np.empty((pieces_of(flyers, wind.step_s) + 1, 2))
         chosen = steer(flyers, wind, self._swarm.side_m, flights, goals, False, path)
         return self._shares(observations, chosen)
@@ -322,8 +338,15 @@ class FlightPattern(DrawsNothing, FlightPlanner):
             mean = (np.array(self._options.datum) + 0.5) * scenario.cell_size
         return Datum(mean, drift, (away * share[:, None]).T @ away)
 
+    def _ahead(self) -> dict[str, Floats]:
+        if self._follower is None:
+            return {}
+        ahead = self._follower.ahead(self._step - self._begun, self._steps_left)
+        return {agent: ahead[n] for agent, n in self._numbers.items() if agent in self._observed}
+
     def _decide(self, observations: Observations, infos: Infos) -> dict[str, Any]:
         assert self._follower is not None
+        self._observed = frozenset(observations)
         numbers = np.array([self._numbers[agent] for agent in observations])
         chosen = self._follower(
             flights_of(observations, self._swarm), self._step - self._begun, numbers

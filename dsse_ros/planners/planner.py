@@ -70,6 +70,25 @@ class Shareable(Protocol):
         ...
 
 
+Plans: TypeAlias = Mapping[Any, NDArray[np.float64]]
+"""Where drones will be, by agent: (M, 2) places (col, row) in turn after the present one. Whole
+numbers are the centres of cells; in metres, fractions lie between cells."""
+
+
+@runtime_checkable
+class Planning(Protocol):
+    """A planner or tactic that states where it will fly the drones."""
+
+    def plans(self) -> Plans:
+        """Return the plans of the last decision; a drone without a plan has none or no place."""
+        ...
+
+
+def as_plan(cells: Sequence[Cell]) -> NDArray[np.float64]:
+    """Return cells as the places of a plan, see `Plans`."""
+    return np.array(cells, np.float64).reshape(-1, 2)
+
+
 class DrawsNothing:
     """A `Shareable` that draws nothing and replaces what changes in its state.
 

@@ -14,7 +14,15 @@ from numpy.typing import NDArray
 
 from dsse_ros.planners.avoidance import resolve_conflicts_with_yielding
 from dsse_ros.planners.masking import is_under_way, masked_moves
-from dsse_ros.planners.planner import Cell, Infos, Observations, cells_of, probability_of
+from dsse_ros.planners.planner import (
+    Cell,
+    Infos,
+    Observations,
+    Plans,
+    as_plan,
+    cells_of,
+    probability_of,
+)
 from dsse_ros.scenario.actions import ActionSet
 from dsse_ros.scenario.swarm import Swarm
 
@@ -114,6 +122,13 @@ class RouteFollower:
         for length in self._shuffled:
             twin._rng.shuffle([0] * length)
         return twin
+
+    def plans(self) -> Plans:
+        """See `Planning`; the plan of a drone is the rest of its route."""
+        return {
+            agent: as_plan(track.route[track.index :: track.stride])
+            for agent, track in self._tracks.items()
+        }
 
     def has_routes(self, agents: Collection[Hashable]) -> bool:
         """Return whether each of these drones has a route."""
@@ -271,6 +286,10 @@ class RoutePlanner:
         twin = copy.copy(self)
         twin._follower = self._follower.with_seed(seed)
         return twin
+
+    def plans(self) -> Plans:
+        """See `Planning`."""
+        return self._follower.plans()
 
     def __call__(self, observations: Observations, infos: Infos) -> dict[str, int]:
         """Return an action number for every observed drone; see `Planner`."""

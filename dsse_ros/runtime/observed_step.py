@@ -44,11 +44,13 @@ class ObservedStep:
         info: What is searched, and by whom.
         report: (N,) of a `step_report_dtype`.
         probability: (G, G) float32, read-only, row 0 north.
+        stamp_ns: Stamp of its messages.
     """
 
     info: AgentsInfo
     report: NDArray[Any]
     probability: NDArray[np.float32]
+    stamp_ns: int
 
     @property
     def step_id(self) -> StepId:
@@ -191,7 +193,7 @@ class StepInbox:
             and (info.actions or info.definition is not None)
         )
         kind = ObservedStep if info.actions else FlownStep
-        return kind(info, report, probability) if fits else None
+        return kind(info, report, probability, stamp) if fits else None
 
 
 def _num_actions(report: NDArray[Any]) -> int:

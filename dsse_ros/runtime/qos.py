@@ -21,7 +21,7 @@ from dsse_ros.message_types import message_class
 from dsse_ros.runtime.parameters import QOS_PREFIX, declare
 from dsse_ros.runtime.run_node import AlarmNode
 from dsse_ros.scenario.fields import FieldError, Spec, check_known, specs
-from msg_adapters.topics import Qos, topic_of
+from msg_adapters.topics import Qos, of_drones, topic_of
 
 T = TypeVar("T")
 
@@ -140,14 +140,18 @@ class Endpoints:
             self._profile("subscription", topic, qos),
         )
 
-    def check_all_used(self) -> None:
+    def check_all_used(self, later: str = "") -> None:
         """Check that every override of the command line has an endpoint.
+
+        Args:
+            later: A topic of each drone, whose endpoints are made once the drones are known.
 
         Raises:
             FieldError: If one does not.
         """
         for name in self._given.keys() & self._node.typed_names:
-            raise FieldError(f"{name} matches no topic of {self._node.get_name()}")
+            if not later or f"/{later}." not in of_drones(name):
+                raise FieldError(f"{name} matches no topic of {self._node.get_name()}")
 
     def _profile(self, entity: str, topic: str, qos: QoSProfile) -> QoSProfile:
         prefix = f"{QOS_PREFIX}{self._node.resolve_topic_name(topic)}.{entity}."

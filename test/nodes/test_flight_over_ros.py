@@ -172,7 +172,7 @@ def test_what_is_no_command_is_refused_in_one_line_with_nothing_changed(sim: Sim
 
 def test_drones_fly_poses_and_paths_and_state_what_is_left(rig: Rig) -> None:
     node = rig.sim(SIM | NOBODY | {"wind_speed": 0.0}, namespace="/tracks")
-    with rig.listening(Path, "/tracks/drone1/plan", LATCHED) as plans:
+    with rig.listening(Path, "/tracks/drone1/remaining_path", LATCHED) as left:
         velocity(node, 0, 10.0, 0.0)
         node.talk(PoseStamped, "drone2/command_pose").publish(pose(455.0, 1500.0))
         track = Path(poses=[pose(1365.0, 1500.0), pose(1600.0, 1500.0)])
@@ -180,15 +180,15 @@ def test_drones_fly_poses_and_paths_and_state_what_is_left(rig: Rig) -> None:
         track.header.frame_id, track.poses[0].header.frame_id = "map", ""
         node.talk(Path, "drone1/command_path").publish(track)
         rig.until(lambda: node.step_number == 1)
-        rig.until(lambda: plans and len(plans.last.poses) == 3)
-        assert plans.last.poses[-1].pose.position.x == 1600.0
+        rig.until(lambda: left and len(left.last.poses) == 3)
+        assert left.last.poses[-1].pose.position.x == 1600.0
         for _ in range(20):
             if node.health()["missing_drones"] != "drone0":
                 break
             seen = len(node.reports)
             velocity(node, 0, 10.0, 0.0)
             node.next_report(seen)
-        rig.until(lambda: not plans.last.poses)
+        rig.until(lambda: not left.last.poses)
     x, y = node.report["x"][1], node.report["y"][1]
     assert math.dist((x, y), (1600.0, 1500.0)) <= 10.0
     track = rig.first(Path, "/tracks/drone1/path")
@@ -211,6 +211,28 @@ def test_a_planner_over_ros_flies_as_it_flies_directly(rig: Rig) -> None:
         for report in reports[1:]
     ]
     assert flown == direct
+
+
+def test_the_plan_over_ros_is_that_of_the_planner(rig: Rig) -> None:
+    env = parallel_env(rules="flight", drones_positions=CELLS, **FIELDS)
+    options = {"samples": 200, "horizon": 5, "width": 4}
+    planner = planner_for(env, "belief", seed=2, **options)
+    planner(*env.reset(seed=5))
+    node = rig.sim(SIM | {"step_mode": "manual", "step_rate": 0.0}, namespace="/stated")
+    rig.start(
+        "planner_node",
+        {"planner": "belief", "seed": 2,
+         "planner_options": [f"{name}={value}" for name, value in options.items()]},
+        "-r", "__ns:=/stated",
+    )  # fmt: skip
+    for drone, plan in enumerate(planner.plans().values()):
+        stated = rig.first(Path, f"/stated/drone{drone}/plan")
+        assert stated.header.stamp == node.reports.last.header.stamp
+        points = [(one.pose.position.x, one.pose.position.y) for one in stated.poses]
+        x, y = node.report["x"][drone], node.report["y"][drone]
+        assert points[0] == pytest.approx((x, y))
+        expected = (plan + 0.5) * 130.0 * (1, -1) + (0.0, 2600.0)
+        assert np.array(points[1:]) == pytest.approx(expected, abs=1e-6)
 
 
 def test_a_killed_node_goes_on_where_it_was(rig: Rig) -> None:

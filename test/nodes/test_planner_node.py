@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from nav_msgs.msg import Path as NavPath
 from rcl_interfaces.srv import ListParameters
 from rig import LATCHED, Inbox, Process, Rig
 from sensor_msgs.msg import Image, PointCloud2
@@ -23,6 +24,7 @@ from dsse_ros.cli.node_process import compiling
 from dsse_ros.mission.mission import Mission
 from dsse_ros.mission.step_reports import step_report_of
 from dsse_ros.planners import make_planner
+from dsse_ros.planners.planner import Planning
 from dsse_ros.scenario.agents import AgentsInfo, agents_json
 from dsse_ros.scenario.frames import GridFrame
 from dsse_ros.search import Observation, parallel_env
@@ -221,6 +223,23 @@ def test_nobody_is_commanded_any_more_when_all_drones_are_lost(quiet: Stage) -> 
     while time.monotonic() < end:
         quiet.rig.executor.spin_once(timeout_sec=0.02)
     assert not quiet.answers
+
+
+def test_the_plan_is_stated_until_the_mission_is_over(quiet: Stage) -> None:
+    flown, planner = mission(), make_planner(PLANNER, mission().env.rules.actions)
+    expected(flown, planner)
+    assert isinstance(planner, Planning)
+    with quiet.rig.listening(NavPath, "drone1/plan", LATCHED) as plans:
+        quiet.show(flown)
+        quiet.rig.until(lambda: plans and plans.last.poses, "a plan")
+        cells = [flown.result.cells[1], *planner.plans()["drone1"]]
+        stated = [(one.pose.position.x, one.pose.position.y) for one in plans.last.poses]
+        assert stated == [((col + 0.5) * 130.0, (5.5 - row) * 130.0) for col, row in cells]
+        assert plans.last.header.frame_id == "map"
+        for drone in range(3):
+            flown.lose(drone)
+            quiet.show(flown, "step_report")
+        quiet.rig.until(lambda: not plans.last.poses, "no plan")
 
 
 def test_a_foreign_simulation_that_comes_and_goes_leaves_the_mission_answered(quiet: Stage) -> None:

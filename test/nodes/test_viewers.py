@@ -40,6 +40,7 @@ TYPES = {
     "rviz_default_plugins/Map": "nav_msgs/msg/OccupancyGrid",
     "rviz_default_plugins/MarkerArray": "visualization_msgs/msg/MarkerArray",
     "rviz_default_plugins/PointCloud2": "sensor_msgs/msg/PointCloud2",
+    "rviz_default_plugins/Path": "nav_msgs/msg/Path",
     "rviz_default_plugins/Pose": "geometry_msgs/msg/PoseStamped",
     "rviz_default_plugins/PoseArray": "geometry_msgs/msg/PoseArray",
     "rviz_default_plugins/SetGoal": "geometry_msgs/msg/PoseStamped",
@@ -206,7 +207,7 @@ def test_the_layout_has_panels_of_foxglove_with_settings_that_it_knows() -> None
 
 def test_the_layout_shows_topics_that_there_are(mission: Mission) -> None:
     panels = LAYOUT["configById"]
-    topics = set(panels["3D!map"]["topics"]) - {"/particles"}
+    topics = set(panels["3D!map"]["topics"]) - {f"/{name}" for name in ELSEWHERE}
     for name in ("Plot!pos", "StateTransitions!nodes"):
         topics |= {path["value"].partition(".")[0] for path in panels[name]["paths"]}
     topics |= {panels["DiagnosticSummary!all"]["topicToRender"]}
@@ -242,25 +243,21 @@ def seen(endpoint: Any) -> QoSProfile:
     return QoSProfile(depth=1, reliability=found.reliability, durability=found.durability)
 
 
-@pytest.mark.parametrize(
-    "display",
-    # Only a search on an ensemble has particles: see below.
-    [
-        one
-        for one in displays(RVIZ["Displays"])
-        if one.get("Topic", {}).get("Value", "particles") != "particles"
-    ],
-    ids=lambda one: str(one["Topic"]["Value"]),
-)
-def test_a_display_of_rviz_gets_what_is_published(
-    mission: Mission, rig: Rig, display: dict[str, Any]
-) -> None:
-    check_display(rig, display, "/")
+SHOWN = {one["Topic"]["Value"]: one for one in displays(RVIZ["Displays"]) if "Topic" in one}
+# Of a search on an ensemble, of drones in metres and of a planner: see below.
+ELSEWHERE = {"particles"} | {
+    f"drone{i}/{name}" for i in range(DRONES) for name in ("plan", "remaining_path")
+}
 
 
-def check_display(rig: Rig, display: dict[str, Any], namespace: str) -> None:
-    """Check that a display asks for what is published."""
-    topic = f"{namespace}{display['Topic']['Value']}"
+@pytest.mark.parametrize("name", sorted(SHOWN.keys() - ELSEWHERE))
+def test_a_display_of_rviz_gets_what_is_published(mission: Mission, rig: Rig, name: str) -> None:
+    check_display(rig, name, "/")
+
+
+def check_display(rig: Rig, name: str, namespace: str) -> None:
+    """Check that the display of a topic asks for what is published."""
+    display, topic = SHOWN[name], f"{namespace}{name}"
     (offer,) = rig.until(lambda: rig.node.get_publishers_info_by_topic(topic), topic)
     assert offer.topic_type == TYPES[display["Class"]]
     asked = profile(display["Topic"])
@@ -271,11 +268,9 @@ def check_display(rig: Rig, display: dict[str, Any], namespace: str) -> None:
 
 
 def test_the_displays_of_rviz_are_those_of_a_mission_and_its_vehicles() -> None:
-    shown = {one["Topic"]["Value"] for one in displays(RVIZ["Displays"]) if "Topic" in one}
     vehicles = {f"drone{i}/vehicle_pose" for i in range(DRONES)}
-    assert shown == {
-        "probability_grid", "belief_grid", "particles", "markers", "drones", *vehicles
-    }  # fmt: skip
+    of_all = {"probability_grid", "belief_grid", "markers", "drones"}
+    assert SHOWN.keys() == of_all | vehicles | ELSEWHERE
     assert "rviz_default_plugins/TF" in {one["Class"] for one in RVIZ["Displays"]}
     assert RVIZ["Global Options"]["Fixed Frame"] == "map"
 
@@ -316,5 +311,12 @@ def test_the_particles_and_the_sea_of_an_incident_reach_a_client_and_rviz(rig: R
     finally:
         client.close()
         viewer.stop()
-    (display,) = [one for one in displays(RVIZ["Displays"]) if "Particles" in one.values()]
-    check_display(rig, display, "/kayak/")
+    check_display(rig, "particles", "/kayak/")
+
+
+def test_plans_and_commanded_tracks_in_metres_reach_rviz(rig: Rig) -> None:
+    rig.sim({"scenario": "kayak", "rules": "flight", "scenario.particles": 500,
+             "num_drones": DRONES}, namespace="/metres")  # fmt: skip
+    rig.start("planner_node", {"planner": "greedy"}, "-r", "__ns:=/metres")
+    for name in sorted(ELSEWHERE - {"particles"}):
+        check_display(rig, name, "/metres/")

@@ -19,11 +19,12 @@ from dsse_ros.dashboard.history import EXACT_LAYERS
 from dsse_ros.nodes.dashboard import OF_VEHICLE, TOPICS, DashboardNode
 from dsse_ros.nodes.foxglove_viewer import ViewerNode
 from dsse_ros.nodes.mavlink_bridge import BridgeNode
+from dsse_ros.nodes.plan_publishers import PLAN
 from dsse_ros.nodes.planner_node import PlannerNode
 from dsse_ros.nodes.recorder import RecorderNode
 from dsse_ros.nodes.show import ShowNode
 from dsse_ros.nodes.sim_node import SimNode
-from dsse_ros.runtime.qos import requested
+from dsse_ros.runtime.qos import offered, requested
 
 
 def name_of(node: Node, full: str) -> str:
@@ -120,6 +121,9 @@ if __name__ == "__main__":
     )  # fmt: skip
     for kind in ("published", "subscribed"):
         nodes["sim_node"][kind] |= in_metres[kind]
+    # Which it publishes once it knows the drones.
+    kind, qos = offered(PLAN, "planner_node")
+    nodes["planner_node"]["published"][PLAN] = (type_of(kind), quality(qos))
     # Which it subscribes to once there is a simulation.
     found = (*TOPICS, *EXACT_LAYERS, *(f"drone<i>/{topic}" for topic in OF_VEHICLE))
     for topic in found:
