@@ -13,7 +13,7 @@ from dsse_ros.mission.commands import (
     parse_action_name,
     parse_goal,
     parse_joint_action,
-    parse_navigation,
+    refuse_behavior_tree,
 )
 from dsse_ros.mission.mission import Mission
 from dsse_ros.result import Rejected
@@ -22,6 +22,8 @@ from msg_adapters.poses import pose_from_message
 
 JOINT_ACTION = "joint_action"
 """Topic that commands all drones."""
+COMMAND_POSE = "command_pose"
+"""Topic of each drone."""
 NAVIGATE_TO_POSE = "navigate_to_pose"
 """Name of the action of each drone."""
 
@@ -66,7 +68,7 @@ class CommandIntake:
         found: dict[str, Callable[[Any], bool]] = {JOINT_ACTION: self.joint_action}
         for i, name in enumerate(self._mission.env.possible_agents):
             found[f"{name}/cmd_action_name"] = partial(self.action_name, i)
-            found[f"{name}/command_pose"] = partial(self.goal, i)
+            found[f"{name}/{COMMAND_POSE}"] = partial(self.goal, i)
         return found
 
     def action_name(self, drone: int, message: Any) -> bool:
@@ -77,26 +79,24 @@ class CommandIntake:
             self._mission.commands.set_action(drone, action)
         return action is not None
 
-    def goal(self, drone: int, message: Any) -> bool:
-        """Take geometry_msgs/PoseStamped, a goal."""
-        return self._set_goal(
-            drone, "command_pose", parse_goal(pose_from_message(message), self._frame)
-        )
-
-    def navigation(self, drone: int, goal: Any) -> bool:
-        """Take the goal of nav2_msgs/action/NavigateToPose."""
-        parsed = parse_navigation(goal.behavior_tree, pose_from_message(goal.pose), self._frame)
-        return self._set_goal(drone, NAVIGATE_TO_POSE, parsed)
-
-    def _set_goal(self, drone: int, topic: str, parsed: Any) -> bool:
-        cell = self._take(f"drone{drone}/{topic}", drone, parsed)
+    def goal(self, drone: int, message: Any, name: str = COMMAND_POSE) -> bool:
+        """Take geometry_msgs/PoseStamped, a goal, from a topic or an action of this name."""
+        topic = f"drone{drone}/{name}"
+        cell = self._take(topic, drone, parse_goal(pose_from_message(message), self._frame))
         if cell is None:
             return False
         if refused := self._mission.refuse_goal(drone, cell):
-            self.reject(f"drone{drone}/{topic}", refused)
+            self.reject(topic, refused)
             return False
         self._mission.commands.set_goal(drone, cell)
         return True
+
+    def navigation(self, drone: int, goal: Any) -> bool:
+        """Take the goal of nav2_msgs/action/NavigateToPose."""
+        if refused := refuse_behavior_tree(goal.behavior_tree):
+            self.reject(f"drone{drone}/{NAVIGATE_TO_POSE}", refused)
+            return False
+        return self.goal(drone, goal.pose, NAVIGATE_TO_POSE)
 
     def joint_action(self, message: Any) -> bool:
         """Take std_msgs/Int32MultiArray, the actions of all drones for a step."""

@@ -72,21 +72,11 @@ def parse_point(pose: FramedPose, frame: GridFrame) -> Result[tuple[float, float
     return Accepted((x, y))
 
 
-def parse_navigation(behavior_tree: str, pose: FramedPose, frame: GridFrame) -> Result[Cell]:
-    """Return the cell (col, row) of a goal of `navigate_to_pose`.
-
-    Args:
-        behavior_tree: That of the goal, which must be empty.
-        pose: As that of `parse_goal`.
-        frame: The grid.
-
-    Returns:
-        The cell, or `behavior_tree`, `foreign_frame`, `not_finite` or `outside_grid`.
-    """
-    if behavior_tree:
-        reason = f"behavior_tree must be empty, got {shown(behavior_tree)}"
-        return Rejected("behavior_tree", reason)
-    return parse_goal(pose, frame)
+def refuse_behavior_tree(behavior_tree: str) -> Rejected | None:
+    """Return why a goal of `navigate_to_pose` with this behavior tree is refused, if it is."""
+    if not behavior_tree:
+        return None
+    return Rejected("behavior_tree", f"behavior_tree must be empty, got {shown(behavior_tree)}")
 
 
 def parse_place(pose: FramedPose, frame: GridFrame) -> Result[tuple[float, float]]:

@@ -165,6 +165,8 @@ class FlightCommands:
         """Drop all commands and previous actions."""
         self._actions: dict[int, Action] = {}
         self._tracks: dict[int, TrackLeft] = {}
+        # The points of each drone's last track, also after it has reached the end of it.
+        self._goals: dict[int, NDArray[np.float64]] = {}
         self._last: dict[int, Action] = {}
 
     def state(self) -> dict[str, Any]:
@@ -180,26 +182,47 @@ class FlightCommands:
 
     def set_action(self, drone: int, action: Action) -> None:
         """Set the drone's action for the next step; this replaces any other command."""
-        self._tracks.pop(drone, None)
+        self.drop_goal(drone)
         self._actions[drone] = action
 
     def set_track(self, drone: int, points: NDArray[np.float64]) -> None:
-        """Send the drone along points (M, 2), see `parse_track`, in place of any other command."""
+        """Send the drone along points (M, 2), see `parse_track`, in place of any other command.
+
+        A drone that is at the end of the track has no command.
+        """
         self._actions.pop(drone, None)
         flight = self._flights.flights[0, drone]
-        self._tracks[drone] = TrackLeft(np.vstack([[flight["east"], flight["south"]], points]))
+        here = np.array([[flight["east"], flight["south"]]])
+        self._goals[drone], self._tracks[drone] = points, TrackLeft(np.vstack([here, points]))
+        self._end_track(drone, np.vstack([here, here]))
 
     def track_of(self, drone: int) -> TrackLeft | None:
         """Return what is left of a drone's track, None without one."""
         return self._tracks.get(drone)
 
+    def goal_of(self, drone: int) -> NDArray[np.float64] | None:
+        """Return the points of a drone's last track, None if another command has replaced it.
+
+        They are the same object for the same command.
+        """
+        return self._goals.get(drone)
+
+    def drop_goal(self, drone: int) -> None:
+        """Take the track of a drone back: it has no command."""
+        self._tracks.pop(drone, None)
+        self._goals.pop(drone, None)
+
     def after_step(self) -> None:
         """Take what was flown off the tracks; one whose end is reached is no command any more."""
         for drone, track in list(self._tracks.items()):
             path = self._flights.paths[0, drone]
-            self._tracks[drone] = left = track.after(path)
-            if has_arrived(left, path, float(self.flyers[drone].radius)):
-                del self._tracks[drone]
+            self._tracks[drone] = track.after(path)
+            self._end_track(drone, path)
+
+    def _end_track(self, drone: int, path: NDArray[np.float64]) -> None:
+        """End the track of a drone if this path (K + 1, 2) has reached its end."""
+        if has_arrived(self._tracks[drone], path, float(self.flyers[drone].radius)):
+            del self._tracks[drone]
 
     def missing(self, live: Sequence[int], cells: NDArray[np.int64]) -> list[int]:
         """Return the live drones without a command."""

@@ -63,6 +63,29 @@ def has_arrived(track: TrackLeft, path: Floats, radius_m: float) -> bool:
     return bool(away <= near and along(track.points)[-1] <= 2.0 * near)
 
 
+def way_left(track: TrackLeft, flight: np.void, flyer: np.record, wind: Wind) -> tuple[float, float]:
+    """Return the length of the way to the end of a track, and the time that it takes at cruise.
+
+    The time is infinite if the wind is too strong; turns and corners are not in it.
+
+    Args:
+        track: What is left of the track.
+        flight: The drone, one of `flight_paths.FLIGHTS`.
+        flyer: Its kind, one of `flight_paths.FLYERS`.
+        wind: The wind.
+    """
+    legs = np.diff(np.vstack([[flight["east"], flight["south"]], track.points]), axis=0)
+    lengths = np.hypot(*legs.T)
+    legs, lengths = legs[lengths > 0.0], lengths[lengths > 0.0]
+    east, south = (legs / lengths[:, None]).T
+    behind = wind.east * east + wind.south * south
+    across = wind.east * south - wind.south * east
+    speeds = behind + np.sqrt(np.maximum(float(flyer.cruise) ** 2 - across**2, 0.0))
+    flown = (np.abs(across) <= float(flyer.cruise)) & (speeds > 0.0)
+    time_s = float((lengths / speeds).sum()) if flown.all() else math.inf
+    return float(lengths.sum()), time_s
+
+
 def steer(track: TrackLeft, flight: np.void, flyer: np.record, wind: Wind) -> tuple[float, float]:
     """Return the turn and the speed, -1 to 1, that fly a step along a track, see `polylines`.
 

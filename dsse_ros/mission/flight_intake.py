@@ -8,7 +8,7 @@ from collections.abc import Callable
 from functools import partial
 from typing import Any
 
-from dsse_ros.mission.command_intake import CommandIntake
+from dsse_ros.mission.command_intake import COMMAND_POSE, CommandIntake
 from dsse_ros.mission.flight_commands import (
     action_of,
     parse_joint_command,
@@ -52,7 +52,7 @@ class FlightIntake(CommandIntake):
         found: dict[str, Callable[[Any], bool]] = {JOINT_COMMAND: self.joint_command}
         for i, name in enumerate(self._flights.env.possible_agents):
             found[f"{name}/cmd_vel"] = partial(self.velocity, i)
-            found[f"{name}/command_pose"] = partial(self.goal, i)
+            found[f"{name}/{COMMAND_POSE}"] = partial(self.goal, i)
             found[f"{name}/command_path"] = partial(self.track, i)
         return found
 
@@ -63,9 +63,9 @@ class FlightIntake(CommandIntake):
         parsed = parse_joint_command(message.data, mission.number, mission.result.step, live)
         return self._take_joint(JOINT_COMMAND, message.data, parsed)
 
-    def goal(self, drone: int, message: Any) -> bool:
-        """Take geometry_msgs/PoseStamped, where to fly straight."""
-        return self._set_track(drone, "command_pose", [pose_from_message(message)])
+    def goal(self, drone: int, message: Any, name: str = COMMAND_POSE) -> bool:
+        """Take geometry_msgs/PoseStamped, where to fly straight; see `CommandIntake`."""
+        return self._set_track(drone, name, [pose_from_message(message)])
 
     def track(self, drone: int, message: Any) -> bool:
         """Take nav_msgs/Path, a track to fly."""

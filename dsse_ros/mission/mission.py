@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from dsse_ros.belief.ensemble_belief import EnsembleBelief
 from dsse_ros.mission.command_buffer import CommandBuffer
-from dsse_ros.mission.flown import Flown
+from dsse_ros.mission.flown import Flown, yaw_of_heading
 from dsse_ros.mission.mission_snapshots import Possible, check_mission, of_cells
 from dsse_ros.result import Rejected
 from dsse_ros.scenario.actions import Cell
@@ -68,6 +68,13 @@ class StepResult:
     def places(self) -> NDArray[Any]:
         """(N, 2) (col, row) of the drones; in metres, fractions lie between cells."""
         return self.cells if self.flown is None else self.flown.places
+
+    @property
+    def yaws(self) -> list[float]:
+        """(N,) where the drones point, radians from east to north; over cells all to the east."""
+        if self.flown is None:
+            return [0.0] * len(self.cells)
+        return [yaw_of_heading(heading) for heading in self.flown.flights["heading"].tolist()]
 
 
 HISTORY_DTYPE = np.dtype(

@@ -2,7 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Goals of drones that somebody waits for: how far each is, and how it has ended; without ROS.
 
-The goal itself is a command of the mission, as of `command_pose`.
+The goal itself is a command of the mission, as of `command_pose`. `flight_navigation` has those in
+metres.
 """
 
 from __future__ import annotations
@@ -10,11 +11,10 @@ from __future__ import annotations
 from collections.abc import Collection
 from dataclasses import dataclass
 from enum import Enum
-from typing import Generic, TypeVar
+from typing import Any, Generic, TypeVar
 
 import numpy as np
 
-from dsse_ros.mission.command_buffer import Goal
 from dsse_ros.mission.mission import Mission
 from dsse_ros.scenario.actions import Cell
 
@@ -53,15 +53,15 @@ class Progress(Generic[T]):
     Attributes:
         drone: The drone.
         handle: As given to `Navigation.begin`.
-        cell: (col, row) of the drone.
-        moves: Moves left.
+        left_m: Length of the way left.
+        left_s: Mission time that it takes, at most that of the mission.
         elapsed_ns: Mission time since the goal was accepted.
     """
 
     drone: int
     handle: T
-    cell: Cell
-    moves: int
+    left_m: float
+    left_s: float
     elapsed_ns: int
 
 
@@ -70,7 +70,7 @@ class _Goal(Generic[T]):
     """A goal that somebody waits for, and the command that it is."""
 
     handle: T
-    command: Goal
+    command: Any
     mission: int
     begun_ns: int
 
@@ -139,21 +139,18 @@ class Navigation(Generic[T]):
 
     def progress(self) -> list[Progress[T]]:
         """Return how far the goals are."""
-        mission = self._mission
-        return [
-            Progress(
-                drone,
-                goal.handle,
-                self._cell(drone),
-                mission.commands.moves_to(drone, self._cell(drone), goal.command.cell),
-                max(mission.result.stamp_ns - goal.begun_ns, 0),
-            )
-            for drone, goal in self._goals.items()
-        ]
+        result, scenario = self._mission.result, self._mission.env.scenario
+        steps = int(scenario.timestep_limit or 0) - result.step
+        found = []
+        for drone, goal in self._goals.items():
+            left_m, left_s = self._way_left(drone, goal.command)
+            left_s = min(left_s, steps * scenario.step_duration_s)
+            elapsed_ns = max(result.stamp_ns - goal.begun_ns, 0)
+            found.append(Progress(drone, goal.handle, left_m, left_s, elapsed_ns))
+        return found
 
     def _end_of(self, drone: int, goal: _Goal[T], late: Collection[int]) -> Ended[T] | None:
         mission, name = self._mission, self._mission.env.possible_agents[drone]
-        is_there = self._cell(drone) == goal.command.cell
         reason = ""
         if mission.number != goal.mission:
             reason = f"mission {goal.mission} was reset"
@@ -161,7 +158,7 @@ class Navigation(Generic[T]):
             reason = f"{name} is lost"
         elif not (mission.done or drone in mission.live):
             reason = f"{name} is out of the search"
-        elif is_there:
+        elif self._is_there(drone, goal.command):
             # Until its vehicle has arrived too, the next command does not end it.
             return None if drone in late else Ended(drone, goal.handle, Ending.REACHED)
         elif mission.done:
@@ -175,6 +172,18 @@ class Navigation(Generic[T]):
 
     def _is_command(self, drone: int, goal: _Goal[T]) -> bool:
         return self._mission.commands.goal_of(drone) is goal.command
+
+    # What differs in metres
+
+    def _is_there(self, drone: int, goal: Any) -> bool:
+        """Return whether a drone has reached a goal."""
+        return bool(self._cell(drone) == goal.cell)
+
+    def _way_left(self, drone: int, goal: Any) -> tuple[float, float]:
+        """Return the length of the way to a goal, and the time that it takes."""
+        scenario = self._mission.env.scenario
+        moves = self._mission.commands.moves_to(drone, self._cell(drone), goal.cell)
+        return moves * scenario.cell_size, moves * scenario.step_duration_s
 
     def _cell(self, drone: int) -> Cell:
         col, row = np.asarray(self._mission.result.cells[drone]).tolist()

@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dsse_ros.message_types import message_class
-from dsse_ros.mission.flown import yaw_of_heading
 from dsse_ros.mission.mission import Mission, StepResult
 from dsse_ros.mission.step_reports import mission_report_of, step_report_of
 from dsse_ros.mission_items.reduced_tracks import corners
@@ -106,14 +105,6 @@ class StepMessages:
         if found is None or found[0] is not result:
             found = self._positions = result, map_positions(self.frame, result.places)
         return found[1]
-
-    @property
-    def yaws(self) -> list[float]:
-        """Where each drone points, radians from east to north; over cells all to the east."""
-        flown = self.mission.result.flown
-        if flown is None:
-            return [0.0] * len(self.bodies)
-        return [yaw_of_heading(heading) for heading in flown.flights["heading"].tolist()]
 
     @property
     def belief(self) -> NDArray[np.float32] | None:
@@ -221,13 +212,16 @@ MESSAGES: dict[str, Callable[[StepMessages, Any, int, Display], Any]] = {
     "belief": lambda of, stamp, *_: _image(of, stamp, of.belief),
     "particles": lambda of, stamp, *_: _particles(of, stamp),
     "drone<i>/pose": lambda of, stamp, drone, _: pose_stamped(
-        of.header(stamp), of.positions[drone], of.yaws[drone], of.reused("drone<i>/pose", drone)
+        of.header(stamp),
+        of.positions[drone],
+        of.mission.result.yaws[drone],
+        of.reused("drone<i>/pose", drone),
     ),
     "drone<i>/fix": lambda of, stamp, drone, _: _fix(of, stamp, drone),
     "drone<i>/battery": lambda of, stamp, drone, _: _battery(of, stamp, drone),
     "drone<i>/path": lambda of, stamp, drone, _: _path(of, stamp, drone),
     "drones": lambda of, stamp, *_: pose_array(
-        of.header(stamp), of.positions, of.yaws, of.reused("drones")
+        of.header(stamp), of.positions, of.mission.result.yaws, of.reused("drones")
     ),
     "markers": lambda of, stamp, _, show: _markers(of, stamp, show.reveal_person),
     "probability_of_success": lambda of, *_: _pos(of),

@@ -15,7 +15,8 @@ from builtin_interfaces.msg import Duration
 from rclpy.action import ActionServer, CancelResponse, GoalResponse
 
 from dsse_ros.mission.command_intake import NAVIGATE_TO_POSE, CommandIntake
-from dsse_ros.mission.navigation import Ended, Ending, Navigation, Progress
+from dsse_ros.mission.flight_navigation import navigation_of
+from dsse_ros.mission.navigation import Ended, Ending, Progress
 from dsse_ros.scenario.frames import map_positions
 from msg_adapters.poses import pose_stamped
 from msg_adapters.stamps import header, to_stamp
@@ -40,13 +41,13 @@ class _Server(ActionServer):  # type: ignore[misc]
 
 
 class NavigateToPose:
-    """The action servers of all drones; none without nav2_msgs, and none in metres.
+    """The action servers of all drones; none without nav2_msgs.
 
     Args:
         node: The simulation.
         intake: Takes the goals.
         late: Returns the drones whose vehicles have to arrive first.
-        on_command: Called after a new goal.
+        on_command: Called after a new or a canceled goal.
     """
 
     def __init__(
@@ -60,10 +61,8 @@ class NavigateToPose:
         self._intake = intake
         self._late = late
         self._on_command = on_command
-        self._navigation: Navigation[Any] = Navigation(node.mission)
+        self._navigation = navigation_of(node.mission)
         self._servers: list[_Server] = []
-        if node.mission.env.rules.in_metres:
-            return
         try:
             from nav2_msgs.action import NavigateToPose as Action
         except ImportError:
@@ -118,6 +117,7 @@ class NavigateToPose:
         ended = self._navigation.cancel(handle)
         # The task that finishes it runs after the state of the goal has changed.
         self._finish(ended)
+        self._on_command()
         return CancelResponse.ACCEPT if ended else CancelResponse.REJECT
 
     def _publish(self, all_progress: Iterable[Progress[Any]]) -> None:
@@ -148,17 +148,15 @@ class NavigateToPose:
         return result
 
     def _feedback(self, progress: Progress[Any]) -> Any:
-        node = self._node
-        scenario = node.mission.env.scenario
-        left_ns = round(progress.moves * scenario.step_duration_s * 1e9)
+        node, result, drone = self._node, self._node.mission.result, progress.drone
+        (position,) = map_positions(node.frame, result.places[drone], drone)
         return self._action.Feedback(
             current_pose=pose_stamped(
-                header(node.frame.map_frame, node.stamp()),
-                map_positions(node.frame, [progress.cell], progress.drone)[0],
+                header(node.frame.map_frame, node.stamp()), position, result.yaws[drone]
             ),
             navigation_time=_duration(progress.elapsed_ns),
-            estimated_time_remaining=_duration(left_ns),
-            distance_remaining=progress.moves * scenario.cell_size,
+            estimated_time_remaining=_duration(round(progress.left_s * 1e9)),
+            distance_remaining=progress.left_m,
         )
 
 

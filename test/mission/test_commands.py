@@ -80,13 +80,10 @@ def test_any_goal_is_a_cell_of_the_grid_or_refused(message):
         assert all(0 <= part < 8 and type(part) is int for part in result.value)
 
 
-@given(STAMPED, TEXTS)
-def test_a_goal_of_nav2_is_one_like_any_other_without_a_behavior_tree(message, tree):
-    result = commands.parse_navigation(tree, pose_from_message(message), FRAME)
-    if tree:
-        assert not check(result, {"behavior_tree"})
-    else:
-        assert result == commands.parse_goal(pose_from_message(message), FRAME)
+@given(TEXTS)
+def test_any_behavior_tree_is_refused(tree):
+    refused = commands.refuse_behavior_tree(tree)
+    assert check(refused, {"behavior_tree"}) is False if tree else refused is None
 
 
 @pytest.mark.parametrize(
@@ -198,7 +195,7 @@ def moved(frame_id="map", **position):
             "pose.position must be 0 <= x, y < 1040 m, got (455, 1040)",
         ),
         (
-            lambda: commands.parse_navigation("tree.xml", moved(), FRAME),
+            lambda: commands.refuse_behavior_tree("tree.xml"),
             "behavior_tree must be empty, got 'tree.xml'",
         ),
         (

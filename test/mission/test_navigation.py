@@ -41,8 +41,10 @@ def test_a_goal_is_reached_after_as_many_moves_as_were_left() -> None:
     assert go(flown, goals, 0, (4, 2), "a") == []
     for left in range(6, 0, -1):
         (progress,) = goals.progress()
-        assert (progress.drone, progress.handle, progress.moves) == (0, "a", left)
-        assert progress.elapsed_ns == (6 - left) * round(flown.env.scenario.step_duration_s * 1e9)
+        step_s = flown.env.scenario.step_duration_s
+        assert (progress.drone, progress.handle) == (0, "a")
+        assert (progress.left_m, progress.left_s) == (130.0 * left, step_s * left)
+        assert progress.elapsed_ns == (6 - left) * round(step_s * 1e9)
         assert goals.check(()) == []
         flown.advance("hold")
     assert ends(goals.check(())) == [("a", Ending.REACHED)]

@@ -9,8 +9,9 @@ from typing import Any
 import pytest
 from action_msgs.msg import GoalStatus
 from geometry_msgs.msg import PoseStamped
+from nav_msgs.msg import Path
 from rclpy.action import ActionClient
-from rig import Rig, Sim
+from rig import LATCHED, Rig, Sim
 
 pytest.importorskip("nav2_msgs.action")
 from nav2_msgs.action import NavigateToPose  # noqa: E402
@@ -37,8 +38,8 @@ class Sender:
         self._client = ActionClient(rig.node, NavigateToPose, name)
         rig.until(self._client.server_is_ready, name)
 
-    def send(self, col: int, row: int, frame: str = "map", tree: str = "") -> Any:
-        """Return the handle of a goal, which may not be accepted."""
+    def send(self, col: float, row: float, frame: str = "map", tree: str = "") -> Any:
+        """Return the handle of a goal, a cell or between cells, which may not be accepted."""
         goal = NavigateToPose.Goal(pose=PoseStamped(), behavior_tree=tree)
         goal.pose.header.frame_id = frame
         goal.pose.pose.position.x = (col + 0.5) * CELL_M
@@ -119,4 +120,52 @@ def test_a_goal_that_cannot_be_flown_to_is_refused_and_one_that_is_replaced_is_a
     # It ends quietly with a goal under way.
     assert sender.send(5, 5).accepted
     sender.destroy()
+    sim.process.stop()
+
+
+IN_METRES = SMALL | {
+    "rules.profile": "flight", "person_motion": "constant_drift", "particles": 50,
+    "drones_positions": [1, 1, 2, 2], "timestep_limit": 200,
+}  # fmt: skip
+
+
+@pytest.mark.slow
+def test_in_metres_a_goal_is_flown_straight_to_with_feedback_cancel_and_preemption(
+    rig: Rig,
+) -> None:
+    sim = rig.sim(IN_METRES, namespace="/nav_metres")
+    first, second = (Sender(rig, sim, drone) for drone in (0, 1))
+    for refused in (
+        first.send(3, 0, frame="odom"),
+        first.send(GRID, 0),
+        first.send(3, 0, tree="tree.xml"),
+    ):
+        assert not refused.accepted
+    assert sim.health_after("foreign_frame", "outside_grid", "behavior_tree")
+    with rig.listening(Path, "/nav_metres/drone1/remaining_path", LATCHED) as left:
+        preempted, other = second.send(6, 2), second.send(2, 6.5)
+        end = second.end(preempted)
+        assert end.status == GoalStatus.STATUS_ABORTED and end.result.error_code == 9000
+        assert end.result.error_msg == "another command of drone1 has replaced it"
+        rig.until(lambda: left and left.last.poses)
+        handle = first.send(1, 4.2)
+        end = first.end(handle)
+        assert end.status == GoalStatus.STATUS_SUCCEEDED and end.result.error_code == 0
+        assert sim.report["y"][0] == pytest.approx((GRID - 4.7) * CELL_M, abs=10.0)
+        assert sim.report["x"][0] == pytest.approx(1.5 * CELL_M)
+        distances = [got.distance_remaining for got in first.feedback]
+        assert distances == pytest.approx([3.2 * CELL_M, 2.2 * CELL_M, 1.2 * CELL_M, 0.2 * CELL_M])
+        got = first.feedback[1]
+        assert got.estimated_time_remaining.sec == int(2.2 * CELL_M / 10.0)
+        pose = got.current_pose.pose
+        assert (pose.position.x, pose.position.y) == pytest.approx((195.0, 5.5 * CELL_M))
+        # It points to the south.
+        assert (pose.orientation.z, pose.orientation.w) == pytest.approx((-(0.5**0.5), 0.5**0.5))
+        assert second.cancel(other)
+        assert second.end(other).status == GoalStatus.STATUS_CANCELED
+        rig.until(lambda: not left.last.poses)
+    here = first.end(first.send(1, 4.2))
+    assert here.status == GoalStatus.STATUS_SUCCEEDED
+    for sender in (first, second):
+        sender.destroy()
     sim.process.stop()
