@@ -16,6 +16,7 @@ from typing import Any
 import pytest
 from nav_msgs.msg import Path as NavPath
 from rcl_interfaces.srv import ListParameters
+from rclpy.qos import DurabilityPolicy
 from rig import LATCHED, Inbox, Process, Rig
 from sensor_msgs.msg import Image, PointCloud2
 from std_msgs.msg import Int32MultiArray, String
@@ -138,7 +139,10 @@ def expected(flown: Mission, planner: object) -> list[int]:
 @pytest.fixture(scope="module")
 def stage(rig: Rig) -> Stage:
     made = Stage(rig)
-    rig.start("planner_node", {"planner": PLANNER, "resend_period": RESEND_S})
+    given = {"planner": PLANNER, "resend_period": RESEND_S}
+    # Its topic is there once the drones are known.
+    volatile = {"qos_overrides./drone2/plan.publisher.durability": "volatile"}
+    rig.start("planner_node", given | volatile)
     return made
 
 
@@ -236,6 +240,11 @@ def test_the_plan_is_stated_until_the_mission_is_over(quiet: Stage) -> None:
         stated = [(one.pose.position.x, one.pose.position.y) for one in plans.last.poses]
         assert stated == [((col + 0.5) * 130.0, (5.5 - row) * 130.0) for col, row in cells]
         assert plans.last.header.frame_id == "map"
+        durable = [
+            quiet.rig.node.get_publishers_info_by_topic(f"/drone{i}/plan")[0].qos_profile.durability
+            for i in (1, 2)
+        ]
+        assert durable == [DurabilityPolicy.TRANSIENT_LOCAL, DurabilityPolicy.VOLATILE]
         for drone in range(3):
             flown.lose(drone)
             quiet.show(flown, "step_report")
