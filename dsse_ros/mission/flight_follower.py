@@ -63,7 +63,9 @@ def has_arrived(track: TrackLeft, path: Floats, radius_m: float) -> bool:
     return bool(away <= near and along(track.points)[-1] <= 2.0 * near)
 
 
-def way_left(track: TrackLeft, flight: np.void, flyer: np.record, wind: Wind) -> tuple[float, float]:
+def way_left(
+    track: TrackLeft, flight: np.void, flyer: np.record, wind: Wind
+) -> tuple[float, float]:
     """Return the length of the way to the end of a track, and the time that it takes at cruise.
 
     The time is infinite if the wind is too strong; turns and corners are not in it.

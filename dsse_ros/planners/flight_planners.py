@@ -26,6 +26,7 @@ from dsse_ros.planners.planner import DrawsNothing, Infos, Plans, Search
 from dsse_ros.scenario.scenario import ResolvedScenario
 from dsse_ros.scenario.swarm import number_of
 from dsse_ros.search.flights import lateral_ranges, wind_of
+from dsse_ros.search.strips import strips_of
 from dsse_ros.step.flight_paths import FLIGHTS, flyers_of, pieces_of, shares_of
 from dsse_ros.step.flight_steering import steer
 from dsse_ros.step.sightings import eyes_of
@@ -303,9 +304,7 @@ class FlightPattern(DrawsNothing, FlightPlanner):
         flyers, flights = self._flyers(observations), flights_of(observations, self._swarm)
         starts = np.stack([flights["east"], flights["south"]], axis=1)
         datum = self._datum(step)
-        spacing = min(
-            one.sweep_width_m or 2 * one.reach_m for one in lateral_ranges(self._scenario)
-        )
+        spacing = min(strips_of(self._scenario))
         time_s = (self._scenario.timestep_limit - step) * self._swarm.wind.step_s
         layout = Layout(
             len(flights), spacing, float(flyers["cruise"].min()) * time_s, self._swarm.side_m,

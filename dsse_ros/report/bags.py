@@ -182,6 +182,7 @@ def _in_metres(scenario: ResolvedScenario, reports: Sequence[NDArray[Any]]) -> d
     if all(map(_has_turns, reports)):
         turns = np.stack([table("turn_action"), table("speed_action")], axis=2)
         of_metres["turns"] = turns
+        of_metres["courses"] = np.stack([table("heading"), table("airspeed")], axis=2)
         if looked_of(reports[0]) is not None:
             paths = np.stack([path_of(report) for report in reports])
             of_metres["flown"] = Flown(paths, table("looked") > 0)

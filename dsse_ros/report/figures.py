@@ -20,6 +20,7 @@ from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator, PercentFormatter
 
+from dsse_ros.report.flown_paths import tracks_in
 from dsse_ros.report.metrics import Curves, Work, effort
 from dsse_ros.report.record import RecordedMission
 from dsse_ros.scenario.sea_state import sea_state
@@ -203,11 +204,12 @@ def effort_figure(record: RecordedMission, theme: Theme) -> Figure:
 
 
 def tracks_figure(record: RecordedMission, theme: Theme) -> Figure:
-    """Return the tracks beside each other, as a map: o is the start, a triangle the end."""
+    """Return the tracks, on cells beside each other: o is the start, a triangle the end."""
     figure, axes = _map_chart(record, theme)
     cell_km, drones = record.scenario.cell_size / 1000.0, len(record.agents)
-    for i, cells in enumerate(record.places.swapaxes(0, 1)):
-        beside = _BESIDE * ((i + 1) / (drones + 1) - 0.5)
+    for i, cells in enumerate(tracks_in(record, len(record.steps))):
+        on_cells = record.in_cells is None
+        beside = _BESIDE * ((i + 1) / (drones + 1) - 0.5) * on_cells
         x, y = places_km(cells + (beside, -beside), record.grid_size, cell_km).T
         colour = drone_colour(i)
         style = STYLES[i // len(DRONE_COLOURS) % len(STYLES)]

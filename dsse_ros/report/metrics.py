@@ -46,10 +46,13 @@ class Curves:
 
 def path_lengths(record: RecordedMission) -> Floats:
     """Return how far each drone has flown after each step, (K, N) in metres."""
-    places = record.places
-    legs = np.diff(places, axis=0, prepend=places[:1]).astype(float)
-    far: Floats = record.scenario.cell_size * np.hypot(legs[..., 0], legs[..., 1]).cumsum(axis=0)
-    return far
+    if record.in_cells is not None:
+        legs = np.diff(record.paths, axis=2)
+        of_steps: Floats = np.hypot(legs[..., 0], legs[..., 1]).sum(axis=2)
+    else:
+        legs = np.diff(record.cells, axis=0, prepend=record.cells[:1]).astype(float)
+        of_steps = record.scenario.cell_size * np.hypot(legs[..., 0], legs[..., 1])
+    return of_steps.cumsum(axis=0)
 
 
 def effort(record: RecordedMission, num_steps: int | None = None) -> Ints:
@@ -306,8 +309,8 @@ METRICS = (
     ),
     Metric(
         "path_length", "Path length, all drones", "m",
-        "Sum of the distances between the centres of the cells flown through; in metres "
-        "between the positions at the ends of the steps.",
+        "Sum of the distances between the centres of the cells flown through; in metres along "
+        "the paths.",
         "Cabreira, Brisolara and Ferreira 2019",
         lambda record, progress: float(progress.path_length_m[-1]),
     ),

@@ -1,6 +1,6 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""What vehicles did in a recorded mission, from the texts of a log."""
+"""What drones in metres and vehicles did in a recorded mission, from the texts of a log."""
 
 from __future__ import annotations
 
@@ -38,6 +38,14 @@ def flown_of(column: Callable[..., NDArray[Any]]) -> Flown:
     flags = [[list(text) for text in row] for row in column("looked", np.str_).tolist()]
     looked = np.array(flags, np.int64) > 0
     return Flown(np.array(points, np.float64).reshape(*looked.shape, 2), looked)
+
+
+def turns_of(column: Callable[..., NDArray[Any]]) -> dict[str, Any]:
+    """Return turns and courses in metres, by the fields of `RecordedMission`; see `flown_of`."""
+    return {
+        "turns": np.stack([column("turn"), column("speed")], axis=2),
+        "courses": np.stack([np.radians(column("heading_deg")), column("airspeed")], axis=2),
+    }
 
 
 def works_of(names: NDArray[np.str_]) -> NDArray[np.int8]:

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from dsse_ros.belief.beliefs import forecast_for as new_forecast
 from dsse_ros.belief.protocol import TargetForecast
 from dsse_ros.mission.flight_mission import FlightMission, mission_of
+from dsse_ros.report.flown_paths import looked_in, tracks_in
 from dsse_ros.report.metrics import effort
 from dsse_ros.report.record import RecordedMission
 from dsse_ros.search import HOLD, FieldError, SearchEnv, search_env
@@ -155,7 +156,8 @@ def _view(record: RecordedMission, k: int, of_map: MissionView) -> MissionView:
     nobody, nothing = np.zeros((0, 2), np.int64), np.zeros(0, bool)
     return replace(
         of_map,
-        tracks=record.places[: k + 1].swapaxes(0, 1),
+        tracks=tracks_in(record, k + 1),
+        **_view_in_metres(record, k),
         alive=~record.lost[k],
         persons=nobody if record.persons is None else record.persons[k],
         found=nothing if record.person_found is None else record.person_found[k],
@@ -165,6 +167,15 @@ def _view(record: RecordedMission, k: int, of_map: MissionView) -> MissionView:
         waits=_waits(record, k + 1),
         ending=_ending(record, k) if record.complete and k == len(record.steps) - 1 else "",
     )
+
+
+def _view_in_metres(record: RecordedMission, k: int) -> dict[str, Any]:
+    """Return what the view of a record in metres has besides."""
+    if record.in_cells is None:
+        return {}
+    headings = None if record.courses is None else record.courses[k, :, 0]
+    legs, looked = record.paths.shape[2] - 1, looked_in(record, k + 1)
+    return {"headings": headings, "legs": legs, "looked": looked}
 
 
 def _waits(record: RecordedMission, num_steps: int) -> NDArray[np.int64] | None:

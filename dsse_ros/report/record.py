@@ -18,7 +18,8 @@ from numpy.typing import NDArray
 from dsse_ros.mission.definition_log import definition_file, read_definitions
 from dsse_ros.mission.mission_log import COLUMNS, OF_COVERAGE
 from dsse_ros.report.flown_over import check_flown, flown_over, places_of
-from dsse_ros.report.of_vehicles import Flown, flown_of, works_of
+from dsse_ros.report.flown_paths import paths_in
+from dsse_ros.report.of_vehicles import Flown, flown_of, turns_of, works_of
 from dsse_ros.scenario.agents import definition_from
 from dsse_ros.scenario.definition import SearchDefinition
 from dsse_ros.scenario.frames import cell_to_map, scenario_frame
@@ -79,6 +80,7 @@ class RecordedMission:
         in_cells: (K, N, 2) float64 (col, row) of the drones in metres, whose fractions lie between
             cells; None if drones move from cell to cell.
         turns: (K, N, 2) float64, turns and speeds in metres; None if not recorded.
+        courses: (K, N, 2) float64, headings and airspeeds in metres; None if not recorded.
     """
 
     number: int
@@ -107,11 +109,17 @@ class RecordedMission:
     run_id: int | None = None
     in_cells: NDArray[np.float64] | None = None
     turns: NDArray[np.float64] | None = None
+    courses: NDArray[np.float64] | None = None
 
     @property
     def places(self) -> NDArray[Any]:
         """(K, N, 2) (col, row) of the drones; in metres, fractions lie between cells."""
         return self.cells if self.in_cells is None else self.in_cells
+
+    @cached_property
+    def paths(self) -> NDArray[np.float64]:
+        """(K, N, P + 1, 2) the path of each step in metres, see `flown_paths.paths_in`."""
+        return paths_in(self)
 
     @property
     def grid_size(self) -> int:
@@ -488,6 +496,6 @@ def _mission(
             persons=cells[:, persons],
             person_found=flag("found", agents=persons),
             in_cells=_places(definition, scenario, cells, metres, count),
-            turns=np.stack([column("turn"), column("speed")], axis=2) if rules.in_metres else None,
+            **(turns_of(column) if rules.in_metres else {}),
         )
     )

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dsse_ros.scenario.sea_state import sea_state
+from dsse_ros.search.strips import strips_of
 from dsse_ros.search.world import HOLD, World
 from dsse_ros.step.looks import likely_cells, waits
 from dsse_ros.targets import sea_map
@@ -34,6 +35,7 @@ class MissionHistory:
         self._world = world
         self._cells = [self._now()]
         self._paths: list[NDArray[np.float64]] = []
+        self._looked: list[NDArray[np.bool_]] = [np.zeros((world.num_drones, 0), bool)]
         self._doing = np.full(world.num_drones, HOLD)
         side = world.grid_size
         self.searches, self.waits = np.zeros((2, side, side), np.int32)
@@ -62,6 +64,7 @@ class MissionHistory:
         self._cells.append(self._now())
         if world.flight is not None:
             self._paths.append(world.flight.paths[0].copy())
+            self._looked.append(world.flight.looked[0, :, 1:].copy())
             return
         searching = self._doing == world.rules.action_set.search
         if world.coverage is not None:
@@ -82,21 +85,17 @@ class MissionHistory:
     def tracks(self) -> NDArray[Any]:
         """(N, K, 2) cells of each drone, from its start to its present cell.
 
-        In metres they are float64, the centre of cell (0, 0) at (0, 0).
-        """
-        return np.stack(self._cells, axis=1)
-
-    @property
-    def flown(self) -> tuple[NDArray[np.float64], ...]:
-        """The paths in metres, (K, 2) each, to the east and to the north of the south-west corner.
-
-        None if drones move from cell to cell.
+        In metres they are the places on its paths, float64, the centre of cell (0, 0) at (0, 0).
         """
         if not self._paths:
-            return ()
-        side_m = self._world.grid_size * self._world.scenario.cell_size
-        paths = np.concatenate(self._paths, axis=1)
-        return tuple(np.stack([paths[..., 0], side_m - paths[..., 1]], axis=-1))
+            return np.stack(self._cells, axis=1)
+        paths = np.stack(self._paths, axis=1)[:, :, 1:] / self._world.scenario.cell_size - 0.5
+        return np.concatenate([self._cells[0][:, None], paths.reshape(len(paths), -1, 2)], axis=1)
+
+    @property
+    def looked(self) -> NDArray[np.bool_]:
+        """(N, K - 1) whether the drones in metres looked on each leg of their tracks."""
+        return np.concatenate(self._looked, axis=1)
 
     def _now(self) -> NDArray[Any]:
         if self._world.flight is not None:
@@ -121,10 +120,18 @@ def view_of(
     circle = None
     if world.rules.circle and not covered and world.ensemble is None:
         circle = (float(now["circle_x"]), float(now["circle_y"]), float(sea_map.radius(now)))
+    in_metres: dict[str, Any] = {}
+    if world.flight is not None:
+        in_metres = {
+            "legs": world.flight.paths.shape[2] - 1,
+            "looked": past.looked,
+            "headings": world.flight.flights[0]["heading"].copy(),
+            "strips_m": strips_of(s),
+        }
     return MissionView(
         probability=probability,
         tracks=past.tracks,
-        flown=past.flown,
+        **in_metres,
         # Drones stay in the air when the last find or the time limit ends the mission.
         alive=world.drones["alive"][0] | world.truncated[0] | (now["num_missing"] == 0),
         persons=np.stack([persons["x"], persons["y"]], axis=1),

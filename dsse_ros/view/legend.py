@@ -6,6 +6,8 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
+
 from dsse_ros.view.theme import Theme
 
 PERSON = "#F0E442"
@@ -15,6 +17,12 @@ FOUND = "limegreen"
 STAR: dict[str, Any] = {"markeredgecolor": "black"}
 WAIT = ((-0.28, -0.5), (-0.28, 0.5), (0.28, 0.5), (0.28, -0.5))
 """Ends of the two strokes of the symbol for waiting, as of a pause, in cells from the centre."""
+
+
+STRIP_ALPHA = 0.22
+"""Opacity of the strip that a drone sees."""
+_NOSE_ANGLE, _NOSE_LENGTH = 0.75, 0.9
+"""Where the nose of a drone leaves its circle, radians, and its length in diameters."""
 
 
 def shore_style(theme: Theme) -> dict[str, Any]:
@@ -50,6 +58,17 @@ def wait_marker() -> Any:
     return Path([(west, low), (west, high), (east, low), (east, high)], [1, 2, 1, 2])
 
 
+def heading_marker(heading: float) -> Any:
+    """Return the symbol of a drone that points to a heading, radians clockwise from north."""
+    from matplotlib.path import Path
+
+    ahead = np.pi / 2 - heading
+    round_it = ahead + np.linspace(_NOSE_ANGLE, 2 * np.pi - _NOSE_ANGLE, 25)
+    angles, radii = [*round_it, ahead], [*[0.5] * len(round_it), _NOSE_LENGTH]
+    points = np.array(radii)[:, np.newaxis] * np.stack([np.cos(angles), np.sin(angles)], axis=1)
+    return Path(np.vstack([points, points[:1]]), closed=True)
+
+
 def _drawn(**style: Any) -> Any:
     from matplotlib.lines import Line2D
 
@@ -75,7 +94,13 @@ def _found_symbol() -> tuple[Any, ...]:
 
 
 def legend_entries(
-    theme: Theme, *, numbered: bool, shaded: bool, every: int, step_s: float | None
+    theme: Theme,
+    *,
+    numbered: bool,
+    shaded: bool,
+    every: int,
+    step_s: float | None,
+    in_metres: bool = False,
 ) -> dict[str, tuple[Any, str]]:
     """Return the symbols and their meanings by name, in the order of the legend.
 
@@ -85,6 +110,7 @@ def legend_entries(
         shaded: Whether shades show the searches.
         every: Steps between two dots of a track.
         step_s: Time of one step in seconds, None if unknown.
+        in_metres: Whether drones fly in metres.
     """
     from matplotlib.patches import Patch
 
@@ -93,8 +119,10 @@ def legend_entries(
     outlined: dict[str, Any] = {"markeredgecolor": theme.soft, "markerfacecolor": theme.paper}
     drone: dict[str, Any] = {"color": theme.soft, "markeredgecolor": theme.paper}
     strokes: dict[str, Any] = {"facecolor": theme.paper, "edgecolor": theme.soft, "linewidth": 0.7}
+    named = "drone with its number" if numbered else "drone"
+    marker, size = (heading_marker(np.pi / 4), 14) if in_metres else ("o", 10)
     return {
-        "drone": (_symbol("o", 10, **drone), "drone with its number" if numbered else "drone"),
+        "drone": (_symbol(marker, size, **drone), named + ",\npointing ahead" * in_metres),
         "lost": (_symbol("X", 10, **drone), "drone that is lost"),
         "start": (_symbol("s", 5, **outlined), "start of a drone"),
         "flown": (_line(theme, linewidth=2.2), "path flown"),
@@ -106,6 +134,7 @@ def legend_entries(
             Patch(facecolor=theme.soft, alpha=0.5) if shaded else Patch(hatch="///", **strokes),
             "searched, more ink is\nmore often" if shaded else "searched: a stroke\nfor each time",
         ),
+        "strip": (Patch(facecolor=theme.soft, alpha=STRIP_ALPHA), "strip that the drones saw"),
         "waited": (
             _symbol(wait_marker(), 8, markeredgecolor=theme.ink, markeredgewidth=1.6),
             "a drone waited here",

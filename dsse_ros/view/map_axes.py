@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -13,6 +14,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.image import AxesImage
 
+MAX_STROKES = 4
+"""Number of searches of a cell that the picture can show as strokes."""
 MAX_LINED_CELLS = 50
 """Cells along a side up to which lines separate them."""
 
@@ -70,3 +73,36 @@ def fan_out(places: NDArray[np.float64], apart: float, side: float) -> NDArray[n
         middle = np.clip(places[members[0]], room, side - room)
         fanned[members] = middle + radius * np.stack([np.cos(angle), np.sin(angle)], axis=1)
     return fanned
+
+
+def looked_runs(
+    track: NDArray[np.float64], looked: NDArray[np.bool_] | None
+) -> list[NDArray[np.float64]]:
+    """Return the parts of a track (M, 2) on whose legs a drone looked, (M - 1,); None is all."""
+    if looked is None:
+        return [track]
+    turns = np.flatnonzero(np.diff(looked.astype(np.int8), prepend=0, append=0))
+    return [track[a : b + 1] for a, b in turns.reshape(-1, 2).tolist()]
+
+
+def strips_of_tracks(
+    tracks: NDArray[np.float64], looked: NDArray[np.bool_] | None, widths: Sequence[float]
+) -> tuple[list[NDArray[np.float64]], list[float]]:
+    """Return the lines of strips and their widths, of tracks (N, M, 2) with a width each."""
+    lines, line_widths = [], []
+    for n, width in enumerate(widths):
+        runs = looked_runs(tracks[n], None if looked is None else looked[n])
+        lines += runs
+        line_widths += [width] * len(runs)
+    return lines, line_widths
+
+
+def _strokes(count: int) -> NDArray[np.float64]:
+    """Return lines (count, 2, 2) across a cell of side 1, from south-west to north-east."""
+    shift = (np.arange(count) + 1) * 2 / (count + 1) - 1
+    low, high = np.maximum(shift, 0), np.minimum(shift + 1, 1)
+    return np.stack([np.stack([low, low - shift], 1), np.stack([high, high - shift], 1)], 1)
+
+
+STROKES = [_strokes(count) for count in range(MAX_STROKES + 1)]
+"""The strokes through a cell, by number of its searches."""

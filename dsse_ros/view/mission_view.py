@@ -22,7 +22,8 @@ class MissionView:
 
     Attributes:
         probability: (G, G) float32, [row, col].
-        tracks: (N, K, 2) cells of each drone, from its start to its present cell.
+        tracks: (N, K, 2) cells of each drone, from its start to its present cell; in metres
+            float64 places on its path, with fractions between cells.
         alive: (N,) bool, whether the drone is still in flight.
         persons: (P, 2) cells; no rows if persons are hidden.
         found: (P,) bool.
@@ -42,8 +43,15 @@ class MissionView:
         origin: WGS84 latitude and longitude in degrees of the grid's south-west corner and its
             height in metres; None if the place is unknown.
         step_s: Time of one step in seconds, None if unknown.
-        flown: For each drone, the positions (M, 2) of the vehicle that flew its track, or its own
-            in metres: east and north of the grid's south-west corner; empty without both.
+        flown: For each drone, the positions (M, 2) of the vehicle that flew its track, in metres
+            to the east and north of the grid's south-west corner; empty without vehicles.
+        legs: Legs of a track in each step.
+        looked: (N, K - 1) bool, whether a drone in metres looked on each leg of its track; None if
+            all did.
+        headings: (N,) float64, headings of the drones in metres, radians clockwise from north;
+            None if unknown.
+        strips_m: Width of the strip that each drone in metres sees on its path; empty if drones
+            move from cell to cell.
         sea: Wind, current, shore and sightings.
         ending: How the search ended, see `ending`; empty while it goes on.
     """
@@ -68,6 +76,10 @@ class MissionView:
     origin: tuple[float, float, float] | None = None
     step_s: float | None = None
     flown: tuple[NDArray[np.floating[Any]], ...] = ()
+    legs: int = 1
+    looked: NDArray[np.bool_] | None = None
+    headings: NDArray[np.float64] | None = None
+    strips_m: tuple[float, ...] = ()
     sea: SeaState = SeaState()
     ending: str = ""
 

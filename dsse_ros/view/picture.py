@@ -21,19 +21,24 @@ from dsse_ros.view.legend import (
     FOUND,
     PERSON,
     STAR,
+    STRIP_ALPHA,
     circle_style,
     datum_style,
+    heading_marker,
     legend_entries,
     wait_marker,
 )
 from dsse_ros.view.map_axes import (
     MAX_LINED_CELLS,
+    MAX_STROKES,
+    STROKES,
     draw_cells,
     draw_lines,
     draw_outside,
     fan_out,
     name_axes,
     places_km,
+    strips_of_tracks,
 )
 from dsse_ros.view.mission_view import MissionView
 from dsse_ros.view.palette import drone_colour
@@ -90,8 +95,6 @@ PLAIN = Layout(
 )  # fmt: skip
 """The map and its colours."""
 MAX_NUMBERED_DRONES = 24
-MAX_STROKES = 4
-"""Number of searches of a cell that the picture can show as strokes."""
 _LANES = 8
 """Number of parallel tracks in a cell; further drones share them."""
 _AGES = 8
@@ -113,8 +116,9 @@ def sea_colours(theme: Theme = LIGHT) -> LinearSegmentedColormap:
 class Picture:
     """The mission on a matplotlib figure: east to the right, north up, in km.
 
-    Tracks run in parallel, get stronger towards the present, and have dots at regular intervals of
-    steps. Each stroke through a cell is one search of it. Elements that do not change from view to
+    Tracks get stronger towards the present, and have dots at regular intervals of steps. On cells
+    they run in parallel, and each stroke through a cell is one search of it. In metres they are
+    where the drones flew, in the strips that these saw. Elements that do not change from view to
     view are kept.
 
     Args:
@@ -142,7 +146,7 @@ class Picture:
             len(view.probability), view.cell_size_m, len(view.tracks), view.belief, view.origin,
             view.timestep_limit, None if view.area is None else view.area.tobytes(),
             corner_rows(view.sea, len(view.probability) * view.cell_size_m), view.sea.sightings,
-            [ring.tobytes() for ring in view.sea.shore], view.tracks[:, 0].tobytes(),
+            [ring.tobytes() for ring in view.sea.shore], view.tracks[:, 0].tobytes(), view.strips_m,
         )  # fmt: skip
         if scene != self._scene:
             self._scene, self._listed = scene, ()
@@ -171,7 +175,8 @@ class Picture:
                 self._words.append(text)
         self._add_sea(view)
         self._add_searches()
-        self._add_tracks(len(view.tracks), view.timestep_limit)
+        self._add_tracks(len(view.tracks), view.timestep_limit, on_cells=not view.strips_m)
+        self._add_strips(view.strips_m)
         self._add_drones(len(view.tracks))
         self._add_persons()
         self._finish_axes(view)
@@ -258,7 +263,15 @@ class Picture:
         size = min(0.7 * self._layout.map_pt / self._grid, _MAX_WAIT_PT)
         self._waits = self._add_points(3.7, max(size, 4.0), wait_marker(), width=1.6)
 
-    def _add_tracks(self, count: int, timestep_limit: int) -> None:
+    def _add_strips(self, widths_m: tuple[float, ...]) -> None:
+        """Add the strips that drones in metres see on their paths."""
+        self._widths = [self._layout.map_pt * one / (1000.0 * self._side) for one in widths_m]
+        self._strips = self._add_lines(
+            colors=self._theme.soft, alpha=STRIP_ALPHA, zorder=0.9, capstyle="butt",
+            joinstyle="round",
+        )  # fmt: skip
+
+    def _add_tracks(self, count: int, timestep_limit: int, *, on_cells: bool) -> None:
         from matplotlib.colors import to_rgb
 
         paper = np.array(to_rgb(self._theme.paper))
@@ -277,7 +290,7 @@ class Picture:
         self._flown = self._add_lines(colors=colours, linewidths=widths, zorder=2.5, **joined)
         lanes = min(count, _LANES)
         apart = max(min(0.2, 0.8 / lanes) * self._km, 0.0035 * self._side)
-        self._lane = (np.arange(count) % _LANES - (lanes - 1) / 2) * apart
+        self._lane = (np.arange(count) % _LANES - (lanes - 1) / 2) * apart * on_cells
         self._every = max(1, round(round_length(max(timestep_limit / 8, 1))))
         self._colours = colours
         self._times = self._add_points(3, 3.6, "o")
@@ -384,7 +397,7 @@ class Picture:
             [
                 (corner + stroke) * self._km
                 for corner, number in zip(south_west, counts.tolist(), strict=True)
-                for stroke in _STROKES[number]
+                for stroke in STROKES[number]
             ]
         )
 
@@ -400,12 +413,15 @@ class Picture:
             for first, then in zip(cuts[:-1].tolist(), cuts[1:].tolist(), strict=True)
             for track in lanes
         ]
+        lines, widths = strips_of_tracks(places, view.looked, self._widths)
+        self._strips.set(segments=lines, linewidths=widths)
         self._lines.set_segments(parts)
         self._casing.set_segments(parts)
         self._flown.set_segments([np.asarray(flown) / 1000.0 for flown in view.flown])
         for planned in (self._lines, self._casing, self._times):
             planned.set_visible(not view.flown)
-        times = lanes[:, self._every : last : self._every]
+        every = self._every * view.legs
+        times = lanes[:, every:last:every]
         colours = np.repeat(self._colours, times.shape[1], axis=0)
         self._put(self._times, times.reshape(-1, 2), self._theme.paper, colours)
         starts = fan_out(places[:, 0], self._apart, self._side)
@@ -413,6 +429,9 @@ class Picture:
 
     def _draw_drones(self, view: MissionView) -> None:
         now = fan_out(self._place(view.tracks[:, -1]), self._apart, self._side)
+        if view.headings is not None:
+            # One for each drone, as every collection takes its markers in turn.
+            self._heads.set_paths([heading_marker(one) for one in view.headings[view.alive]])
         self._put(self._heads, now[view.alive], self._colours[view.alive])
         self._put(self._lost, now[~view.alive], self._colours[~view.alive])
         for text, (x, y) in zip(self._numbers, now.tolist(), strict=False):
@@ -445,7 +464,7 @@ class Picture:
         """Return the symbols that the picture can have, with their meanings."""
         return legend_entries(
             self._theme, numbered=self._numbered, shaded=self._shaded, every=self._every,
-            step_s=view.step_s,
+            step_s=view.step_s, in_metres=bool(view.strips_m),
         )  # fmt: skip
 
     def shown(self, view: MissionView) -> list[str]:
@@ -457,6 +476,7 @@ class Picture:
             "flown": bool(view.flown),
             "track": view.tracks.shape[1] > 1 and not view.flown,
             "searched": view.searches is not None and bool(view.searches.any()),
+            "strip": bool(view.strips_m) and view.tracks.shape[1] > 1,
             "waited": view.waits is not None and bool(view.waits.any()),
             "datum": view.datum is not None,
             "circle": self._shows_circle(view),
@@ -479,13 +499,3 @@ class Picture:
     def _place(self, cells: Any) -> NDArray[np.float64]:
         """Return x and y in km of cells (K, 2)."""
         return places_km(cells, self._grid, self._km)
-
-
-def _strokes(count: int) -> NDArray[np.float64]:
-    """Return lines (count, 2, 2) across a cell of side 1, from south-west to north-east."""
-    shift = (np.arange(count) + 1) * 2 / (count + 1) - 1
-    low, high = np.maximum(shift, 0), np.minimum(shift + 1, 1)
-    return np.stack([np.stack([low, low - shift], 1), np.stack([high, high - shift], 1)], 1)
-
-
-_STROKES = [_strokes(count) for count in range(MAX_STROKES + 1)]
