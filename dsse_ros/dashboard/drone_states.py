@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
@@ -29,6 +30,13 @@ def state_of(state: int, entry: Any) -> str:
     if state == DroneState.FLYING and has_field(entry, "status") and entry["status"]:
         text = STATUSES[entry["status"]].replace("_", " ")
     return text + (", held" if entry["held"] else "")
+
+
+def flight_of(entry: Any) -> str:
+    """Return heading and airspeed of a drone in metres, "none" for any other."""
+    if not has_field(entry, "heading"):
+        return "none"
+    return f"{math.degrees(entry['heading']) % 360:03.0f}°, {entry['airspeed']:.1f} m/s"
 
 
 def battery_of(entry: Any) -> str:

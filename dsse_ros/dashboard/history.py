@@ -13,9 +13,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from dsse_ros.scenario.frames import GridFrame, map_to_places
 from dsse_ros.search import HOLD
 from dsse_ros.step.fault_kernels import LOST
 from dsse_ros.step.looks import Looks
+from msg_adapters.step_report import path_of
 
 LAYERS = {"probability_grid": "Map", "belief_grid": "Belief"}
 """Topics of the maps that the page can show, and their names."""
@@ -262,14 +264,48 @@ class SearchHistory:
         """
         for i in range(since, len(self.steps)):
             row = self.reports[i]
-            flags = self.states[i] | (row["found"] != 0) << 4
-            drones = np.stack([row["col"], row["row"], flags.astype(np.int16)], axis=1)
-            cells = drones[:, :2].astype(np.int64)
+            cells = np.stack([row["col"], row["row"]], axis=1).astype(np.int64)
+            drones = np.column_stack([cells, self._flags(i)])
             if looks is None:
                 looked = cells[row["action"] != HOLD]
             else:
                 _, _, looked = looks.at(row["action"], cells)
             yield [self.steps[i], *drones.ravel().tolist(), *looked.ravel().tolist()]
+
+    def flights(self, frame: GridFrame, since: int = 0) -> Iterator[list[Any]]:
+        """Yield what the map draws of each known step in metres.
+
+        These are the step, col, row and flags of each drone as in `paths`, with fractions between
+        cells, and a list of its heading, radians clockwise from north, and col and row of each
+        place on its path since the step before; only None if the report does not state these.
+
+        Args:
+            frame: The grid.
+            since: Index of the first step.
+        """
+        for i in range(since, len(self.steps)):
+            row, entry = self.reports[i], [self.steps[i]]
+            places = np.stack(map_to_places(frame, row["x"], row["y"]), axis=1).round(3).tolist()
+            for (col, line), flags in zip(places, self._flags(i).tolist(), strict=True):
+                entry += [col, line, flags]
+            yield [*entry, *_flown(row, frame)]
+
+    def _flags(self, i: int) -> NDArray[np.int64]:
+        """Return the flags (N,) of the drones in known step `i`, see `paths`."""
+        return self.states[i].astype(np.int64) | (self.reports[i]["found"] != 0) << 4
+
+
+def _flown(report: NDArray[Any], frame: GridFrame) -> list[list[float | None]]:
+    """Return the heading and the path of each drone, see `SearchHistory.flights`."""
+    if not has_field(report, "heading"):
+        return [[None] for _ in report]
+    between = (path_of(report)[:, 1:-1] / frame.cell_size_m - 0.5).round(3)
+    return [
+        [round(heading, 3), *points]
+        for heading, points in zip(
+            report["heading"].tolist(), between.reshape(len(report), -1).tolist(), strict=True
+        )
+    ]
 
 
 def has_field(report: Any, name: str) -> bool:

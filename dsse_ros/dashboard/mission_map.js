@@ -13,6 +13,9 @@ const THEMES = {
     edge: "#b9a878", wind: "#d4b3f5", current: "#6fdbe6", lkp: "#ff8ade",
   },
 };
+// A drone in flight, to the right and back of where it points; an arrow where its heading is known.
+const TRIANGLE = [[0, -1], [1, 0.8], [-1, 0.8]];
+const ARROW = [[0, -1.5], [0.9, 1], [0, 0.5], [-0.9, 1]];
 const FLYING = 0, FINDER = 1, LOST = 3, OUT_OF_TIME = 4;
 const STATE = 7, FOUND = 16;
 const KEYS = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] };
@@ -44,7 +47,7 @@ export default {
     </div>`,
   props: { label: String },
   mounted() {
-    this.frame = { grid: 0, names: [], vehicles: [], corner: [] };
+    this.frame = { grid: 0, names: [], strips: [], vehicles: [], corner: [] };
     this.chart = { shore: [], sightings: [], colours: ["#000"] };
     this.edges = { marks: [[[], []], [[], []]], scale: [0, ""] };
     // What is shown of the map: its west and north edge as shares of the side, and how often larger.
@@ -242,7 +245,7 @@ export default {
         c.drawImage(layer.canvas, drawn[0], drawn[1], drawn[2], drawn[2]);
       }
       this.paintSightings(c, whole, theme, unit);
-      if (last) this.paintDrones(c, box, cell, this.rows[last - 1], theme, unit);
+      if (last) this.paintDrones(c, box, cell, last - 1, theme, unit);
       this.paintVehicles(c, cell, theme, unit);
       if (this.pointed) this.paintPointed(c, box, cell, theme, unit);
       c.translate(box[0], box[1]);
@@ -412,9 +415,21 @@ export default {
         this.past.tracks = makeLayer();
       }
       if (this.past.count === count) return;
-      this.paintSearched(this.past.searched, cell, count, theme, unit);
+      if (this.frame.strips.length) this.paintStrips(this.past.searched, cell, count, theme);
+      else this.paintSearched(this.past.searched, cell, count, theme, unit);
       this.paintTracks(this.past.tracks, cell, count, theme, unit);
       this.past.count = count;
+    },
+    // In metres, where a drone flew and how far it saw.
+    paintStrips(c, cell, count, theme) {
+      const from = Math.max(this.past.count - 1, 0);
+      c.strokeStyle = theme.ink;
+      c.globalAlpha = 0.14;
+      c.lineJoin = "round";
+      this.frame.strips.forEach((width, i) => {
+        c.lineWidth = width * cell;
+        c.stroke(this.way(i, from, count, cell)[0]);
+      });
     },
     // A frame inside each cell, thicker with each search of it; a shade where cells are small.
     paintSearched(c, cell, count, theme, unit) {
@@ -444,31 +459,47 @@ export default {
         c.strokeRect(x + at, y + at, cell - 2 * at, cell - 2 * at);
       }
     },
-    // Where a drone is drawn: tracks through the same cells lie beside each other.
-    place(row, i, cell, lanes) {
+    // Where a drone is drawn. On cells, tracks through the same ones lie beside each other.
+    place(row, i, cell) {
+      const lanes = this.lanes();
       const lane = (((i * 2) % lanes) - (lanes - 1) / 2) * (cell / (lanes + 2));
       return [(row[1 + 3 * i] + 0.5) * cell + lane, (row[2 + 3 * i] + 0.5) * cell + lane];
     },
     lanes() {
       const count = this.frame.names.length;
-      return count < 2 ? 1 : Math.min(count | 1, 7);
+      return count < 2 || this.frame.strips.length ? 1 : Math.min(count | 1, 7);
+    },
+    // In metres, what a row has of a drone besides: its heading, and places on its path.
+    flight(row, i) {
+      return this.frame.strips.length ? row[1 + 3 * this.frame.names.length + i] : [null];
+    },
+    // The way of a drone from one row to another, and its length.
+    way(i, from, count, cell) {
+      const path = new Path2D();
+      let before = null, length = 0;
+      const add = (x, y) => {
+        if (!before) path.moveTo(x, y);
+        else if (x !== before[0] || y !== before[1]) {
+          path.lineTo(x, y);
+          length += Math.hypot(x - before[0], y - before[1]);
+        }
+        before = [x, y];
+      };
+      for (let k = from; k < count; k++) {
+        const [, ...places] = k > from ? this.flight(this.rows[k], i) : [];
+        for (let p = 0; p < places.length; p += 2) {
+          add((places[p] + 0.5) * cell, (places[p + 1] + 0.5) * cell);
+        }
+        add(...this.place(this.rows[k], i, cell));
+      }
+      return [path, length];
     },
     paintTracks(c, cell, count, theme, unit) {
-      const lanes = this.lanes(), lengths = this.past.lengths;
+      const lengths = this.past.lengths;
       const from = Math.max(this.past.count - 1, 0);
       c.lineJoin = "round";
       for (let i = 0; i < this.frame.names.length; i++) {
-        const path = new Path2D();
-        let before = null, length = 0;
-        for (let k = from; k < count; k++) {
-          const [x, y] = this.place(this.rows[k], i, cell, lanes);
-          if (!before) path.moveTo(x, y);
-          else if (x !== before[0] || y !== before[1]) {
-            path.lineTo(x, y);
-            length += Math.hypot(x - before[0], y - before[1]);
-          }
-          before = [x, y];
-        }
+        const [path, length] = this.way(i, from, count, cell);
         if (!length) continue;
         c.setLineDash([]);
         c.lineCap = "butt";
@@ -485,8 +516,8 @@ export default {
         lengths[i] = (lengths[i] || 0) + length;
       }
     },
-    paintDrones(c, box, cell, row, theme, unit) {
-      const lanes = this.lanes(), many = this.frame.names.length > MAX_NUMBERED;
+    paintDrones(c, box, cell, last, theme, unit) {
+      const row = this.rows[last], many = this.frame.names.length > MAX_NUMBERED;
       const size = Math.min(Math.max(cell * 0.42, (many ? 4 : 6) * unit), 11 * unit);
       const numbered = !many || cell >= 24 * unit;
       // A drone in a cell at the edge is drawn as a whole, unless the edge is only that of the window.
@@ -495,7 +526,7 @@ export default {
       const outside = (at, k) => at < box[k] - size || at > box[k] + box[2] + size;
       c.textBaseline = "middle";
       for (let i = 0; i < this.frame.names.length; i++) {
-        const [x, y] = this.place(row, i, cell, lanes).map(inside);
+        const [x, y] = this.place(row, i, cell).map(inside);
         if (outside(x, 0) || outside(y, 1)) continue;
         const flags = row[3 + 3 * i], state = flags & STATE;
         c.lineWidth = 1.5 * unit;
@@ -520,9 +551,12 @@ export default {
           c.rect(x - size * 0.8, y - size * 0.8, size * 1.6, size * 1.6);
           c.fill();
         } else {
-          c.moveTo(x, y - size);
-          c.lineTo(x + size, y + size * 0.8);
-          c.lineTo(x - size, y + size * 0.8);
+          const [heading] = this.flight(row, i);
+          const shape = heading === null ? TRIANGLE : ARROW;
+          const [sin, cos] = [Math.sin(heading) * size, Math.cos(heading) * size];
+          for (const [right, back] of shape) {
+            c.lineTo(x + right * cos - back * sin, y + right * sin + back * cos);
+          }
           c.closePath();
           if (state === FLYING) c.fill();
         }

@@ -17,9 +17,10 @@ from dsse_ros.dashboard.inbox import Received
 from dsse_ros.dashboard.map_image import map_png
 from dsse_ros.scenario.agents import AgentsInfo
 from dsse_ros.scenario.agents_inbox import AgentsInbox
-from dsse_ros.scenario.frames import GridFrame
+from dsse_ros.scenario.frames import map_to_places
 from dsse_ros.scenario.scenario import ResolvedScenario
 from dsse_ros.scenario.sea_state import SeaState, sea_state
+from dsse_ros.search.strips import strips_of
 from dsse_ros.step.looks import Looks, looks_of, own_cell_looks
 from msg_adapters.images import image_to_probability
 from msg_adapters.mission_report import mission_report_from_message
@@ -67,7 +68,9 @@ def _looks_of(info: AgentsInfo) -> Looks | None:
     if info.definition is None:
         return own_cell_looks(len(info.agents), info.actions)
     rules = info.definition.rules
-    return None if rules.covers else looks_of(info.definition.scenario.resolve(rules), rules)
+    if rules.covers or rules.in_metres:
+        return None
+    return looks_of(info.definition.scenario.resolve(rules), rules)
 
 
 class _Map(NamedTuple):
@@ -125,6 +128,7 @@ class ShownMission:
         self._reported_ns: int | None = None  # Wall time of publication of the last report.
         self._infos = AgentsInbox()
         self._looked: tuple[AgentsInfo, Looks | None] | None = None
+        self._strips: tuple[AgentsInfo, tuple[float, ...]] | None = None
         self._seen: tuple[AgentsInfo | None, int, SeaState] | None = None
         self._early_pos: deque[tuple[int, int, int, float]] = deque(maxlen=_EARLY)
         self._read: Mapping[str, Callable[[Any], object]] = {
@@ -159,6 +163,17 @@ class ShownMission:
         if self._looked is None or self._looked[0] is not info:
             self._looked = info, _looks_of(info)
         return self._looked[1]
+
+    @property
+    def strips(self) -> tuple[float, ...]:
+        """Width of the strip that each drone in metres sees, in cells; empty on cells."""
+        info = self.info
+        if info is None or info.definition is None or not info.definition.rules.in_metres:
+            return ()
+        if self._strips is None or self._strips[0] is not info:
+            scenario = info.definition.scenario.resolve(info.definition.rules)
+            self._strips = info, tuple(one / scenario.cell_size for one in strips_of(scenario))
+        return self._strips[1]
 
     @property
     def info(self) -> AgentsInfo | None:
@@ -317,7 +332,7 @@ class ShownMission:
         x_m, y_m, _ = pose.position
         is_placed = math.isfinite(x_m) and math.isfinite(y_m)
         known = is_placed and pose.frame_id == info.frame.map_frame
-        self._vehicle(drone).place = cell_of(info.frame, x_m, y_m) if known else None
+        self._vehicle(drone).place = map_to_places(info.frame, x_m, y_m) if known else None
 
     def _vehicle(self, drone: str) -> ShownVehicle:
         if drone not in self.vehicles and len(self.vehicles) >= _MAX_VEHICLES:
@@ -375,11 +390,6 @@ class ShownMissions:
             maps = [maps for history in histories for maps in history.maps.values()]
             if not any(of.thin() for of in sorted(maps, key=lambda of: of.nbytes, reverse=True)):
                 return
-
-
-def cell_of(frame: GridFrame, x_m: float, y_m: float) -> tuple[float, float]:
-    """Return column and row of a map position; a whole number is the centre of a cell."""
-    return x_m / frame.cell_size_m - 0.5, frame.grid_size - 0.5 - y_m / frame.cell_size_m
 
 
 def _key(report: NDArray[Any]) -> tuple[int, int]:

@@ -12,11 +12,12 @@ import numpy as np
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from numpy.typing import NDArray
 
-from dsse_ros.dashboard.drone_states import battery_of, collided_with, state_of
+from dsse_ros.dashboard.drone_states import battery_of, collided_with, flight_of, state_of
 from dsse_ros.dashboard.history import LAYERS, DroneState, MapImage, SearchHistory, has_field
 from dsse_ros.dashboard.map_chart import Window, chart_of, edges_of
 from dsse_ros.dashboard.map_image import level_at
 from dsse_ros.dashboard.missions import ShownMission, ShownMissions
+from dsse_ros.scenario.agents import AgentsInfo
 from dsse_ros.scenario.geodesy import cell_to_geodetic
 from dsse_ros.scenario.sea_state import SeaState
 from dsse_ros.view.mission_view import ending
@@ -162,16 +163,17 @@ class PageView:
     def frame(self) -> dict[str, Any] | None:
         """Return what the map has to draw; None if the browser already shows it.
 
-        The keys are the number of the frame, search, grid, names of the drones, first index and
-        rows of the new steps (see `SearchHistory.paths`), the shown step, mapped (the step of the
-        map, which may be older), image (a data URL, only if it has changed), vehicles (drone,
-        column, row), corner (see `CornerRow`), edges (see `edges_of`), and chart (see `chart_of`,
-        only if it has changed).
+        The keys are the number of the frame, search, grid, names of the drones, strips (see
+        `ShownMission.strips`), first index and rows of the new steps (see `SearchHistory.paths` and, in
+        metres, `flights`), the shown step, mapped (the step of the map, which may be older), image
+        (a data URL, only if it has changed), vehicles (drone, column, row), corner (see
+        `CornerRow`), edges (see `edges_of`), and chart (see `chart_of`, only if it has changed).
         """
         mission, history = self.mission, self.history
         if mission is None or history is None:
             empty: dict[str, Any] = {"search": "", "grid": 0, "names": [], "first": 0, "rows": []}
             empty |= {"shown": None, "mapped": None, "vehicles": [], "corner": [], "image": None}
+            empty |= {"strips": []}
             return None if self._is_sent(Sent()) else self._numbered(Sent(), empty)
         info = mission.info
         assert info is not None
@@ -194,8 +196,9 @@ class PageView:
             "search": f"{history.key[0]}/{history.key[1]}",
             "grid": info.frame.grid_size,
             "names": info.agents,
+            "strips": mission.strips,
             "first": first,
-            "rows": [] if first == len(history) else list(history.paths(mission.looks, first)),
+            "rows": [] if first == len(history) else self._rows(mission, history, info, first),
             "shown": history.steps[i],
             "mapped": None if found is None else history.step_at(found.stamp_ns),
             "vehicles": vehicles,
@@ -207,6 +210,15 @@ class PageView:
         if key != sent.key or image != sent.image:
             frame["image"] = None if found is None else _data_url(found.png)
         return self._numbered(now, frame)
+
+    @staticmethod
+    def _rows(
+        mission: ShownMission, history: SearchHistory, info: AgentsInfo, first: int
+    ) -> list[list[Any]]:
+        """Return what the map draws of the known steps from this index."""
+        if mission.strips:
+            return list(history.flights(info.frame, first))
+        return list(history.paths(mission.looks, first))
 
     def _is_sent(self, now: Sent) -> bool:
         """Return whether the browser already has this."""
@@ -373,7 +385,7 @@ class PageView:
                     "charge": entry["battery"] if battery_of(entry) else 0.0,
                     "col": entry["col"],
                     "row": entry["row"],
-                    "action": actions[action] if 0 <= action < len(actions) else "none",
+                    "action": actions[action] if 0 <= action < len(actions) else flight_of(entry),
                     "reward": reward,
                 })  # fmt: skip
         if not names:
@@ -394,6 +406,7 @@ class PageView:
             steps=steps,
             vehicles=mission.vehicles,
             batteries=batteries,
+            in_metres=bool(mission.strips),
             colour=drone_colour,
         )
 

@@ -1,6 +1,6 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""The paths of drones in metres from a record; those of drones are flown again from their actions."""
+"""The paths of drones in metres from a record, flown again unless vehicles have flown them."""
 
 from __future__ import annotations
 

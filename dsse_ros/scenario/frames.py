@@ -154,6 +154,18 @@ def cell_to_map(frame: GridFrame, col: F, row: F) -> tuple[F, F]:
     return cell_centre(frame.grid_size, frame.cell_size_m, col, row)
 
 
+def map_to_places(frame: GridFrame, x_m: F, y_m: F) -> tuple[F, F]:
+    """Return (col, row) of a point, with fractions between cells; the inverse of `cell_to_map`.
+
+    Args:
+        frame: The grid.
+        x_m: Metres to the east in the map frame; a number or an array.
+        y_m: Metres to the north, likewise and of the same shape.
+    """
+    cell_m = frame.cell_size_m
+    return x_m / cell_m - 0.5, frame.grid_size - 0.5 - y_m / cell_m
+
+
 def map_positions(
     frame: GridFrame, cells: ArrayLike, drone: int | None = None
 ) -> list[tuple[float, float, float]]:

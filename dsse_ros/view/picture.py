@@ -414,7 +414,7 @@ class Picture:
             for track in lanes
         ]
         lines, widths = strips_of_tracks(places, view.looked, self._widths)
-        self._strips.set(segments=lines, linewidths=widths)
+        self._strips.set(segments=lines, linewidths=widths or 1.0)
         self._lines.set_segments(parts)
         self._casing.set_segments(parts)
         self._flown.set_segments([np.asarray(flown) / 1000.0 for flown in view.flown])

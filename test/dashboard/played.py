@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from std_msgs.msg import String
 
-from dsse_ros.mission.mission import Mission
+from dsse_ros.mission.flight_mission import mission_of
 from dsse_ros.mission.step_messages import StepMessages
 from dsse_ros.scenario.agents import AgentsInfo, agents_json
 from dsse_ros.scenario.definition import SearchDefinition
@@ -48,7 +48,7 @@ class Played:
     def __init__(self, run_id: int = RUN_ID, **fields: Any) -> None:
         self.run_id = run_id
         self.env = parallel_env(**fields)
-        self.mission = Mission(self.env, 0)
+        self.mission = mission_of(self.env, 0)
         self.frame: GridFrame = scenario_frame(self.env.scenario)
 
     @property
@@ -84,7 +84,7 @@ class Played:
             messages={topic: self._message(topic) for topic in topics},
             cells=result.cells,
             rewards=result.rewards,
-            searched=result.actions == self.env.rules.actions.index("search"),
+            searched=result.actions == self.env.rules.action_set.search,
             found=result.found,
             flying=~(result.terminated | result.truncated),
             pos=pos,
@@ -106,6 +106,16 @@ class Played:
             # The last action is to search, which loses no drone.
             may = [np.flatnonzero([*mask[:-1], True]) for mask in masks]
             mission.command_all([int(chance.choice(actions)) for actions in may])
+            mission.advance("search")
+            yield self.step()
+
+    def fly(self, seed: int, steps: int) -> Iterator[Step]:
+        """Fly the first steps of a mission in metres by chance."""
+        mission, chance = self.mission, np.random.default_rng(seed)
+        mission.reset(seed)
+        yield self.step()
+        for _ in range(steps):
+            mission.command_all(chance.uniform(-1, 1, (len(mission.tracks), 2)).tolist())
             mission.advance("search")
             yield self.step()
 

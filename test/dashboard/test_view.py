@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import base64
 import io
+import math
 import re
 from pathlib import Path
 from typing import Any
@@ -24,6 +25,10 @@ from dsse_ros.dashboard.missions import ShownMissions
 from dsse_ros.dashboard.view import MAX_ROWS, PageView
 from dsse_ros.scenario.frames import map_positions
 from dsse_ros.scenario.geodesy import cell_to_geodetic, map_to_geodetic
+from dsse_ros.scenario.scenario import ResolvedScenario
+from dsse_ros.search.strips import strips_of
+from dsse_ros.searchers import registry
+from dsse_ros.searchers.searcher import Searcher
 from msg_adapters.images import probability_image
 from msg_adapters.occupancy import occupancy_to_array
 from msg_adapters.poses import pose_stamped
@@ -39,8 +44,13 @@ class Shown:
         self.played = Played(**fields or FIELDS)
         self.missions = ShownMissions()
         self.view = PageView(self.missions)
-        self.rows: list[list[int]] = []
+        self.rows: list[list[Any]] = []
         self.image: bytes | None = None
+
+    @property
+    def resolved(self) -> ResolvedScenario:
+        """The scenario of the search."""
+        return self.played.env.scenario.resolve(self.played.env.rules)
 
     def receive(self, topic: str, message: Any, namespace: str = "") -> None:
         self.missions.take([Received(namespace, topic, lambda: message)])
@@ -450,3 +460,48 @@ def test_a_large_map_is_shrunk_and_loses_no_peak() -> None:
     assert image.shape[0] <= MAX_SIDE and (image[..., 3] == 255).sum() == 1
     row, col = np.argwhere(image[..., 3] == 255)[0]
     assert (row, col) == (777 * image.shape[0] // 1000, 123 * image.shape[1] // 1000)
+
+
+IN_METRES: dict[str, Any] = {
+    "rules": "flight", "person_motion": "constant_drift", "particles": 100, "grid_size": 20,
+    "drones_positions": ((9, 9), (12, 12)), "sigma": 3.0, "probability_of_detection": 0.0,
+}  # fmt: skip
+
+
+def test_drones_in_metres_are_sent_where_they_are_with_heading_and_path(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    plane = Searcher(doc="a plane", speed=15.0, min_speed=11.0, turn_radius=90.0)
+    monkeypatch.setitem(registry.SEARCHERS, "plane", plane)
+    page = Shown(**IN_METRES, searchers=("plane",))
+    flown = []
+    for step in page.played.fly(3, steps=4):
+        page.take(step)
+        flown.append(page.played.mission.result.flown)
+        frame = page.draw()
+    assert frame is not None and len(page.rows) == 5
+    assert frame["strips"] == pytest.approx([one / 130.0 for one in strips_of(page.resolved)])
+    for row, one in zip(page.rows, flown, strict=True):
+        drones = np.array(row[1:7]).reshape(2, 3)
+        assert drones[:, :2] == pytest.approx(one.places, abs=1e-3)
+        for i, (heading, *between) in enumerate(row[7:]):
+            assert heading == pytest.approx(one.flights["heading"][i], abs=1e-3)
+            expected = one.paths[i, 1:-1] / 130.0 - 0.5
+            assert np.reshape(between, (-1, 2)) == pytest.approx(expected, abs=1e-3)
+    assert len(page.rows[1][7]) > 3
+    table = page.view.drones_table()
+    heading_deg = math.degrees(flown[-1].flights["heading"][1]) % 360
+    assert f"<td>{heading_deg:03.0f}°, {flown[-1].flights['speed'][1]:.1f} m/s</td>" in table
+    assert "Heading, airspeed" in table and '<th scope="col">Action</th>' not in table
+
+
+def test_steps_in_metres_that_were_missed_are_sent_without_a_heading() -> None:
+    page = Shown(**IN_METRES | {"timestep_limit": 3})
+    *_, last = page.played.fly(3, steps=4)
+    page.take(last)
+    page.receive("mission_report", page.played.mission_report)
+    page.draw()
+    assert len(page.rows) == 5
+    assert [row[7:] for row in page.rows[:-1]] == [[[None], [None]]] * 4
+    ends = np.array(page.rows[1][1:7]).reshape(2, 3)[:, :2]
+    assert np.abs(ends - np.round(ends)).max() > 0.01
