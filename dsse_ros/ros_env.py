@@ -31,10 +31,10 @@ from dsse_ros.runtime.observed_step import ObservedStep, StepInbox, step_id_of
 from dsse_ros.runtime.qos import offered, requested
 from dsse_ros.scenario.fields import shown
 from dsse_ros.scenario.options import IGNORED_OPTION, check_seed
-from dsse_ros.search import HOLD, FieldError
+from dsse_ros.search import FieldError
 from dsse_ros.search.agent_spaces import AgentSpaces
+from dsse_ros.search.flight_env import action_space, flight_action_of, state_space
 from dsse_ros.search.observation import AgentObservation, Started, Stepped, observation_space
-from msg_adapters.commands import joint_action_message
 
 T = TypeVar("T")
 
@@ -53,12 +53,13 @@ class SearchLostError(RuntimeError):
     """The mission is no longer the one that was reset; another reset starts a new one."""
 
 
-class DsseRosEnv(AgentSpaces, ParallelEnv[str, AgentObservation, int]):
+class DsseRosEnv(AgentSpaces, ParallelEnv[str, AgentObservation, Any]):
     """The search of a running `sim_node`, commanded over its topics.
 
-    Observations, rewards, flags and infos are those of `dsse_ros.search.SearchEnv`, bit for bit.
-    It has a ROS context of its own, so that it works beside other nodes of the process and without
-    any; what it waits for it receives in the calling thread.
+    Spaces, observations, rewards, flags and infos are those of `dsse_ros.search.SearchEnv`, in
+    metres of `dsse_ros.search.flight_env.FlightEnv`, bit for bit. It has a ROS context of its own,
+    so that it works beside other nodes of the process and without any; what it waits for it
+    receives in the calling thread.
 
     Args:
         namespace: Of the simulation's topics.
@@ -125,8 +126,6 @@ class DsseRosEnv(AgentSpaces, ParallelEnv[str, AgentObservation, int]):
         self._node = node
         self._executor = SingleThreadedExecutor(context=self._context)
         self._executor.add_node(node)
-        kind, qos = offered("joint_action", "ros_env")
-        self._publisher = node.create_publisher(kind, "joint_action", qos)
         inbox = self._inbox
         topics: dict[str, Callable[[Any], Any]] = {
             "agents": lambda message: inbox.infos.take(message.data),
@@ -148,14 +147,20 @@ class DsseRosEnv(AgentSpaces, ParallelEnv[str, AgentObservation, int]):
         definition = self.info.definition
         if definition is None:
             raise FieldError("agents.definition: missing; the environment needs it")
-        if definition.rules.in_metres:
-            raise FieldError("space of the simulation must be cells, got 'metres'")
-        self._wait(self._publisher.get_subscription_count, "a listener to joint_action", deadline_s)
+        grid_size, in_metres = self.info.frame.grid_size, definition.rules.in_metres
+        topic = "joint_command" if in_metres else "joint_action"
+        kind, qos = offered(topic, "ros_env")
+        self._publisher = node.create_publisher(kind, topic, qos)
+        self._wait(self._publisher.get_subscription_count, f"a listener to {topic}", deadline_s)
         self.possible_agents = list(self.info.agents)
-        space = observation_space(self.info.frame.grid_size, definition.rules)
-        self.observation_spaces = dict.fromkeys(self.possible_agents, space)
+        seen: spaces.Space[Any] = (
+            state_space(grid_size) if in_metres else observation_space(grid_size, definition.rules)
+        )
+        self.observation_spaces = dict.fromkeys(self.possible_agents, seen)
+        self._action_of = flight_action_of if in_metres else self._number_of
         self.action_spaces = {
-            agent: spaces.Discrete(len(self.info.actions)) for agent in self.possible_agents
+            agent: action_space() if in_metres else spaces.Discrete(len(self.info.actions))
+            for agent in self.possible_agents
         }
 
     def reset(self, seed: int | None = None, options: Mapping[str, Any] | None = None) -> Started:
@@ -208,14 +213,15 @@ class DsseRosEnv(AgentSpaces, ParallelEnv[str, AgentObservation, int]):
         self._note(step, drones)
         return step.observations(drones), step.infos(drones)
 
-    def step(self, actions: Mapping[str, int]) -> Stepped:
+    def step(self, actions: Mapping[str, Any]) -> Stepped:
         """Have the node advance the mission by one step.
 
         A drone whose vehicle is lost is terminated in the step that follows, as one withdrawn
         from `SearchEnv`. If it was the last one, no step follows: the map stays as it was.
 
         Args:
-            actions: One action number per live agent; those of other agents are ignored.
+            actions: One action per live agent, a number or, in metres, a turn and a speed; those of
+                other agents are ignored.
 
         Raises:
             FieldError: If an action is missing or not allowed; the mission stays as it is.
@@ -225,12 +231,14 @@ class DsseRosEnv(AgentSpaces, ParallelEnv[str, AgentObservation, int]):
         """
         if self._last is None or not self.agents:
             return {}, {}, {}, {}, {}
-        joint = [HOLD] * len(self.possible_agents)
-        for agent, i in zip(self.agents, self._live, strict=True):
-            joint[i] = self._number_of(agent, actions)
+        if not isinstance(actions, Mapping):
+            raise FieldError(f"actions must be one per live agent, got {shown(actions)}")
         live = self._live
+        joint = {
+            i: self._action_of(agent, actions) for agent, i in zip(self.agents, live, strict=True)
+        }
         _, mission, number = self._last.step_id
-        message = joint_action_message(mission, number, joint)
+        message = self._last.answer(joint)
         self._publisher.publish(message)
         deadline_s = time.monotonic() + self.timeout_s
         what = f"step_report and probability of step {number + 1} of mission {mission}"
@@ -275,8 +283,6 @@ class DsseRosEnv(AgentSpaces, ParallelEnv[str, AgentObservation, int]):
         Raises:
             FieldError: If there is none, or it is not allowed.
         """
-        if not isinstance(actions, Mapping):
-            raise FieldError(f"actions must be one number per live agent, got {shown(actions)}")
         if agent not in actions:
             raise FieldError(f"actions: {agent} is missing; one action per live agent")
         names = self.info.actions
@@ -326,7 +332,7 @@ class DsseRosEnv(AgentSpaces, ParallelEnv[str, AgentObservation, int]):
             return None
         return step
 
-    def _check_applied(self, step: ObservedStep, joint: list[int]) -> None:
+    def _check_applied(self, step: ObservedStep, joint: Mapping[int, Any]) -> None:
         """Check that the drones have done the commanded actions.
 
         Raises:
@@ -335,15 +341,12 @@ class DsseRosEnv(AgentSpaces, ParallelEnv[str, AgentObservation, int]):
         assert self._last is not None
         if step.step_id == self._last.step_id:
             return
-        applied, held = step.report["action"].tolist(), step.report["held"].tolist()
-        # Drones with faults do what they can.
-        faulty = "status" in (step.report.dtype.names or ())
-        for i, (done, asked) in enumerate(zip(applied, joint, strict=True)):
-            # One that was lost since does nothing.
-            if done != asked and (held[i] or (done != HOLD and not faulty)):
+        for i, asked in joint.items():
+            if step.deviates(i, asked):
                 raise SearchLostError(
-                    f"step {step.step_id[2]}: {self.possible_agents[i]} did action {done}, not "
-                    f"{asked}: another node commands it, or its command_timeout has passed"
+                    f"step {step.step_id[2]}: {self.possible_agents[i]} did action "
+                    f"{step.applied(i)}, not {asked}: another node commands it, or its "
+                    "command_timeout has passed"
                 )
 
     # Waiting

@@ -341,7 +341,7 @@ TOPICS = {
     "joint_command": Topic(
         type_name="std_msgs/msg/Float64MultiArray",
         qos="command",
-        publishers=("planner_node", *_PEOPLE),
+        publishers=("planner_node", "ros_env", *_PEOPLE),
         subscribers=_SIM,
         content="[in metres](rules.md#in-metres): `[mission, step, turn0, speed0, turn1, ...]`, "
         "-1 to 1: all drones at once, only for that step",

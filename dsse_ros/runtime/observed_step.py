@@ -116,9 +116,31 @@ class ObservedStep:
         joint = [int(actions.get(i, HOLD)) for i in range(len(self.report))]
         return joint_action_message(mission, step, joint)
 
+    def applied(self, drone: int) -> Any:
+        """Return the action that a drone has done in the step."""
+        return int(self.report["action"][drone])
+
+    def deviates(self, drone: int, commanded: Any) -> bool:
+        """Return whether a drone has obeyed another command than this action."""
+        done = self.applied(drone)
+        # Drones with faults do what they can. One that was lost since does nothing.
+        could = "status" not in (self.report.dtype.names or ()) and done != HOLD
+        return bool(done != commanded and (self.report["held"][drone] or could))
+
 
 class FlownStep(ObservedStep):
     """An `ObservedStep` of drones in metres, see `FlightEnv`."""
+
+    def applied(self, drone: int) -> Any:
+        """See `ObservedStep`: a turn and a speed."""
+        turn, speed = self.report["turn_action"][drone], self.report["speed_action"][drone]
+        return float(turn), float(speed)
+
+    def deviates(self, drone: int, commanded: Any) -> bool:
+        """See `ObservedStep`."""
+        done = self.applied(drone)
+        is_lost = self.report["terminated"][drone] and done == STRAIGHT_ON
+        return bool(done != tuple(commanded) and not is_lost)
 
     def observations(self, drones: Sequence[int]) -> dict[str, Any]:
         """Return what these drones observe, by name."""

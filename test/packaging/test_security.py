@@ -45,7 +45,7 @@ def test_nobody_but_planners_and_people_may_command_a_drone() -> None:
     may = {name: one["publish"] & COMMANDS for name, one in rights.items()}
     assert {name: topics for name, topics in may.items() if topics} == {
         "planner_node": {"joint_action", "joint_command"},
-        "ros_env": {"joint_action"},
+        "ros_env": {"joint_action", "joint_command"},
         "operator": COMMANDS,
     }
 

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
-from geometry_msgs.msg import PoseStamped
+from geometry_msgs.msg import PoseStamped, TwistStamped
 from pettingzoo.test import parallel_api_test
 from rclpy.executors import SingleThreadedExecutor
 from rig import LATCHED, TIMEOUT_S, Rig, Sim
@@ -127,6 +127,75 @@ def fly_both(env: DsseRosEnv, beside: Any, seed: int, before_step: Any = None) -
         found = any(info["Found"] for info in theirs[4].values())
     assert env.step({}) == ({}, {}, {}, {}, {})
     return found
+
+
+IN_METRES: dict[str, Any] = {
+    "person_motion": "constant_drift", "grid_size": 20, "particles": 300, "sigma": 3.0,
+    "wind_speed": 4.0, "wind_toward": 30.0, "probability_of_detection": 0.7, "timestep_limit": 20,
+}  # fmt: skip
+CELLS = ((9, 9), (10, 10), (3, 3))
+
+
+@pytest.fixture(scope="module")
+def in_metres(rig: Rig) -> Sim:
+    """The node of a search in metres."""
+    given = {"rules.profile": "flight", "drones_positions": [at for one in CELLS for at in one]}
+    return rig.sim(IN_METRES | given, namespace="/metres")
+
+
+def test_missions_in_metres_are_those_of_the_direct_environment_bit_for_bit(
+    rig: Rig, in_metres: Sim
+) -> None:
+    beside = parallel_env(rules="flight", drones_positions=CELLS, **IN_METRES)
+    env, ends = DsseRosEnv("/metres", timeout_s=TIMEOUT_S, domain_id=rig.domain), []
+    try:
+        for agent in beside.possible_agents:
+            assert env.observation_space(agent) == beside.observation_space(agent)
+            assert env.action_space(agent) == beside.action_space(agent)
+        for seed in range(8):
+            draw = np.random.default_rng(seed)
+            assert_equal(env.reset(seed=seed), beside.reset(seed=seed))
+            while beside.agents:
+                joint = {
+                    agent: draw.uniform(-1, 1, 2).astype(np.float32) for agent in beside.agents
+                }
+                theirs = beside.step(joint)
+                assert_equal(env.step(joint), theirs)
+                assert env.agents == beside.agents
+            ends.append(any(info["Found"] for info in theirs[4].values()))
+        assert {True, False} == set(ends)
+        env.reset(seed=1)
+        for actions, line in (
+            (dict.fromkeys(env.agents, (0.5, 1.5)), "action of drone0 must be two numbers from -1"),
+            ({"drone0": (0.5, 0.5)}, "actions: drone1 is missing"),
+            ((0.5, 0.5), "actions must be one per live agent"),
+        ):
+            with pytest.raises(FieldError, match=line):
+                env.step(actions)  # type: ignore[arg-type]
+        parallel_api_test(env, num_cycles=30)
+    finally:
+        env.close()
+
+
+def test_another_command_in_metres_is_noticed(rig: Rig, in_metres: Sim) -> None:
+    env = DsseRosEnv("/metres", timeout_s=TIMEOUT_S, domain_id=rig.domain)
+    try:
+        env.reset(seed=1)
+        talker = in_metres.talk(TwistStamped, "drone1/cmd_vel")
+        rig.until(lambda: in_metres.search[1] == env.info.mission, "the mission")
+        in_metres.health()
+        talker.publish(TwistStamped())
+        in_metres.health_when(lambda found: found["missing_drones"] == "drone0, drone2")
+        # Its joint command comes later and replaces the velocity.
+        env.step(dict.fromkeys(env.agents, (0.0, 0.5)))
+        seen = len(in_metres.reports)
+        for drone in range(3):
+            in_metres.talk(TwistStamped, f"drone{drone}/cmd_vel").publish(TwistStamped())
+        in_metres.next_report(seen)
+        with pytest.raises(SearchLostError, match="another node commands the simulation"):
+            env.step(dict.fromkeys(env.agents, (0.0, 0.5)))
+    finally:
+        env.close()
 
 
 def state_of(drone: int, progress: Progress) -> DiagnosticArray:
