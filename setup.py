@@ -80,7 +80,7 @@ setup(
         # Probability matrices from GeoTIFF files.
         "geotiff": ["rasterio>=1.4"],
         # The program `export_gis`.
-        "gis": ["gpxpy>=1.6", "rasterio>=1.4", "simplekml>=1.3.6"],
+        "gis": ["gpxpy>=1.6", "rasterio>=1.4", "shapely>=2.0.3", "simplekml>=1.3.6"],
         # What `recorder` and `replay` write and read.
         "record": ["lz4>=4.3", "mcap>=1.6", "zstandard>=0.21"],
         # The site of `make docs`.

@@ -6,12 +6,14 @@ from __future__ import annotations
 
 import argparse
 import sys
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 from dsse_ros.cli.command_line import Parser, make_folder, options_of, search_of
 from dsse_ros.cli.mission_file import FILE_HELP, add_mission_file, choose, pictures, read
 from dsse_ros.cli.start import not_found
-from dsse_ros.mission.mission import Mission
+from dsse_ros.mission.flight_mission import mission_of
 from dsse_ros.mission.mission_log import MissionLog
 from dsse_ros.planners import planner_for, play
 from dsse_ros.report.geotiff import write_geotiff
@@ -22,7 +24,7 @@ from dsse_ros.report.recomputed import forecast_for
 from dsse_ros.report.record import chosen_steps
 from dsse_ros.runtime.exit_codes import fail
 from dsse_ros.scenario.frames import scenario_frame
-from dsse_ros.search import HOLD, FieldError, SearchEnv
+from dsse_ros.search import HOLD, FieldError, search_env
 
 MAPS = 2
 """The start and the end of the mission."""
@@ -49,17 +51,19 @@ def record_search(arguments: argparse.Namespace, path: Path) -> None:
         FieldError: If scenario, rules or planner are not allowed, or the file cannot be written.
     """
     _, scenario, rules = search_of(arguments)
-    env, seed = SearchEnv(scenario, rules), arguments.seed
+    env, seed = search_env(scenario, rules), arguments.seed
     # The mission repeats the actions: the same seed gives the same search.
-    mission = Mission(SearchEnv(scenario, rules), seed, belief=False)
+    mission = mission_of(search_env(scenario, rules), seed, belief=False)
     policy = planner_for(env, arguments.planner, seed=seed, **options_of(arguments))
     log = MissionLog(
         path, scenario_frame(env.scenario), covers=rules.covers,
-        faults=mission.result.conditions is not None,
+        faults=mission.result.conditions is not None, metres=rules.in_metres,
     )  # fmt: skip
     log.write(mission, mission.result)
     for step in play(env, policy, seed=seed):
-        mission.command_all([step.actions.get(name, HOLD) for name in env.possible_agents])
+        none: Any = None if rules.in_metres else HOLD
+        actions: Mapping[str, Any] = step.actions
+        mission.command_all([actions.get(name, none) for name in env.possible_agents])
         log.write(mission, mission.advance("hold"))
     log.close()
 
@@ -70,13 +74,17 @@ def write_files(folder: Path, mission: GisMission) -> list[Path]:
     Raises:
         OSError: If a file cannot be written.
     """
-    paths = [folder / name for name in ("poc.tif", "pod.tif", "mission.kml", "tracks.gpx")]
-    poc, pod, kml, gpx = paths
-    write_geotiff(poc, mission.frame, {f"POC after step {m.step}": m.poc for m in mission.maps})
-    write_geotiff(pod, mission.frame, {f"POD after step {m.step}": m.pod for m in mission.maps})
+    kml, gpx = folder / "mission.kml", folder / "tracks.gpx"
+    pods = {f"POD after step {m.step}": m.pod for m in mission.maps if m.pod is not None}
+    rasters = {
+        folder / "poc.tif": {f"POC after step {m.step}": m.poc for m in mission.maps},
+        **({folder / "pod.tif": pods} if pods else {}),
+    }
+    for path, bands in rasters.items():
+        write_geotiff(path, mission.frame, bands)
     kml.write_text(kml_text(mission), encoding="utf-8")
     gpx.write_text(gpx_text(mission.tracks, mission.places), encoding="utf-8")
-    return paths
+    return [*rasters, kml, gpx]
 
 
 def main(argv: list[str] | None = None) -> int:
@@ -90,8 +98,6 @@ def main(argv: list[str] | None = None) -> int:
             arguments.scenario = None
         missions, bag = read(arguments)
         record = choose(missions, arguments.mission)
-        if record.rules.in_metres:
-            raise FieldError("file: space must be cells, got a mission in metres")
         wanted = chosen_steps(record, arguments.steps or (), MAPS)
         shown = pictures(record, wanted, forecast_for(record, None), bag)
     except FieldError as error:

@@ -7,14 +7,19 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from datetime import datetime, timezone
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from dsse_ros.report.flown_paths import looked_in, tracks_in
 from dsse_ros.report.metrics import cumulative_pod
 from dsse_ros.report.record import RecordedMission
+from dsse_ros.report.swept import Polygon, swept_polygons
 from dsse_ros.scenario.frames import GridFrame, scenario_frame
 from dsse_ros.scenario.geodesy import cell_to_geodetic
+from dsse_ros.search.strips import strips_of
+from dsse_ros.view.map_axes import looked_runs
 from dsse_ros.view.mission_view import MissionView
 
 
@@ -25,12 +30,13 @@ class GisMap:
     Attributes:
         step: Steps done.
         poc: (G, G) float32 [row, col], row 0 in the north: probability of containment.
-        pod: (G, G) float32, POD of all looks at the cell so far, see `cumulative_pod`.
+        pod: (G, G) float32, POD of all looks at the cell so far, see `cumulative_pod`; None in
+            metres.
     """
 
     step: int
     poc: NDArray[np.float32]
-    pod: NDArray[np.float32]
+    pod: NDArray[np.float32] | None
 
 
 @dataclass(frozen=True)
@@ -60,8 +66,10 @@ class GisMission:
         title: Name of the scenario.
         frame: The grid.
         maps: Maps after chosen steps, in order.
-        tracks: Positions of each drone in the search, one for each recorded step.
+        tracks: Positions of each drone in the search, one for each recorded step; in metres those
+            on its paths.
         places: Datum at the last map, and finds.
+        strips: What each drone in metres has searched, see `swept_polygons`; empty on cells.
     """
 
     title: str
@@ -69,6 +77,7 @@ class GisMission:
     maps: tuple[GisMap, ...]
     tracks: Mapping[str, tuple[GisPoint, ...]]
     places: tuple[GisPoint, ...]
+    strips: Mapping[str, tuple[Polygon, ...]]
 
 
 def gis_mission(record: RecordedMission, shown: Mapping[int, MissionView]) -> GisMission:
@@ -80,44 +89,69 @@ def gis_mission(record: RecordedMission, shown: Mapping[int, MissionView]) -> Gi
     """
     scenario = record.scenario
     frame = scenario_frame(scenario)
-    times = _times(record)
-    tracks = {}
+    tracks, strips = {}, {}
+    widths_m = strips_of(scenario) if record.in_cells is not None else ()
+    seen = looked_in(record, len(record.steps))
     for n, name in enumerate(record.agents):
-        steps = np.flatnonzero(record.in_flight[:, n]).tolist()
-        points = _points(frame, record.cells[steps, n], frame.alt_of(n))
+        track, times_s = _track(record, n)
+        points = _points(frame, track, frame.alt_of(n))
         tracks[name] = tuple(
-            GisPoint(lat, lon, alt, times[k])
-            for k, (lat, lon, alt) in zip(steps, points, strict=True)
+            GisPoint(lat, lon, alt, time)
+            for (lat, lon, alt), time in zip(points, _times(record, times_s), strict=True)
         )
-    places = []
+        if widths_m:
+            looked = None if seen is None else seen[n, : len(track) - 1]
+            strips[name] = swept_polygons(frame, looked_runs(track, looked), widths_m[n])
+    places, times = [], _times(record, record.times_s)
     last = shown[max(shown)]
     if last.datum is not None:
         lat, lon, _ = _points(frame, np.array([last.datum]), 0.0)[0]
         places.append(GisPoint(lat, lon, 0.0, times[max(shown)], "datum"))
     for k, n in np.argwhere(record.found).tolist():
-        lat, lon, _ = _points(frame, record.cells[k, n : n + 1], 0.0)[0]
+        lat, lon, _ = _points(frame, record.places[k, n : n + 1], 0.0)[0]
         places.append(GisPoint(lat, lon, 0.0, times[k], f"found by {record.agents[n]}"))
     maps = tuple(
-        GisMap(view.step, view.probability, cumulative_pod(record, k + 1).astype(np.float32))
+        GisMap(view.step, view.probability, _pod(record, k + 1))
         for k, view in sorted(shown.items())
     )
-    return GisMission(scenario.name or "Search mission", frame, maps, tracks, tuple(places))
+    title = scenario.name or "Search mission"
+    return GisMission(title, frame, maps, tracks, tuple(places), strips)
 
 
-def _times(record: RecordedMission) -> list[datetime | None]:
-    """Return the time of each recorded step; only an incident has dates."""
+def _pod(record: RecordedMission, num_steps: int) -> NDArray[np.float32] | None:
+    """Return the POD of each cell, which paths in metres do not have."""
+    if record.in_cells is not None:
+        return None
+    return cumulative_pod(record, num_steps).astype(np.float32)
+
+
+def _track(record: RecordedMission, drone: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return the places (M, 2) (col, row) of a drone in the search, and their times (M,)."""
+    steps = np.flatnonzero(record.in_flight[:, drone])
+    if record.in_cells is None:
+        return record.cells[steps, drone].astype(np.float64), record.times_s[steps]
+    # A path has as many pieces of equal times; that of the start has none.
+    flown = tracks_in(record, len(steps))[drone]
+    pieces = (len(flown) - 1) // max(len(steps) - 1, 1)
+    times_s = np.interp(
+        np.arange(len(flown)) / max(pieces, 1), np.arange(len(steps)), record.times_s[steps]
+    )
+    return flown, times_s
+
+
+def _times(record: RecordedMission, times_s: NDArray[np.float64]) -> list[datetime | None]:
+    """Return times of the mission as dates, which only an incident has."""
     incident = record.scenario.incident
     if incident is None or incident.laid is None:
-        return [None] * len(record.times_s)
-    begin_s = incident.laid.begins_s
-    times_s = begin_s + record.times_s
-    return [datetime.fromtimestamp(time_s, timezone.utc) for time_s in times_s.tolist()]
+        return [None] * len(times_s)
+    dates_s = (incident.laid.begins_s + times_s).tolist()
+    return [datetime.fromtimestamp(date_s, timezone.utc) for date_s in dates_s]
 
 
 def _points(
-    frame: GridFrame, cells: NDArray[np.int64], alt_m: float
+    frame: GridFrame, places: NDArray[Any], alt_m: float
 ) -> list[tuple[float, float, float]]:
-    """Return latitude, longitude and height above the sea of the centres of cells (M, 2)."""
-    col, row = cells.T.astype(float)
+    """Return latitude, longitude and height above the sea of places (M, 2) (col, row)."""
+    col, row = places.T.astype(float)
     lat, lon, _ = cell_to_geodetic(frame, col, row, alt_m)
     return [(*point, alt_m) for point in zip(lat.tolist(), lon.tolist(), strict=True)]

@@ -21,6 +21,7 @@ def kml_text(mission: GisMission) -> str:
     """Return KML with tracks, places and, on small grids, the cells of the last map.
 
     Cells that have neither POC nor POD are left out. Tracks have times if the scenario has a date.
+    In metres there is also the strip that each drone has searched.
     """
     # The identifiers would go on from those of the last file.
     simplekml.Kml.resetidcounter()
@@ -36,9 +37,10 @@ def kml_text(mission: GisMission) -> str:
         else:
             track = folder.newlinestring(name=name, coords=coordinates)
         track.altitudemode = simplekml.AltitudeMode.relativetoground
-        red, green, blue = (DRONE_COLOURS[n % len(DRONE_COLOURS)][i : i + 2] for i in (1, 3, 5))
-        track.style.linestyle.color = f"ff{blue}{green}{red}".lower()
+        track.style.linestyle.color = _colour(n, "ff")
         track.style.linestyle.width = 3
+    if mission.strips:
+        _add_strips(kml, mission)
     for place in mission.places:
         point = kml.newpoint(name=place.name, coords=[(place.lon_deg, place.lat_deg)])
         if place.time is not None:
@@ -48,14 +50,34 @@ def kml_text(mission: GisMission) -> str:
     return str(kml.kml(format=False))
 
 
+def _colour(drone: int, opacity: str) -> str:
+    """Return the colour of a drone as KML has it."""
+    colour = DRONE_COLOURS[drone % len(DRONE_COLOURS)]
+    red, green, blue = (colour[i : i + 2] for i in (1, 3, 5))
+    return f"{opacity}{blue}{green}{red}".lower()
+
+
+def _add_strips(kml: simplekml.Kml, mission: GisMission) -> None:
+    """Add the strips that the drones have searched."""
+    folder = kml.newfolder(name="Searched strips")
+    for n, (name, polygons) in enumerate(mission.strips.items()):
+        strip = folder.newmultigeometry(name=f"strip of {name}")
+        strip.style.polystyle.color = _colour(n, "40")
+        strip.style.linestyle.color = _colour(n, "80")
+        for outer, *holes in polygons:
+            strip.newpolygon(outerboundaryis=outer, innerboundaryis=holes)
+
+
 def _add_cells(kml: simplekml.Kml, frame: GridFrame, one: GisMap) -> None:
     """Add the cells of a map; the more opaque, the more probable."""
-    folder = kml.newfolder(name=f"POC and POD after step {one.step}")
+    named = "POC" if one.pod is None else "POC and POD"
+    folder = kml.newfolder(name=f"{named} after step {one.step}")
     styles = [simplekml.Style() for _ in range(_SHADES + 1)]
     for shade, style in enumerate(styles):
         style.polystyle.color = f"{220 * shade // _SHADES:02x}0000ff"
         style.linestyle.color = "40ffffff"
-    rows, cols = np.nonzero((one.poc > 0) | (one.pod > 0))
+    values = {"poc": one.poc} if one.pod is None else {"poc": one.poc, "pod": one.pod}
+    rows, cols = np.nonzero(np.sum(list(values.values()), axis=0))
     shades = np.ceil(_SHADES * one.poc / (float(one.poc.max()) or 1.0)).astype(int)
     # The edges of cells lie half a cell from the centres.
     edges = np.arange(frame.grid_size + 1) - 0.5
@@ -66,5 +88,5 @@ def _add_cells(kml: simplekml.Kml, frame: GridFrame, one: GisMap) -> None:
         outline = [(float(lon[at]), float(lat[at])) for at in corners]
         cell = folder.newpolygon(name=f"({c}, {r})", outerboundaryis=outline)
         cell.style = styles[shades[r, c]]
-        for name, values in (("poc", one.poc), ("pod", one.pod)):
-            cell.extendeddata.newdata(name, repr(float(values[r, c])))
+        for name, of_cells in values.items():
+            cell.extendeddata.newdata(name, repr(float(of_cells[r, c])))

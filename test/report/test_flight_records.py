@@ -8,6 +8,7 @@ import dataclasses
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
@@ -26,7 +27,11 @@ from dsse_ros.report.recomputed import follow_belief, forecast_for, mission_view
 from dsse_ros.report.record import RecordedMission, read_csv
 from dsse_ros.scenario.agents import AgentsInfo, agents_json
 from dsse_ros.scenario.frames import scenario_frame
+from dsse_ros.scenario.geodesy import geodetic_to_map
 from dsse_ros.search import FieldError, SearchDefinition, parallel_env
+from dsse_ros.search.strips import strips_of
+from dsse_ros.searchers import registry
+from dsse_ros.searchers.searcher import Searcher
 from msg_adapters.stamps import to_stamp
 from msg_adapters.topics import EACH_DRONE
 
@@ -36,6 +41,7 @@ PLACE: dict[str, Any] = {
     "wind_speed": 4.0, "timestep_limit": 12,
 }  # fmt: skip
 SEED = 4
+KML = {"": "http://www.opengis.net/kml/2.2"}
 
 
 def flown(*, vehicles: bool = False) -> Iterator[FlightMission]:
@@ -136,8 +142,7 @@ def test_a_record_of_another_mission_is_refused(tmp_path: Path) -> None:
 def test_a_report_has_what_was_flown(tmp_path: Path) -> None:
     record, mission = log_of(tmp_path / "mission.csv")
     numbers = metrics(record)
-    ends = [step.result.places.copy() for step in flown()]
-    far = 130.0 * np.hypot(*np.moveaxis(np.diff(ends, axis=0), -1, 0)).sum()
+    far = np.hypot(*np.moveaxis(np.diff(paths_of_mission(), axis=2), -1, 0)).sum()
     assert numbers["path_length"] == pytest.approx(far, abs=0.1)
     assert numbers["coverage"] is not None and 0.02 < numbers["coverage"] < 0.5
     assert report([str(tmp_path / "mission.csv"), "--out", str(tmp_path / "report")]) == 0
@@ -178,12 +183,67 @@ def test_a_bag_has_the_same_record_as_a_log(tmp_path: Path) -> None:
     assert follow_belief(recorded, forecast)[0].tolist() == record.pos.tolist()
 
 
-def test_it_is_not_exported_as_cells(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    pytest.importorskip("rasterio")
+def paths_of_mission() -> np.ndarray[Any, Any]:
+    """Return the paths (K, N, P + 1, 2) that were flown."""
+    return np.stack([step.result.flown.paths for step in flown() if step.result.flown is not None])
+
+
+@pytest.mark.parametrize("radius", [0.0, 90.0])
+def test_the_paths_of_a_record_are_those_that_were_flown(
+    radius: float, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    kind = Searcher(doc="a kind", speed=10.0, min_speed=6.0 * (radius > 0), turn_radius=radius)
+    monkeypatch.setitem(registry.SEARCHERS, "kind", kind)
+    monkeypatch.setitem(PLACE, "searchers", ("kind",))
+    record, _ = log_of(tmp_path / "mission.csv")
+    paths = paths_of_mission()
+    assert (paths.shape[2] > 2) == (radius > 0)
+    assert record.paths.shape == paths.shape
+    # Of the log, which rounds to a millimetre.
+    assert np.abs(record.paths - paths).max() < 0.01
+    # Where steps or headings are missing, a path is straight.
+    assert record.turns is not None and record.flights is not None
+    gap = dataclasses.replace(record, turns=None)
+    ends = np.linspace(0, 1, paths.shape[2])[:, None]
+    straight = paths[3, :, :1] + ends * (paths[3, :, -1:] - paths[3, :, :1])
+    assert np.abs(gap.paths[3] - straight).max() < 0.01
+
+
+def test_a_record_in_metres_is_exported_as_paths_and_strips(tmp_path: Path) -> None:
+    for module in ("rasterio", "simplekml", "gpxpy"):
+        pytest.importorskip(module)
+    shapely = pytest.importorskip("shapely")
     from dsse_ros.cli.export_gis import main
 
-    log_of(tmp_path / "mission.csv")
-    assert main([str(tmp_path / "mission.csv"), "--out", str(tmp_path / "gis")]) == 2
-    assert capsys.readouterr().err == (
-        "export_gis: file: space must be cells, got a mission in metres\n"
-    )
+    record, _ = log_of(tmp_path / "mission.csv")
+    out = tmp_path / "gis"
+    assert main([str(tmp_path / "mission.csv"), "--out", str(out)]) == 0
+    assert sorted(path.name for path in out.iterdir()) == ["mission.kml", "poc.tif", "tracks.gpx"]
+    frame, paths = scenario_frame(record.scenario), paths_of_mission()
+    root = ElementTree.parse(out / "mission.kml").getroot()
+    marks = {mark.findtext("name", "", KML): mark for mark in root.iter(f"{{{KML['']}}}Placemark")}
+
+    def metres(text: str) -> np.ndarray[Any, Any]:
+        lon, lat, *_ = np.array([one.split(",") for one in text.split()], float).T
+        x, y, _ = geodetic_to_map(frame, lat, lon, 0.0)
+        return np.stack([x, y], axis=1)
+
+    (width_m, *_) = strips_of(record.scenario)
+    for n, name in enumerate(record.agents):
+        track = metres(marks[name].findtext(".//LineString/coordinates", "", KML))
+        flown_m = np.vstack([paths[0, n, -1:], paths[1:, n, 1:].reshape(-1, 2)])
+        flown_m[:, 1] = frame.side_m - flown_m[:, 1]
+        assert np.abs(track - flown_m).max() < 0.01
+        polygons = [
+            shapely.Polygon(
+                metres(part.findtext("outerBoundaryIs//coordinates", "", KML)),
+                [
+                    metres(hole.text or "")
+                    for hole in part.findall("innerBoundaryIs//coordinates", KML)
+                ],
+            )
+            for part in marks[f"strip of {name}"].findall(".//Polygon", KML)
+        ]
+        strip, line = shapely.union_all(polygons), shapely.LineString(flown_m)
+        assert strip.buffer(0.1).contains(line.buffer(width_m / 2 - 0.5, cap_style="flat"))
+        assert line.buffer(width_m / 2 + 0.5).contains(strip)
