@@ -285,7 +285,8 @@ class SearchHistory:
         """
         for i in range(since, len(self.steps)):
             row, entry = self.reports[i], [self.steps[i]]
-            places = np.stack(map_to_places(frame, row["x"], row["y"]), axis=1).round(3).tolist()
+            x_m, y_m = row["x"].astype(np.float64), row["y"].astype(np.float64)
+            places = np.stack(map_to_places(frame, x_m, y_m), axis=1).round(3).tolist()
             for (col, line), flags in zip(places, self._flags(i).tolist(), strict=True):
                 entry += [col, line, flags]
             yield [*entry, *_flown(row, frame)]
