@@ -68,24 +68,20 @@ def way_left(
 ) -> tuple[float, float]:
     """Return the length of the way to the end of a track, and the time that it takes at cruise.
 
-    The time is infinite if the wind is too strong; turns and corners are not in it.
-
     Args:
         track: What is left of the track.
         flight: The drone, one of `flight_paths.FLIGHTS`.
         flyer: Its kind, one of `flight_paths.FLYERS`.
-        wind: The wind.
+        wind: The wind, which is slower than the kind's cruise.
     """
-    legs = np.diff(np.vstack([[flight["east"], flight["south"]], track.points]), axis=0)
+    here, ahead = [[flight["east"], flight["south"]]], track.points[1:]
+    legs = np.diff(np.vstack([here, ahead if len(ahead) else track.points]), axis=0)
     lengths = np.hypot(*legs.T)
     legs, lengths = legs[lengths > 0.0], lengths[lengths > 0.0]
     east, south = (legs / lengths[:, None]).T
-    behind = wind.east * east + wind.south * south
     across = wind.east * south - wind.south * east
-    speeds = behind + np.sqrt(np.maximum(float(flyer.cruise) ** 2 - across**2, 0.0))
-    flown = (np.abs(across) <= float(flyer.cruise)) & (speeds > 0.0)
-    time_s = float((lengths / speeds).sum()) if flown.all() else math.inf
-    return float(lengths.sum()), time_s
+    speeds = wind.east * east + wind.south * south + np.sqrt(float(flyer.cruise) ** 2 - across**2)
+    return float(lengths.sum()), float((lengths / speeds).sum())
 
 
 def steer(track: TrackLeft, flight: np.void, flyer: np.record, wind: Wind) -> tuple[float, float]:

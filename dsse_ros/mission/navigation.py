@@ -54,7 +54,7 @@ class Progress(Generic[T]):
         drone: The drone.
         handle: As given to `Navigation.begin`.
         left_m: Length of the way left.
-        left_s: Mission time that it takes, at most that of the mission.
+        left_s: Mission time that it takes.
         elapsed_ns: Mission time since the goal was accepted.
     """
 
@@ -139,15 +139,16 @@ class Navigation(Generic[T]):
 
     def progress(self) -> list[Progress[T]]:
         """Return how far the goals are."""
-        result, scenario = self._mission.result, self._mission.env.scenario
-        steps = int(scenario.timestep_limit or 0) - result.step
-        found = []
-        for drone, goal in self._goals.items():
-            left_m, left_s = self._way_left(drone, goal.command)
-            left_s = min(left_s, steps * scenario.step_duration_s)
-            elapsed_ns = max(result.stamp_ns - goal.begun_ns, 0)
-            found.append(Progress(drone, goal.handle, left_m, left_s, elapsed_ns))
-        return found
+        now_ns = self._mission.result.stamp_ns
+        return [
+            Progress(
+                drone,
+                goal.handle,
+                *self._way_left(drone, goal.command),
+                max(now_ns - goal.begun_ns, 0),
+            )
+            for drone, goal in self._goals.items()
+        ]
 
     def _end_of(self, drone: int, goal: _Goal[T], late: Collection[int]) -> Ended[T] | None:
         mission, name = self._mission, self._mission.env.possible_agents[drone]

