@@ -16,6 +16,7 @@ const THEMES = {
 // A drone in flight, to the right and back of where it points; an arrow where its heading is known.
 const TRIANGLE = [[0, -1], [1, 0.8], [-1, 0.8]];
 const ARROW = [[0, -1.5], [0.9, 1], [0, 0.5], [-0.9, 1]];
+const STRIP_ALPHA = 0.2;
 const FLYING = 0, FINDER = 1, LOST = 3, OUT_OF_TIME = 4;
 const STATE = 7, FOUND = 16;
 const KEYS = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] };
@@ -242,8 +243,12 @@ export default {
       if (grid / zoom <= 60) this.paintGrid(c, whole, cell, theme);
       const drawn = this.past.box.map((at) => (at * cell) / this.past.cell);
       for (const layer of [this.past.searched, this.past.tracks]) {
+        // Strips of steps overlap.
+        const isStrips = layer === this.past.searched && this.frame.strips.length;
+        c.globalAlpha = isStrips ? STRIP_ALPHA : 1;
         c.drawImage(layer.canvas, drawn[0], drawn[1], drawn[2], drawn[2]);
       }
+      c.globalAlpha = 1;
       this.paintSightings(c, whole, theme, unit);
       if (last) this.paintDrones(c, box, cell, last - 1, theme, unit);
       this.paintVehicles(c, cell, theme, unit);
@@ -422,9 +427,8 @@ export default {
     },
     // In metres, where a drone flew and how far it saw.
     paintStrips(c, cell, count, theme) {
-      const from = Math.max(this.past.count - 1, 0);
+      const from = Math.max(this.past.count - 2, 0);
       c.strokeStyle = theme.ink;
-      c.globalAlpha = 0.14;
       c.lineJoin = "round";
       this.frame.strips.forEach((width, i) => {
         c.lineWidth = width * cell;

@@ -144,7 +144,8 @@ class MissionPage:
                 self._scale = ui.label()
             ui.html(
                 '<ul class="key" aria-label="Key">'
-                '<li><span class="mark searched-mark"></span>searched, thicker if more often</li>'
+                '<li><span class="mark searched-mark"></span>searched, thicker if more often; '
+                "a shade in metres</li>"
                 "<li>▲ in flight</li><li>★ has found a person</li><li>✕ lost</li>"
                 "<li>△ search over</li><li>■ out of time</li><li>⊕ vehicle</li></ul>",
                 sanitize=False,
