@@ -23,7 +23,7 @@ from dsse_ros.recording.bag import BagWriter, Recorded
 from dsse_ros.recording.bag_replay import Replay
 from dsse_ros.report.bags import MissionBag
 from dsse_ros.report.metrics import metrics
-from dsse_ros.report.recomputed import follow_belief, forecast_for, mission_views
+from dsse_ros.report.recomputed import follow_belief, forecast_for, mission_views, views
 from dsse_ros.report.record import RecordedMission, read_csv
 from dsse_ros.scenario.agents import AgentsInfo, agents_json
 from dsse_ros.scenario.frames import scenario_frame
@@ -201,6 +201,9 @@ def test_the_paths_of_a_record_are_those_that_were_flown(
     assert record.paths.shape == paths.shape
     # Of the log, which rounds to a millimetre.
     assert np.abs(record.paths - paths).max() < 0.01
+    view = views(record, [len(paths) - 1])[len(paths) - 1]
+    assert view.tracks[:, -1] == pytest.approx(record.places[-1]) and view.searches is None
+    assert view.legs == paths.shape[2] - 1 and view.headings is not None
     # Where steps or headings are missing, a path is straight.
     assert record.turns is not None and record.flights is not None
     gap = dataclasses.replace(record, turns=None)
