@@ -17,7 +17,7 @@ from dsse_ros.scenario.frames import GridFrame, map_to_places
 from dsse_ros.search import HOLD
 from dsse_ros.step.fault_kernels import LOST
 from dsse_ros.step.looks import Looks
-from msg_adapters.step_report import path_of
+from msg_adapters.step_report import looked_of, path_of
 
 LAYERS = {"probability_grid": "Map", "belief_grid": "Belief"}
 """Topics of the maps that the page can show, and their names."""
@@ -276,8 +276,9 @@ class SearchHistory:
         """Yield what the map draws of each known step in metres.
 
         These are the step, col, row and flags of each drone as in `paths`, with fractions between
-        cells, and a list of its heading, radians clockwise from north, and col and row of each
-        place on its path since the step before; only None if the report does not state these.
+        cells, and a list of its heading, radians clockwise from north, whether it looked, 0 or 1,
+        on each leg of its path (None if on all), and col and row of each place on it since the step
+        before; only two None if the report does not state these.
 
         Args:
             frame: The grid.
@@ -296,16 +297,19 @@ class SearchHistory:
         return self.states[i].astype(np.int64) | (self.reports[i]["found"] != 0) << 4
 
 
-def _flown(report: NDArray[Any], frame: GridFrame) -> list[list[float | None]]:
-    """Return the heading and the path of each drone, see `SearchHistory.flights`."""
+def _flown(report: NDArray[Any], frame: GridFrame) -> list[list[Any]]:
+    """Return heading, looks and path of each drone, see `SearchHistory.flights`."""
     if not has_field(report, "heading"):
-        return [[None] for _ in report]
+        return [[None, None] for _ in report]
     between = (path_of(report)[:, 1:-1] / frame.cell_size_m - 0.5).round(3)
+    looked = looked_of(report)
     return [
-        [round(heading, 3), *points]
-        for heading, points in zip(
-            report["heading"].tolist(), between.reshape(len(report), -1).tolist(), strict=True
-        )
+        [
+            round(heading, 3),
+            None if looked is None else looked[n, 1:].astype(int).tolist(),
+            *between[n].ravel().tolist(),
+        ]
+        for n, heading in enumerate(report["heading"].tolist())
     ]
 
 

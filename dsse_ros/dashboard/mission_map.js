@@ -432,7 +432,7 @@ export default {
       c.lineJoin = "round";
       this.frame.strips.forEach((width, i) => {
         c.lineWidth = width * cell;
-        c.stroke(this.way(i, from, count, cell)[0]);
+        c.stroke(this.way(i, from, count, cell, true)[0]);
       });
     },
     // A frame inside each cell, thicker with each search of it; a shade where cells are small.
@@ -473,16 +473,17 @@ export default {
       const count = this.frame.names.length;
       return count < 2 || this.frame.strips.length ? 1 : Math.min(count | 1, 7);
     },
-    // In metres, what a row has of a drone besides: its heading, and places on its path.
+    // In metres, what a row has of a drone besides: its heading, on which legs of its path it looked
+    // (null for all), and places on it.
     flight(row, i) {
-      return this.frame.strips.length ? row[1 + 3 * this.frame.names.length + i] : [null];
+      return this.frame.strips.length ? row[1 + 3 * this.frame.names.length + i] : [null, null];
     },
-    // The way of a drone from one row to another, and its length.
-    way(i, from, count, cell) {
+    // The way of a drone from one row to another, or what of it it looked on, and its length.
+    way(i, from, count, cell, searching = false) {
       const path = new Path2D();
       let before = null, length = 0;
-      const add = (x, y) => {
-        if (!before) path.moveTo(x, y);
+      const add = (x, y, is_drawn) => {
+        if (!before || !is_drawn) path.moveTo(x, y);
         else if (x !== before[0] || y !== before[1]) {
           path.lineTo(x, y);
           length += Math.hypot(x - before[0], y - before[1]);
@@ -490,11 +491,12 @@ export default {
         before = [x, y];
       };
       for (let k = from; k < count; k++) {
-        const [, ...places] = k > from ? this.flight(this.rows[k], i) : [];
+        const [, looked, ...places] = k > from ? this.flight(this.rows[k], i) : [null, null];
+        const is_drawn = (leg) => !searching || !looked || looked[leg];
         for (let p = 0; p < places.length; p += 2) {
-          add((places[p] + 0.5) * cell, (places[p + 1] + 0.5) * cell);
+          add((places[p] + 0.5) * cell, (places[p + 1] + 0.5) * cell, is_drawn(p / 2));
         }
-        add(...this.place(this.rows[k], i, cell));
+        add(...this.place(this.rows[k], i, cell), is_drawn(places.length / 2));
       }
       return [path, length];
     },

@@ -164,10 +164,11 @@ class PageView:
         """Return what the map has to draw; None if the browser already shows it.
 
         The keys are the number of the frame, search, grid, names of the drones, strips (see
-        `ShownMission.strips`), first index and rows of the new steps (see `SearchHistory.paths` and, in
-        metres, `flights`), the shown step, mapped (the step of the map, which may be older), image
-        (a data URL, only if it has changed), vehicles (drone, column, row), corner (see
-        `CornerRow`), edges (see `edges_of`), and chart (see `chart_of`, only if it has changed).
+        `ShownMission.strips`), first index and rows of the new steps (see `SearchHistory.paths`
+        and, in metres, `flights`), the shown step, mapped (the step of the map, which may be
+        older), image (a data URL, only if it has changed), vehicles (drone, column, row), corner
+        (see `CornerRow`), edges (see `edges_of`), and chart (see `chart_of`, only if it has
+        changed).
         """
         mission, history = self.mission, self.history
         if mission is None or history is None:

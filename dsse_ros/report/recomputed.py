@@ -163,7 +163,7 @@ def _view(record: RecordedMission, k: int, of_map: MissionView) -> MissionView:
         found=nothing if record.person_found is None else record.person_found[k],
         step=int(record.steps[k]),
         pos=None if record.pos is None else float(record.pos[k]),
-        searches=effort(record, k + 1) if record.flights is None else None,
+        searches=effort(record, k + 1) if record.in_cells is None else None,
         waits=_waits(record, k + 1),
         ending=_ending(record, k) if record.complete and k == len(record.steps) - 1 else "",
     )

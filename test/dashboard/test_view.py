@@ -484,8 +484,8 @@ def test_drones_in_metres_are_sent_where_they_are_with_heading_and_path(
     for row, one in zip(page.rows, flown, strict=True):
         drones = np.array(row[1:7]).reshape(2, 3)
         assert drones[:, :2] == pytest.approx(one.places, abs=1e-3)
-        for i, (heading, *between) in enumerate(row[7:]):
-            assert heading == pytest.approx(one.flights["heading"][i], abs=1e-3)
+        for i, (heading, looked, *between) in enumerate(row[7:]):
+            assert looked is None and heading == pytest.approx(one.flights["heading"][i], abs=1e-3)
             expected = one.paths[i, 1:-1] / 130.0 - 0.5
             assert np.reshape(between, (-1, 2)) == pytest.approx(expected, abs=1e-3)
     assert len(page.rows[1][7]) > 3
@@ -502,6 +502,6 @@ def test_steps_in_metres_that_were_missed_are_sent_without_a_heading() -> None:
     page.receive("mission_report", page.played.mission_report)
     page.draw()
     assert len(page.rows) == 5
-    assert [row[7:] for row in page.rows[:-1]] == [[[None], [None]]] * 4
+    assert [row[7:] for row in page.rows[:-1]] == [[[None, None]] * 2] * 4
     ends = np.array(page.rows[1][1:7]).reshape(2, 3)[:, :2]
     assert np.abs(ends - np.round(ends)).max() > 0.01

@@ -22,6 +22,7 @@ from dsse_ros.mission.step_messages import MESSAGES, StepMessages
 from dsse_ros.recording.bag import BagWriter, Recorded
 from dsse_ros.recording.bag_replay import Replay
 from dsse_ros.report.bags import MissionBag
+from dsse_ros.report.flown_paths import looked_in
 from dsse_ros.report.metrics import metrics
 from dsse_ros.report.recomputed import follow_belief, forecast_for, mission_views, views
 from dsse_ros.report.record import RecordedMission, read_csv
@@ -32,6 +33,7 @@ from dsse_ros.search import FieldError, SearchDefinition, parallel_env
 from dsse_ros.search.strips import strips_of
 from dsse_ros.searchers import registry
 from dsse_ros.searchers.searcher import Searcher
+from dsse_ros.view.map_axes import looked_runs
 from msg_adapters.stamps import to_stamp
 from msg_adapters.topics import EACH_DRONE
 
@@ -183,46 +185,51 @@ def test_a_bag_has_the_same_record_as_a_log(tmp_path: Path) -> None:
     assert follow_belief(recorded, forecast)[0].tolist() == record.pos.tolist()
 
 
-def paths_of_mission() -> np.ndarray[Any, Any]:
+def paths_of_mission(*, vehicles: bool = False) -> np.ndarray[Any, Any]:
     """Return the paths (K, N, P + 1, 2) that were flown."""
-    return np.stack([step.result.flown.paths for step in flown() if step.result.flown is not None])
+    results = [step.result.flown for step in flown(vehicles=vehicles)]
+    return np.stack([result.paths for result in results if result is not None])
 
 
-@pytest.mark.parametrize("radius", [0.0, 90.0])
+@pytest.mark.parametrize(("radius", "vehicles"), [(0.0, False), (90.0, False), (0.0, True)])
 def test_the_paths_of_a_record_are_those_that_were_flown(
-    radius: float, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    radius: float, vehicles: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     kind = Searcher(doc="a kind", speed=10.0, min_speed=6.0 * (radius > 0), turn_radius=radius)
     monkeypatch.setitem(registry.SEARCHERS, "kind", kind)
     monkeypatch.setitem(PLACE, "searchers", ("kind",))
-    record, _ = log_of(tmp_path / "mission.csv")
-    paths = paths_of_mission()
-    assert (paths.shape[2] > 2) == (radius > 0)
+    record, _ = log_of(tmp_path / "mission.csv", vehicles=vehicles)
+    paths = paths_of_mission(vehicles=vehicles)
+    assert (paths.shape[2] > 2) == (radius > 0 or vehicles)
     assert record.paths.shape == paths.shape
     # Of the log, which rounds to a millimetre.
     assert np.abs(record.paths - paths).max() < 0.01
     view = views(record, [len(paths) - 1])[len(paths) - 1]
     assert view.tracks[:, -1] == pytest.approx(record.places[-1]) and view.searches is None
     assert view.legs == paths.shape[2] - 1 and view.headings is not None
-    # Where steps or headings are missing, a path is straight.
-    assert record.turns is not None and record.flights is not None
-    gap = dataclasses.replace(record, turns=None)
+    assert (view.looked is None) != vehicles
+    # Where headings are missing, a path is straight.
+    gap = dataclasses.replace(record, courses=None, flown=None)
+    if vehicles:
+        return
     ends = np.linspace(0, 1, paths.shape[2])[:, None]
     straight = paths[3, :, :1] + ends * (paths[3, :, -1:] - paths[3, :, :1])
     assert np.abs(gap.paths[3] - straight).max() < 0.01
 
 
-def test_a_record_in_metres_is_exported_as_paths_and_strips(tmp_path: Path) -> None:
+@pytest.mark.parametrize("vehicles", [False, True])
+def test_a_record_in_metres_is_exported_as_paths_and_strips(tmp_path: Path, vehicles: bool) -> None:
     for module in ("rasterio", "simplekml", "gpxpy"):
         pytest.importorskip(module)
     shapely = pytest.importorskip("shapely")
     from dsse_ros.cli.export_gis import main
 
-    record, _ = log_of(tmp_path / "mission.csv")
+    record, _ = log_of(tmp_path / "mission.csv", vehicles=vehicles)
     out = tmp_path / "gis"
     assert main([str(tmp_path / "mission.csv"), "--out", str(out)]) == 0
     assert sorted(path.name for path in out.iterdir()) == ["mission.kml", "poc.tif", "tracks.gpx"]
-    frame, paths = scenario_frame(record.scenario), paths_of_mission()
+    frame, paths = scenario_frame(record.scenario), paths_of_mission(vehicles=vehicles)
+    seen = looked_in(record, len(paths))
     root = ElementTree.parse(out / "mission.kml").getroot()
     marks = {mark.findtext("name", "", KML): mark for mark in root.iter(f"{{{KML['']}}}Placemark")}
 
@@ -247,6 +254,9 @@ def test_a_record_in_metres_is_exported_as_paths_and_strips(tmp_path: Path) -> N
             )
             for part in marks[f"strip of {name}"].findall(".//Polygon", KML)
         ]
-        strip, line = shapely.union_all(polygons), shapely.LineString(flown_m)
-        assert strip.buffer(0.1).contains(line.buffer(width_m / 2 - 0.5, cap_style="flat"))
-        assert line.buffer(width_m / 2 + 0.5).contains(strip)
+        strip = shapely.union_all(polygons)
+        line = shapely.MultiLineString(looked_runs(flown_m, None if seen is None else seen[n]))
+        expected = line.buffer(width_m / 2, cap_style="flat")
+        assert strip.symmetric_difference(expected).area < 1e-3 * expected.area
+        # No part of it is farther away.
+        assert line.buffer(width_m / 2 + 0.1).contains(strip)
