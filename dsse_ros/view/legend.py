@@ -93,6 +93,30 @@ def _found_symbol() -> tuple[Any, ...]:
     )
 
 
+def _persons_and_datum(theme: Theme) -> dict[str, tuple[Any, str]]:
+    """Return the symbols of waiting drones, of places of interest and of persons."""
+    return {
+        "waited": (
+            _symbol(wait_marker(), 8, markeredgecolor=theme.ink, markeredgewidth=1.6),
+            "a drone waited here",
+        ),
+        "datum": (
+            _symbol("+", 10, **datum_style(theme)),
+            "datum: where drift alone\nputs the person",
+        ),
+        "circle": (
+            _line(theme, **circle_style(theme)),
+            "edge of what is possible:\nno probability outside",
+        ),
+        "lkp": (
+            tuple(_drawn(**style) for style in lkp_styles(theme)),
+            "last known position (LKP)\nwith its 99 % circle",
+        ),
+        "person": (_symbol("*", 13, **STAR | {"markerfacecolor": PERSON}), "person at sea"),
+        "found": (_found_symbol(), "person found"),
+    }
+
+
 def legend_entries(
     theme: Theme,
     *,
@@ -135,24 +159,7 @@ def legend_entries(
             "searched, more ink is\nmore often" if shaded else "searched: a stroke\nfor each time",
         ),
         "strip": (Patch(facecolor=theme.soft, alpha=STRIP_ALPHA), "strip that the drones saw"),
-        "waited": (
-            _symbol(wait_marker(), 8, markeredgecolor=theme.ink, markeredgewidth=1.6),
-            "a drone waited here",
-        ),
-        "datum": (
-            _symbol("+", 10, **datum_style(theme)),
-            "datum: where drift alone\nputs the person",
-        ),
-        "circle": (
-            _line(theme, **circle_style(theme)),
-            "edge of what is possible:\nno probability outside",
-        ),
-        "lkp": (
-            tuple(_drawn(**style) for style in lkp_styles(theme)),
-            "last known position (LKP)\nwith its 99 % circle",
-        ),
-        "person": (_symbol("*", 13, **STAR | {"markerfacecolor": PERSON}), "person at sea"),
-        "found": (_found_symbol(), "person found"),
+        **_persons_and_datum(theme),
         "outside": (Patch(facecolor=theme.land, edgecolor=theme.edge), "not to be searched"),
         "land": (Patch(**shore_style(theme)), "land"),
     }
