@@ -188,10 +188,10 @@ def test_another_command_in_metres_is_noticed(rig: Rig, in_metres: Sim) -> None:
         in_metres.health_when(lambda found: found["missing_drones"] == "drone0, drone2")
         # Its joint command comes later and replaces the velocity.
         env.step(dict.fromkeys(env.agents, (0.0, 0.5)))
-        seen = len(in_metres.reports)
+        rig.until(lambda: in_metres.step_number == 1, "step 1")
         for drone in range(3):
             in_metres.talk(TwistStamped, f"drone{drone}/cmd_vel").publish(TwistStamped())
-        in_metres.next_report(seen)
+        rig.until(lambda: in_metres.step_number == 2, "step 2")
         with pytest.raises(SearchLostError, match="another node commands"):
             env.step(dict.fromkeys(env.agents, (0.0, 0.5)))
     finally:
@@ -216,7 +216,7 @@ def prompt_vehicles(rig: Rig, namespace: str, count: int) -> Iterator[None]:
     )
 
     def arrive(message: PointCloud2) -> None:
-        for drone, task in enumerate(vehicle_tasks_from_message(message)):
+        for drone, task in enumerate(vehicle_tasks_from_message(message)[-1]):
             number, pose = int(task["task"]), PoseStamped()
             states[drone].publish(state_of(drone, Progress(number, number, number)))
             pose.header.frame_id = message.header.frame_id
