@@ -567,6 +567,7 @@ def test_every_dependency_is_explained() -> None:
                 "drift",
                 "geotiff",
                 "gis",
+                "grib",
                 "land",
                 "movie",
                 "onnx",
