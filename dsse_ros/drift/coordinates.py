@@ -38,8 +38,8 @@ _BY_UNITS: dict[str, Role] = {
 }
 _METRES = {"m": 1.0, "meter": 1.0, "meters": 1.0, "metre": 1.0, "metres": 1.0, "km": 1000.0}
 _BY_NAME: tuple[tuple[str, Role], ...] = (
-    (r"lat|latitude|nav_lat|xlat|(lat|tlat|ulat)_?(rho|u|v|c|t)?", "lat"),
-    (r"lon|longitude|nav_lon|xlong|(lon|tlon|ulon)_?(rho|u|v|c|t)?", "lon"),
+    (r"latitude|xlat|(nav_lat|lat|tlat|ulat)_?(rho|u|v|c|t)?", "lat"),
+    (r"longitude|xlong|(nav_lon|lon|tlon|ulon)_?(rho|u|v|c|t)?", "lon"),
     (r"time|valid_time|ocean_time|time_counter|mt", "time"),
     (r".*height_?above_?(ground|sea|mean_sea_level).*|height\d*", "height"),
     (r"depth.*", "depth"),

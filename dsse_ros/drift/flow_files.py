@@ -18,7 +18,7 @@ from dsse_ros.drift.flow import Flow, Kind
 from dsse_ros.drift.flow_grids import Source, Span, flow_on_grid
 from dsse_ros.drift.forecast_files import opened_forecast
 from dsse_ros.drift.netcdf import Unfit, check_installed, times_of
-from dsse_ros.drift.velocity_pairs import ANY, Choice, find_pair, half
+from dsse_ros.drift.velocity_pairs import ANY, Choice, find_among, find_pair, half
 
 GAP_CELLS = 2
 """Cells over which the nearest value fills a gap, unless a scenario states them."""
@@ -92,22 +92,13 @@ def _fitting(datasets: Sequence[Any], kind: Kind, choice: Choice) -> Any:
     """
     if len(datasets) == 1:
         return datasets[0]
-    found, failures = [], []
-    for dataset in datasets:
-        try:
-            find_pair(dataset, kind, choice)
-            found.append(dataset)
-        except Unfit as unfit:
-            failures.append(str(unfit))
-            if half(dataset, kind, choice) is not None:
-                found.append(dataset)
-    if len(found) == 1:
-        return found[0]
-    if found:
-        names = "; ".join(", ".join(map(str, one.data_vars)) for one in found)
-        raise Unfit(f"{kind} must be one pair of variables, got {names}; choose by variables")
-    # Those about a level say more than those about other variables.
-    raise Unfit(min(failures, key=lambda text: "choose by variables or select" not in text))
+    try:
+        return find_among(datasets, kind, choice)[0]
+    except Unfit:
+        halves = [one for one in datasets if half(one, kind, choice) is not None]
+        if len(halves) != 1:
+            raise
+        return halves[0]
 
 
 def _sources(datasets: Sequence[Any], kind: Kind, choice: Choice) -> list[Source]:

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import csv
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import lru_cache
 from itertools import product
 from pathlib import Path
@@ -116,11 +116,12 @@ class _Level(NamedTuple):
 
 
 class _Candidate(NamedTuple):
-    """A pair, the number of its row and its level."""
+    """A pair, the number of its row, its level and its data set."""
 
     rank: int
     pair: Pair
     level: _Level
+    dataset: Any
 
     @property
     def shown(self) -> str:
@@ -145,17 +146,28 @@ def find_pair(dataset: Any, kind: Kind, choice: Choice) -> Pair:
     Raises:
         Unfit: If the file has no such pair, or several that nothing distinguishes.
     """
-    ranked = _stated(dataset, kind, choice) if choice.variables else _named(dataset, kind)
+    return find_among([dataset], kind, choice)[1]
+
+
+def find_among(datasets: Sequence[Any], kind: Kind, choice: Choice) -> tuple[Any, Pair]:
+    """Return `find_pair` of a file of several data sets, with the data set that has it."""
     found: list[_Candidate] = []
-    failures = []
-    for rank, pair in ranked:
+    failures, lacks = [], []
+    for dataset in datasets:
         try:
-            found.append(_at_level(dataset, kind, choice, rank, pair))
+            ranked = _stated(dataset, kind, choice) if choice.variables else _named(dataset, kind)
         except Unfit as unfit:
-            failures.append(unfit)
+            lacks.append(unfit)
+            continue
+        for rank, pair in ranked:
+            try:
+                found.append(_at_level(dataset, kind, choice, rank, pair))
+            except Unfit as unfit:
+                failures.append(unfit)
     if not found:
-        raise failures[0] if failures else Unfit(_nothing(dataset, kind))
-    return _best(kind, found)
+        raise next(iter((*failures, *lacks)), Unfit(_nothing(datasets[0], kind)))
+    best = _best(kind, found)
+    return best.dataset, best.pair
 
 
 def half(dataset: Any, kind: Kind, choice: Choice) -> Any | None:
@@ -172,8 +184,8 @@ def half(dataset: Any, kind: Kind, choice: Choice) -> Any | None:
     return next(iter(east or north), None) if not (east and north) else None
 
 
-def _best(kind: Kind, found: list[_Candidate]) -> Pair:
-    """Return the pair at the wanted level.
+def _best(kind: Kind, found: list[_Candidate]) -> _Candidate:
+    """Return the candidate at the wanted level.
 
     Raises:
         Unfit: If there is none, or nothing distinguishes several.
@@ -192,7 +204,7 @@ def _best(kind: Kind, found: list[_Candidate]) -> Pair:
         raise Unfit(f"{kind} must be one pair of variables, got {names}; choose by variables")
     others = [one.pair.names for one in fitting if one is not first]
     note = f"takes {first.pair.names}, not {', '.join(others)}" if others else ""
-    return first.pair._replace(note=note)
+    return first._replace(pair=first.pair._replace(note=note))
 
 
 def _stated(dataset: Any, kind: Kind, choice: Choice) -> list[tuple[int, Pair]]:
@@ -232,7 +244,7 @@ def _rows_of(kind: Kind) -> list[_Row]:
 
 def _variables(dataset: Any, kind: Kind) -> list[Any]:
     """Return the variables of a medium, or of none that is stated."""
-    every = [dataset[name] for name, one in dataset.variables.items() if one.ndim > 1]
+    every = [dataset[name] for name, one in dataset.variables.items() if one.ndim]
     return [one for one in every if _medium(one) in (kind, "") and not _PART.search(_words(one))]
 
 
@@ -313,7 +325,7 @@ def _at_level(dataset: Any, kind: Kind, choice: Choice, rank: int, pair: Pair) -
     # GRIB states it, whatever the names.
     of_grib: dict[Any, Axes] = {0: "earth", 1: "grid"}
     axes = choice.axes or of_grib.get(pair.east.attrs.get("GRIB_uvRelativeToGrid"), pair.axes)
-    return _Candidate(rank, pair._replace(east=east, north=north, axes=axes), level)
+    return _Candidate(rank, pair._replace(east=east, north=north, axes=axes), level, dataset)
 
 
 def _sliced(dataset: Any, kind: Kind, choice: Choice, variable: Any) -> tuple[Any, _Level]:
@@ -413,6 +425,9 @@ def _by_words(kind: Kind, variable: Any, level: _Level) -> _Level:
     """Return the level that the names of a wind state where its coordinates do not."""
     if kind != "wind" or level.fits:
         return level
+    of_grib = variable.attrs.get("GRIB_typeOfLevel", "surface")
+    if level.fits is None and of_grib not in ("surface", "heightAboveGround", "meanSea"):
+        return _Level(False, str(of_grib))
     words = f"{_words(variable)} {variable.name}".lower()
     height = _HEIGHT.search(words) or re.fullmatch(r"[uv]_?(\d+)|(\d+)[uv]", words.split()[-1])
     if height:

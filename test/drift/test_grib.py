@@ -59,6 +59,9 @@ def forecast(path: Path, edition: int = 2, *, steps: int = 6, high: bool = True,
             about = {**REGULAR, **NOON, "endStep": step}
             east = linear(LATS[:, None], LONS, step)
             for sign, side in ((1, "u"), (-1, "v")):
+                if high:
+                    add(file, edition, 0 * east + 60, "pl", **about, typeOfLevel="tropopause",
+                        shortName=side)  # fmt: skip
                 for level in (850, 500) if high else ():
                     add(file, edition, 0 * east + 40, "pl", **about, level=level, shortName=side)
                 if low:
