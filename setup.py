@@ -79,8 +79,14 @@ setup(
         "grib": ["cfgrib>=0.9.12", "eccodes>=2.37,<2.43"],
         # Probability matrices from GeoTIFF files.
         "geotiff": ["rasterio>=1.4"],
-        # The program `export_gis`.
-        "gis": ["gpxpy>=1.6", "rasterio>=1.4", "shapely>=2.0.3", "simplekml>=1.3.6"],
+        # The program `export_gis`, and areas from KML, GPX, shapefiles and GeoPackages.
+        "gis": [
+            "gpxpy>=1.6",
+            "pyogrio>=0.10",
+            "rasterio>=1.4",
+            "shapely>=2.0.3",
+            "simplekml>=1.3.6",
+        ],
         # What `recorder` and `replay` write and read.
         "record": ["lz4>=4.3", "mcap>=1.6", "zstandard>=0.21"],
         # The site of `make docs`.
@@ -116,7 +122,6 @@ setup(
             "mcap-ros2-support>=0.6",
             "mypy>=1.15",
             "onnx>=1.16",
-            "pyogrio>=0.10",
             "pytest==8.3.*",
             "pytest-xdist>=3.8",
             "rosbags>=0.11",

@@ -304,7 +304,7 @@ def read_csv(
     name = f"file: {os.fspath(path)!r}"
     missions: dict[str, list[list[list[str]]]] = {}
     try:
-        with Path(path).open(newline="", encoding="utf-8") as file:
+        with Path(path).open(newline="", encoding="utf-8-sig") as file:
             reader = csv.reader(file)
             columns = next(reader, [])
             if not {*COLUMNS} <= {*columns}:

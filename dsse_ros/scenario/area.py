@@ -9,6 +9,7 @@ polygon across the antimeridian must be cut there (RFC 7946, 3.1.1 and 3.1.9).
 from __future__ import annotations
 
 import json
+import logging
 import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
@@ -22,12 +23,14 @@ from numpy.typing import NDArray
 from dsse_ros.extras import pip_install
 from dsse_ros.scenario.fields import FieldError, shown
 from dsse_ros.scenario.frames import cell_centre
+from dsse_ros.scenario.outlines import BY_GDAL, outlines_of, read_by_gdal
 
 if TYPE_CHECKING:
     from dsse_ros.scenario.geodesy import Origin
 
 MAX_BYTES = 10_000_000
 _BLOCK_CELLS = 1 << 16
+_LOGGER = logging.getLogger(__name__)
 Point = tuple[float, float]
 """Latitude and longitude in degrees."""
 Polygon = tuple[tuple[Point, ...], ...]
@@ -73,24 +76,23 @@ class Area:
             raise FieldError(f"{name}: Shapely is missing; {pip_install('area')}") from None
         content = _read(value, name) if isinstance(value, str | os.PathLike) else value
         try:
-            geometry = shapely.from_geojson(json.dumps(_geojson_of(content), allow_nan=False))
+            outlines, others = outlines_of(_geojson_of(content))
+            shapes = [
+                (shapely.from_geojson(json.dumps(one.geometry, allow_nan=False)), one.feature)
+                for one in outlines
+            ]
         except (LookupError, RecursionError, TypeError, ValueError, shapely.GEOSException):
             raise _refusal(value, name) from None
-        polygons = list(_parts_of(geometry))
-        if not polygons or any(part.geom_type != "Polygon" or part.is_empty for part in polygons):
+        if not shapes or any(shape.is_empty for shape, _ in shapes):
             raise _refusal(value, name)
-        for polygon in polygons:
-            west, south, east, north = polygon.bounds
-            if not (-180 <= west <= east <= 180 and -90 <= south <= north <= 90):
-                raise FieldError(
-                    f"{name} must have latitudes from -90 to 90 and longitudes from -180 to 180, "
-                    f"got {south:g} to {north:g} and {west:g} to {east:g}"
-                )
-            if not polygon.is_valid:
-                raise FieldError(
-                    f"{name} must have outlines that do not cross or touch themselves, got "
-                    f"{shapely.is_valid_reason(polygon)} (lon lat)"
-                )
+        if others:
+            _LOGGER.warning("%s: %d geometries are no polygons and do not count", name, others)
+        polygons = []
+        for shape, feature in shapes:
+            of_feature = f" in {feature}" if feature else ""
+            for polygon in _parts_of(shape):
+                _check_outline(polygon, name, of_feature)
+                polygons.append(polygon)
         return cls(
             tuple(
                 tuple(
@@ -244,11 +246,14 @@ def _read(source: str | os.PathLike[str], name: str) -> Any:
     text = os.fspath(source)
     try:
         if not text.lstrip().startswith("{"):
+            if text.lower().endswith(BY_GDAL):
+                return read_by_gdal(text, name)
             with Path(text).open("rb") as file:
                 data = file.read(MAX_BYTES + 1)
             if len(data) > MAX_BYTES:
                 raise FieldError(f"{name} must have at most {MAX_BYTES} bytes, got {shown(source)}")
-            text = data.decode()
+            # Some programs put a byte order mark first.
+            text = data.decode("utf-8-sig")
         return json.loads(text)
     except OSError as error:
         raise FieldError(
@@ -273,6 +278,27 @@ def _geojson_of(content: Any) -> Mapping[str, Any]:
         raise TypeError
     ring = [(lon, lat) for lat, lon in content]
     return {"type": "Polygon", "coordinates": [ring if ring[0] == ring[-1] else [*ring, ring[0]]]}
+
+
+def _check_outline(polygon: Any, name: str, of_feature: str) -> None:
+    """Check that a polygon lies on the Earth and is valid.
+
+    Raises:
+        FieldError: If it is not.
+    """
+    import shapely
+
+    west, south, east, north = polygon.bounds
+    if not (-180 <= west <= east <= 180 and -90 <= south <= north <= 90):
+        raise FieldError(
+            f"{name} must have latitudes from -90 to 90 and longitudes from -180 to 180, got "
+            f"{south:.10g} to {north:.10g} and {west:.10g} to {east:.10g}{of_feature}"
+        )
+    if not polygon.is_valid:
+        raise FieldError(
+            f"{name} must have outlines that do not cross or touch themselves, got "
+            f"{shapely.is_valid_reason(polygon)} (lon lat){of_feature}"
+        )
 
 
 def _parts_of(geometry: Any) -> Iterator[Any]:

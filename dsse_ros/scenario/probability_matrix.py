@@ -107,7 +107,7 @@ def _read_npy(path: str) -> _Read:
 
 def _read_csv(path: str) -> _Read:
     rows: list[NDArray[np.float64]] = []
-    with open(path, newline="", encoding="utf-8") as file:
+    with open(path, newline="", encoding="utf-8-sig") as file:
         for row in csv.reader(_lines(file)):
             if row:
                 rows.append(np.array([float(value) for value in row]))
@@ -129,10 +129,9 @@ def _lines(file: TextIO) -> Iterator[str]:
 
 
 def _read_tiff(path: str) -> _Read:
-    """Return the first band, 0 where it has no data, and the positions of its corners."""
+    """Return the first band, north up, 0 where it has no data, and the positions of its corners."""
     try:
         import rasterio
-        from rasterio.warp import transform
     except ModuleNotFoundError:
         raise FieldError(
             f"{NAME}: {shown(path)} needs rasterio; {pip_install('geotiff')}"
@@ -150,15 +149,41 @@ def _read_tiff(path: str) -> _Read:
             if math.prod(raster.block_shapes[0]) > MAX_SIDE**2:
                 raise ValueError
             values = raster.read(1, masked=True).filled(0)
+            place = raster.transform
+            if place.b or place.d:
+                raise FieldError(f"{NAME} must have its rows from west to east, got {shown(path)}")
+            rows, cols = [0, raster.shape[0] - 1], [0, raster.shape[1] - 1]
+            # Rows from the south are those of a transform that is no mere numbering.
+            if place.e > 0 and not place.is_identity:
+                values, rows = values[::-1], rows[::-1]
+            if place.a < 0:
+                values, cols = values[:, ::-1], cols[::-1]
+            values = np.ascontiguousarray(values)
             if raster.crs is None:
                 return values, None
-            last_row, last_col = (end - 1 for end in raster.shape)
-            rows, cols = [0, 0, last_row, last_row], [0, last_col, 0, last_col]
-            x, y = rasterio.transform.xy(raster.transform, rows, cols)
-            lon, lat = transform(raster.crs, "EPSG:4326", x, y)
+            x, y = rasterio.transform.xy(place, np.repeat(rows, 2), np.tile(cols, 2))
+            corners = _on_earth(path, raster.crs, x, y)
     except rasterio.errors.RasterioError:
         raise ValueError from None
-    return values, tuple(zip(lat, lon, strict=True))
+    return values, corners
+
+
+def _on_earth(path: str, crs: Any, x: Any, y: Any) -> tuple[tuple[float, float], ...]:
+    """Return latitudes and longitudes of points.
+
+    Raises:
+        FieldError: If one is off the Earth.
+    """
+    from rasterio.warp import transform
+
+    try:
+        lon, lat = transform(crs, "EPSG:4326", x, y)
+    # The errors of GDAL have no common base.
+    except Exception:
+        lon, lat = [math.nan], [math.nan]
+    if not np.isfinite([*lon, *lat]).all():
+        raise FieldError(f"{NAME} must have its corners on the Earth, got {shown(path)}")
+    return tuple(zip(lat, lon, strict=True))
 
 
 ProbabilityMatrix.READERS = {

@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import shapely
 from areas import CELL_M, ORIGIN, geojson_of, random_mask, scenario_of
 from numpy.typing import NDArray
 
@@ -237,6 +238,76 @@ def test_geojson_comes_back_from_its_text_and_from_a_file_beside_the_scenario(
     assert Scenario.from_yaml(tmp_path / "scenario.yaml").area == area
     (tmp_path / "scenario.yaml").write_text(f"area: {SQUARE}\n")
     assert Scenario.from_yaml(tmp_path / "scenario.yaml").area == Area.of(SQUARE)
+
+
+RING = [[-46.4, -24.1], [-46.2, -24.1], [-46.2, -23.9], [-46.4, -23.9], [-46.4, -24.1]]
+
+
+def collection_of(*geometries: Any) -> dict[str, Any]:
+    features = [
+        {"type": "Feature", "properties": {"title": f"F{number}"}, "geometry": one}
+        for number, one in enumerate(geometries)
+    ]
+    return {"type": "FeatureCollection", "features": features}
+
+
+def test_polygons_count_among_points_lines_and_null_geometries(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    polygon = {"type": "Polygon", "coordinates": [RING]}
+    area = Area.of(polygon)
+    line = {"type": "LineString", "coordinates": [[*point, 0, 9] for point in RING[:2]]}
+    long = {"type": "Polygon", "coordinates": [[[*point, 0, 17e8] for point in RING]]}
+    both = {"type": "GeometryCollection", "geometries": [POINT, polygon]}
+    assert Area.of(collection_of(None, line, long)) == area
+    assert "area: 2 geometries are no polygons and do not count" in caplog.text
+    assert Area.of(both) == Area.of(collection_of(both)) == area
+    with pytest.raises(FieldError, match=r"Self-intersection.* \(lon lat\) in feature 2 \(F1\)"):
+        bow = [[lon, lat] for lat, lon in (*BOW, BOW[0])]
+        Area.of(collection_of(polygon, {"type": "Polygon", "coordinates": [bow]}))
+
+
+def test_an_outline_may_reach_the_antimeridian_within_rounding() -> None:
+    ring = [[179.0, -18], [180.00000000000014, -18], [180.00000000000014, -16], [179, -16]]
+    area = Area.of({"type": "Polygon", "coordinates": [[*ring, ring[0]]]})
+    assert max(lon for _, lon in area.polygons[0][0]) == 180.0
+    far = [[lon + 1e-6, lat] for lon, lat in ring]
+    with pytest.raises(FieldError, match="180, got -18 to -16 and 179.000001 to 180.000001"):
+        Area.of({"type": "Polygon", "coordinates": [[*far, far[0]]]})
+
+
+def test_a_byte_order_mark_is_read(tmp_path: Path) -> None:
+    polygon = {"type": "Polygon", "coordinates": [RING]}
+    (tmp_path / "area.geojson").write_bytes(b"\xef\xbb\xbf" + json.dumps(polygon).encode())
+    assert Area.of(tmp_path / "area.geojson") == Area.of(polygon)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("suffix", "driver", "crs"), [
+    (".kml", "KML", "EPSG:4326"), (".gpx", "GPX", "EPSG:4326"),
+    (".shp", "ESRI Shapefile", "EPSG:4326"), (".shp", "ESRI Shapefile", "EPSG:32723"),
+    (".gpkg", "GPKG", "EPSG:4326"),
+])  # fmt: skip
+def test_a_file_of_another_program_is_an_area(
+    tmp_path: Path, suffix: str, driver: str, crs: str
+) -> None:
+    pyogrio = pytest.importorskip("pyogrio")
+    shape = shapely.LineString(RING) if driver == "GPX" else shapely.Polygon(RING)
+    if crs != "EPSG:4326":
+        pyproj = pytest.importorskip("pyproj")
+        to_metres = pyproj.Transformer.from_crs("EPSG:4326", crs, always_xy=True)
+        shape = shapely.transform(shape, lambda xy: np.stack(to_metres.transform(*xy.T), axis=-1))
+    path = tmp_path / f"area{suffix}"
+    pyogrio.raw.write(
+        path, shapely.to_wkb(np.array([shape])), field_data=[], fields=[], driver=driver, crs=crs,
+        geometry_type=shape.geom_type, **({"layer": "routes"} if driver == "GPX" else {}),
+    )  # fmt: skip
+    read, wanted = Area.of(path), Area.of({"type": "Polygon", "coordinates": [RING]})
+    found = [shapely.Polygon(one.polygons[0][0]) for one in (read, wanted)]
+    assert found[0].symmetric_difference(found[1]).area < 1e-6
+    path.write_bytes(b"nothing")
+    with pytest.raises(FieldError, match="area must be a file that GDAL reads, got '.*area"):
+        Area.of(path)
 
 
 BOW = [[-24.035, -46.165], [-24.02, -46.15], [-24.035, -46.15], [-24.02, -46.165]]

@@ -94,6 +94,47 @@ def test_a_tiff_s_cells_without_data_count_as_zero(tmp_path: Path) -> None:
     assert found is not None and found.values[1, 2] == 0.0
 
 
+@pytest.mark.parametrize(("south_up", "east_left"), [(True, False), (False, True), (True, True)])
+@pytest.mark.parametrize("with_crs", [True, False])
+def test_a_tiff_is_never_upside_down(
+    tmp_path: Path, south_up: bool, east_left: bool, with_crs: bool
+) -> None:
+    rasterio = pytest.importorskip("rasterio")
+    about = georeference()
+    place = about["transform"]
+    stored = MATRIX[:: -1 if south_up else 1, :: -1 if east_left else 1]
+    corner = place * (4 if east_left else 0, 4 if south_up else 0)
+    across, down = -place.a if east_left else place.a, -place.e if south_up else place.e
+    about["transform"] = rasterio.Affine(across, 0, corner[0], 0, down, corner[1])
+    if not with_crs:
+        del about["crs"]
+    path = write_tiff(tmp_path / "matrix.tif", stored, **about)
+    scenario = Scenario(probability_matrix=path, **PLACE)
+    scenario.resolve(RULES)
+    assert scenario.probability_matrix is not None
+    np.testing.assert_array_equal(scenario.probability_matrix.values, MATRIX)
+
+
+def test_a_tiff_that_is_turned_or_off_the_earth_is_refused(tmp_path: Path) -> None:
+    rasterio = pytest.importorskip("rasterio")
+    about = georeference()
+    turned = about | {"transform": about["transform"] * rasterio.Affine.rotation(20)}
+    path = write_tiff(tmp_path / "turned.tif", MATRIX, **turned)
+    with pytest.raises(FieldError, match="probability_matrix must have its rows from west to east"):
+        Scenario(probability_matrix=path)
+    about["crs"] = "+proj=geos +h=35785831 +lon_0=-75 +sweep=x"
+    about["transform"] = rasterio.transform.from_bounds(-5.4e6, -5.4e6, 5.4e6, 5.4e6, 4, 4)
+    path = write_tiff(tmp_path / "off.tif", MATRIX, **about)
+    with pytest.raises(FieldError, match="must have its corners on the Earth, got '.*off.tif'$"):
+        Scenario(probability_matrix=path)
+
+
+def test_a_byte_order_mark_is_read(tmp_path: Path) -> None:
+    (tmp_path / "matrix.csv").write_bytes(b"\xef\xbb\xbf1,2\n3,4\n")
+    found = Scenario(probability_matrix=tmp_path / "matrix.csv").probability_matrix
+    assert found is not None and found.values.tolist() == [[1, 2], [3, 4]]
+
+
 @pytest.mark.parametrize(("shift", "allowed"), [(0.4, True), (-0.4, True), (0.6, False)])
 def test_a_tiff_that_lies_elsewhere_is_refused(shift: float, allowed: bool, tmp_path: Path) -> None:
     path = write_tiff(tmp_path / "matrix.tif", MATRIX, **georeference(shift))
