@@ -125,7 +125,7 @@ def test_a_tiff_that_is_turned_or_off_the_earth_is_refused(tmp_path: Path) -> No
     about["crs"] = "+proj=geos +h=35785831 +lon_0=-75 +sweep=x"
     about["transform"] = rasterio.transform.from_bounds(-5.4e6, -5.4e6, 5.4e6, 5.4e6, 4, 4)
     path = write_tiff(tmp_path / "off.tif", MATRIX, **about)
-    with pytest.raises(FieldError, match="must have its corners on the Earth, got '.*off.tif'$"):
+    with pytest.raises(FieldError, match="must have its corners on the Earth, got '"):
         Scenario(probability_matrix=path)
 
 
