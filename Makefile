@@ -30,7 +30,7 @@ WITHOUT_NODES := --numprocesses=logical --maxprocesses=4 --dist=worksteal
 # Nothing but what is in a file, by its hashes.
 LOCKED := --no-deps --require-hashes --requirement
 COMMA := ,
-OF_TESTS := viz,area,geotiff,gis,movie,onnx,test,sitl,routes,record,dashboard,browser,docs,viewer,campaign,drift,grib,land,ray,compat
+OF_TESTS := viz,area,geotiff,gis,movie,onnx,test,sitl,routes,record,dashboard,browser,docs,viewer,campaign,drift,grib,zarr,land,ray,compat
 
 # What calls the libraries that have lower bounds.
 TESTS_OF_OLDEST := $(addprefix test/scenario/test_,actions.py geodesy.py scenario.py) test/view/test_rendering.py \

@@ -77,6 +77,8 @@ setup(
         # Forecasts from GRIB files, beside `drift`. eccodes from 2.43 on loads a PROJ that crashes
         # pyproj's.
         "grib": ["cfgrib>=0.9.12", "eccodes>=2.37,<2.43"],
+        # Forecasts from zarr stores, beside `drift`.
+        "zarr": ["zarr>=2.18"],
         # Probability matrices from GeoTIFF files.
         "geotiff": ["rasterio>=1.4"],
         # The program `export_gis`, and areas from KML, GPX, shapefiles and GeoPackages.

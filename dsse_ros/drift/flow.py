@@ -21,8 +21,9 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-Kind = Literal["wind", "current"]
-SENSE: dict[Kind, str] = {"wind": "from", "current": "toward"}
+Kind = Literal["wind", "current", "waves"]
+"""Air, water, and the Stokes drift of waves."""
+SENSE: dict[Kind, str] = {"wind": "from", "current": "toward", "waves": "toward"}
 """How the direction of each is stated."""
 MAX_SPEED_MPS = 100.0
 MAX_BYTES = 10_000_000

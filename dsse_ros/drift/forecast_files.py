@@ -4,12 +4,15 @@
 
 from __future__ import annotations
 
+import os
+import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
 
 from dsse_ros.drift.grib import open_grib
-from dsse_ros.drift.netcdf import Unfit, opened
+from dsse_ros.drift.netcdf import Unfit, check_at_once, opened
+from dsse_ros.extras import pip_install
 
 _SNIFFED = 4096
 _OTHERS = (
@@ -29,13 +32,18 @@ _OTHERS = (
 def opened_forecast(path: str) -> Iterator[list[Any]]:
     """Open a file or an address as `xarray` data sets, with times as numbers.
 
-    A NetCDF file is one data set; a GRIB file is one for each kind of level.
+    A NetCDF file, an OPeNDAP address or a zarr store is one data set; a GRIB file is one for each
+    kind of level.
 
     Raises:
         OSError: If there is no such file.
         Unfit: If it is not a forecast.
         ValueError: What xarray raises; if an axis or a chunk is too large.
     """
+    if _is_zarr(path):
+        with _opened_zarr(path) as dataset:
+            yield [dataset]
+        return
     first = _first_bytes(path)
     # Messages of weather services have a header of some lines.
     if b"GRIB" in first[:200]:
@@ -49,6 +57,37 @@ def opened_forecast(path: str) -> Iterator[list[Any]]:
         raise Unfit(f"file must be NetCDF or GRIB, got text that begins with {line!r}")
     with opened(path) as dataset:
         yield [dataset]
+
+
+def _is_zarr(path: str) -> bool:
+    return path.rstrip("/").endswith(".zarr") or any(
+        os.path.exists(os.path.join(path, name)) for name in ("zarr.json", ".zgroup")
+    )
+
+
+@contextmanager
+def _opened_zarr(path: str) -> Iterator[Any]:
+    """Open a zarr store as an `xarray.Dataset`, with times as numbers; raise what xarray raises.
+
+    Raises:
+        Unfit: If zarr is missing.
+        ValueError: If an axis or a chunk is too large; one line.
+    """
+    try:
+        import zarr
+    except ModuleNotFoundError:
+        raise Unfit(f"zarr is missing; {pip_install('zarr')}") from None
+    import xarray
+    from xarray.backends import ZarrBackendEntrypoint
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        for name, array in zarr.open_group(path, mode="r").arrays():
+            check_at_once(name, array.size if array.ndim == 1 else 0, array.chunks)
+        with xarray.open_dataset(
+            path, engine=ZarrBackendEntrypoint, decode_times=False, cache=False, chunks=None
+        ) as dataset:
+            yield dataset
 
 
 def _first_bytes(path: str) -> bytes:

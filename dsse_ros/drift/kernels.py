@@ -20,7 +20,7 @@ _OF_EQUATOR = math.degrees(1.0 / WGS84_A_M)
 _OF_MERIDIAN = _OF_EQUATOR / (1.0 - WGS84_E2)
 """Degrees in a metre at the equator, of longitude and of latitude."""
 
-MOVED, NO_WIND, NO_CURRENT = 0, 1, 2
+MOVED, NO_WIND, NO_CURRENT, NO_WAVES = 0, 1, 2, 3
 """Results of `move`."""
 
 
@@ -160,7 +160,7 @@ def read_flow(flow, lat_deg, lon_deg, time_s):
 
 
 @inlined
-def _velocity(p, m, lat_deg, lon_deg, time_s, wind, current):
+def _velocity(p, m, lat_deg, lon_deg, time_s, wind, current, waves):
     """Return the velocity (east, north) of a particle in m/s, and what is missing if it is NaN."""
     wind_east, wind_north = flow_at(wind, lat_deg, lon_deg, time_s)
     if math.isnan(wind_east):
@@ -168,6 +168,12 @@ def _velocity(p, m, lat_deg, lon_deg, time_s, wind, current):
     east, north = flow_at(current, lat_deg, lon_deg, time_s)
     if math.isnan(east):
         return math.nan, math.nan, NO_CURRENT
+    if waves is not None:
+        stokes_east, stokes_north = flow_at(waves, lat_deg, lon_deg, time_s)
+        if math.isnan(stokes_east):
+            return math.nan, math.nan, NO_WAVES
+        east += stokes_east
+        north += stokes_north
     wind_east += p.wind_error[0, m]
     wind_north += p.wind_error[1, m]
     speed = math.sqrt(wind_east * wind_east + wind_north * wind_north)
@@ -226,7 +232,7 @@ def _jibe(leeway, m):
 
 
 @kernel
-def move(p, time_s, step_s, wind, current, shore, jibing, jibing_per_hour):
+def move(p, time_s, step_s, wind, current, waves, shore, jibing, jibing_per_hour):
     """Move the particles that are afloat by one step.
 
     Args:
@@ -235,6 +241,7 @@ def move(p, time_s, step_s, wind, current, shore, jibing, jibing_per_hour):
         step_s: Duration, negative backwards in time.
         wind: `FlowArrays`.
         current: `FlowArrays`.
+        waves: `FlowArrays` of the Stokes drift, or None.
         shore: `Shore`, or None.
         jibing: (M,) float64 from [0, 1), draws that decide who jibes; not read without jibing.
         jibing_per_hour: Probability that an object has jibed after an hour.
@@ -253,14 +260,14 @@ def move(p, time_s, step_s, wind, current, shore, jibing, jibing_per_hour):
         if dt == 0.0:
             continue
         lat, lon = p.lat_deg[m], p.lon_deg[m]
-        east, north, lacks = _velocity(p, m, lat, lon, end_s - dt, wind, current)
+        east, north, lacks = _velocity(p, m, lat, lon, end_s - dt, wind, current, waves)
         if lacks != MOVED:
             return lacks, m
         lat_per_m, lon_per_m = _degrees_per_metre(lat)
         middle_lat = lat + north * 0.5 * dt * lat_per_m
         middle_lon = lon + east * 0.5 * dt * lon_per_m
         east, north, lacks = _velocity(
-            p, m, middle_lat, middle_lon, end_s - 0.5 * dt, wind, current
+            p, m, middle_lat, middle_lon, end_s - 0.5 * dt, wind, current, waves
         )
         if lacks != MOVED:
             return lacks, m

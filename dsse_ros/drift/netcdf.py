@@ -7,7 +7,7 @@ from __future__ import annotations
 import math
 import os
 import warnings
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any
 
@@ -76,15 +76,24 @@ def _check_sizes(path: str | os.PathLike[str]) -> None:
     with netCDF4.Dataset(path) as file:
         for name, variable in file.variables.items():
             chunks = variable.chunking()
-            at_once = {
-                "axis": variable.size if name in file.dimensions else 0,
-                "chunk": math.prod(chunks) if isinstance(chunks, list) else 0,
-            }
-            for what, size in at_once.items():
-                if size > MAX_AT_ONCE:
-                    raise ValueError(
-                        f"{what} of {name} must have at most {MAX_AT_ONCE} values, got {size}"
-                    )
+            axis = variable.size if name in file.dimensions else 0
+            check_at_once(name, axis, chunks if isinstance(chunks, list) else ())
+
+
+def check_at_once(name: str, axis: int, chunks: Sequence[int]) -> None:
+    """Check what is read of a variable as a whole.
+
+    Args:
+        name: Its name.
+        axis: Values of it as an axis; 0 for a variable that is read in parts.
+        chunks: Sides of a chunk; none without chunks.
+
+    Raises:
+        ValueError: If it is too large.
+    """
+    for what, size in (("axis", axis), ("chunk", math.prod(chunks) if len(chunks) else 0)):
+        if size > MAX_AT_ONCE:
+            raise ValueError(f"{what} of {name} must have at most {MAX_AT_ONCE} values, got {size}")
 
 
 def in_seconds(

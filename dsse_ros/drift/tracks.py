@@ -12,9 +12,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from dsse_ros.drift.flow import Flow, Uncertainty, utc
+from dsse_ros.drift.flow import Flow, Kind, Uncertainty, utc
 from dsse_ros.drift.kernels import (
     MOVED,
+    NO_CURRENT,
+    NO_WAVES,
     NO_WIND,
     Particles,
     degrees_per_metre,
@@ -27,6 +29,7 @@ from dsse_ros.drift.shore import Shore
 LONGEST_STEP_S = 60.0
 """Longest step of the integration; longer steps between positions are divided."""
 MAX_REDRAWS = 1000
+_LACKING: dict[int, Kind] = {NO_WIND: "wind", NO_CURRENT: "current", NO_WAVES: "waves"}
 
 
 class Sighting(NamedTuple):
@@ -63,6 +66,7 @@ class Drift:
         jibing_per_hour: Probability that it has jibed after an hour, at most once per step, after
             it has moved; see `leeway`.
         shore: Land to strand on; None for none.
+        waves: Stokes drift at the surface; None for none.
     """
 
     leeway: LeewayClass
@@ -72,6 +76,7 @@ class Drift:
     current_error: Uncertainty = Uncertainty()
     jibing_per_hour: float = 0.04
     shore: Shore | None = None
+    waves: Flow | None = None
 
 
 class DriftTracks(NamedTuple):
@@ -153,13 +158,15 @@ def _step(
         ValueError: If wind or current are missing.
     """
     jibing = rng.random(len(particles.lat_deg)) if drift.jibing_per_hour else np.empty(0)
+    waves = None if drift.waves is None else drift.waves.arrays
     lacks, number = move(
-        particles, time_s, step_s, drift.wind.arrays, drift.current.arrays, drift.shore, jibing,
-        drift.jibing_per_hour,
+        particles, time_s, step_s, drift.wind.arrays, drift.current.arrays, waves, drift.shore,
+        jibing, drift.jibing_per_hour,
     )  # fmt: skip
     if lacks == MOVED:
         return
-    flow, kind = (drift.wind, "wind") if lacks == NO_WIND else (drift.current, "current")
+    kind: Kind = _LACKING[lacks]
+    flow = getattr(drift, kind)
     lat, lon = particles.lat_deg[number], particles.lon_deg[number]
     reason = flow.why_none(lat, lon, *sorted((time_s, time_s + step_s)))
     raise ValueError(

@@ -1,6 +1,6 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""Which two variables of a file are the wind at 10 m, or the current at the surface.
+"""Which two variables of a file are the wind at 10 m, or current or Stokes drift at the surface.
 
 `flow_names.csv` has the CF standard names and common names of the two components in the order of
 preference, and whether they point to the east and north (`earth`) or along the axes of their grid
@@ -136,7 +136,7 @@ def _rows() -> tuple[_Row, ...]:
 
 
 def find_pair(dataset: Any, kind: Kind, choice: Choice) -> Pair:
-    """Return the wind at 10 m or the current at the surface.
+    """Return the wind at 10 m, or the current or the Stokes drift at the surface.
 
     Args:
         dataset: The file as an `xarray.Dataset`, with times as numbers.
@@ -410,9 +410,9 @@ def _nearest(kind: Kind, coordinate: Any) -> tuple[int, _Level]:
     if kind == "wind" and meaning == "height":
         index = int(np.abs(values - WIND_HEIGHT_M).argmin())
         fits = bool(abs(values[index] - WIND_HEIGHT_M) < 0.5)
-    elif kind == "current" and meaning == "seabed":
+    elif kind != "wind" and meaning == "seabed":
         index, fits = int(values.argmax()), True
-    elif kind == "current" and (
+    elif kind != "wind" and (
         meaning in ("depth", "sigma") or (meaning == "height" and values.max() <= 0.0)
     ):
         index = int(np.abs(values).argmin())

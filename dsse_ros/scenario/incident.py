@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from dsse_ros.drift.flow import (
     SENSE,
     Flow,
+    Kind,
     Uncertainty,
     constant_flow,
     seconds,
@@ -46,10 +47,12 @@ MAX_SPREAD_M = 500_000.0
 _LAT = Spec("float", "", low=-85, high=85, unit="deg")
 _LON = Spec("float", "", low=-360, high=360, unit="deg")
 _OF_INCIDENT = (
-    "object", "seen", "search_start", "base", "wind", "current", "jibing", "shore", "tracks",
-    "truth", "laid",
+    "object", "seen", "search_start", "base", "wind", "current", "waves", "jibing", "shore",
+    "tracks", "truth", "laid",
 )  # fmt: skip
-_OF_LAW = ("object", "wind", "current", "jibing")
+_OF_LAW = ("object", "wind", "current", "waves", "jibing")
+_ALWAYS: tuple[Kind, ...] = ("wind", "current")
+"""What every incident has; by default none moves."""
 _OF_TRACKS = ("tracks", "search_start", "base", "laid")
 _OF_SIGHTING = {
     "lat": (_LAT, None),
@@ -89,6 +92,7 @@ class Incident:
         current: The current.
         current_error: Its uncertainty.
         jibing: See `drift.tracks.Drift`.
+        waves: Stokes drift at the surface; None for none.
         land: Polygons of land to strand on; None for none.
         laid: What the grid determines, once it is laid out; None before.
         given: Tracks of another model, which then replace sightings, wind, current and land.
@@ -109,6 +113,7 @@ class Incident:
     current: Flow
     current_error: Uncertainty
     jibing: float = 0.04
+    waves: Flow | None = None
     land: Area | None = None
     laid: Laid | None = None
     given: GivenTracks | None = None
@@ -197,6 +202,7 @@ class Incident:
             "object": self.key,
             "wind": of_flow(self.wind, self.wind_error),
             "current": of_flow(self.current, self.current_error),
+            "waves": None if self.waves is None else of_flow(self.waves, Uncertainty()),
             "jibing": self.jibing,
         }
 
@@ -238,7 +244,7 @@ class Incident:
     ) -> DriftTracks:  # fmt: skip
         drift = Drift(
             leeway_class(self.key), self.wind, self.current, self.wind_error, self.current_error,
-            self.jibing, None if self.land is None else _shore(self.land, self._box()),
+            self.jibing, None if self.land is None else _shore(self.land, self._box()), self.waves,
         )  # fmt: skip
         try:
             return drift_tracks(drift, seen, times_s, count, rng)
@@ -273,7 +279,7 @@ def _incident(values: Mapping[str, Any], folder: str) -> Incident:
     base, laid = _base(values.get("base")), _laid(values.get("laid"))
     if has_tracks:
         check_known("an incident with tracks", values, _OF_TRACKS)
-        calm, still = (constant_flow(kind, 0.0, 0.0) for kind in SENSE)
+        calm, still = (constant_flow(kind, 0.0, 0.0) for kind in _ALWAYS)
         return Incident(
             "", (), start_s, base, calm, Uncertainty(), still, Uncertainty(), laid=laid,
             given=GivenTracks.of(values["tracks"], folder),
@@ -286,7 +292,7 @@ def _incident(values: Mapping[str, Any], folder: str) -> Incident:
             f"{utc(last)}"
         )
     span = _span(sightings, start_s)
-    law = _law("incident", {**dict.fromkeys(SENSE), **values}, folder, span)
+    law = _law("incident", {**dict.fromkeys(_ALWAYS), **values}, folder, span)
     land = values.get("shore")
     incident = Incident(
         sightings=sightings, search_start_s=start_s, base=base,
@@ -320,10 +326,14 @@ def _law(name: str, values: Mapping[str, Any], folder: str, span: Span) -> dict[
             leeway_class(law["key"])
         except ValueError as error:
             raise FieldError(f"{name}.{error}") from None
-    for kind in SENSE:
+    for kind in _ALWAYS:
         if kind in values:
             flow = read_flow(f"{name}.{kind}", kind, values[kind], folder, span)
             law[kind], law[f"{kind}_error"] = flow
+    if values.get("waves") is not None:
+        law["waves"], stated = read_flow(f"{name}.waves", "waves", values["waves"], folder, span)
+        if stated.std_mps:
+            raise FieldError(f"{name}.waves must have no error, got {stated.std_mps:g}")
     if "jibing" in values:
         jibing = Spec("float", "", low=0, high=0.999)
         law["jibing"] = jibing.check(f"{name}.jibing", values["jibing"])

@@ -94,10 +94,19 @@ def of_cmip() -> tuple[Any, dict[str, Encoding]]:
     return dataset.assign_coords(height=height), {}
 
 
+def of_waves() -> tuple[Any, dict[str, Encoding]]:
+    """Waves of Copernicus Marine: the Stokes drift, beside others."""
+    stokes = pair("current", ("VSDX", "VSDY"), scale=0.2)
+    for word, name in (("x", "VSDX"), ("y", "VSDY")):
+        stokes[name].attrs["standard_name"] = f"sea_surface_wave_stokes_drift_{word}_velocity"
+    return stokes.assign(VHM0=stokes["VSDX"].assign_attrs(standard_name="wave_height")), {}
+
+
 SOURCES: dict[str, tuple[str, Callable[[], Any], tuple[str, str], dict[str, Any]]] = {
     "ERA5": ("wind", of_era5, ("u10", "v10"), {}),
     "Copernicus Marine": ("current", of_copernicus, ("uo", "vo"), {"depth": 0.494}),
     "HYCOM": ("current", of_hycom, ("water_u", "water_v"), {"depth": 0.0}),
+    "waves of Copernicus Marine": ("waves", of_waves, ("VSDX", "VSDY"), {}),
     "HF radar": ("current", of_hf_radar, ("EWCT", "NSCT"), {"depth": 0.0}),
     "GFS by wgrib2": ("wind", of_wgrib2, ("UGRD_10maboveground", "VGRD_10maboveground"), {}),
     "CMIP": ("wind", of_cmip, ("uas", "vas"), {}),

@@ -58,6 +58,19 @@ def test_a_current_carries_a_buoy_as_far_as_the_ellipsoid_has_it(
     assert north[0] == pytest.approx(distance * math.cos(math.radians(toward)), abs=bent)
 
 
+def test_stokes_drift_adds_to_the_current() -> None:
+    one = drift_tracks(
+        drift_of("PIW-1", current=NORTH, waves=EAST), [AT_SEA], hours(0, 1), 50, rng()
+    )
+    both = drift_of("PIW-1", current=constant_flow("current", math.sqrt(2), 45.0))
+    other = drift_tracks(both, [AT_SEA], hours(0, 1), 50, rng())
+    assert one.lats_deg == pytest.approx(other.lats_deg, abs=1e-9)
+    assert one.lons_deg == pytest.approx(other.lons_deg, abs=1e-9)
+    short = table_flow(hours(0, 0.5), [(1.0, 0.0)] * 2, "waves.nc")
+    with pytest.raises(ValueError, match="waves 'waves.nc' has no value at .*; it covers 1970-01-"):
+        drift_tracks(drift_of(waves=short), [AT_SEA], hours(0, 1), 1, rng())
+
+
 def test_wind_is_stated_by_where_it_comes_from() -> None:
     drift = drift_of("SPORT-BOAT", wind=constant_flow("wind", 10.0, 0.0))
     _, north = displacements(drift_tracks(drift, [AT_SEA], hours(0, 1), 100, rng()), AT_SEA)

@@ -417,6 +417,22 @@ def test_where_truth_has_another_law_a_search_finds_fewer_than_its_pos(truth: An
     assert again == wrong.incident and again.followed == wrong.incident.followed
 
 
+def test_stokes_drift_is_optional_and_survives_a_message() -> None:
+    moved = Incident.of({**FIELDS, "waves": {"speed": 0.2, "toward": 90}})
+    assert Incident.of(FIELDS).waves is None and moved != Incident.of(FIELDS)
+    assert Incident.of(json.dumps(moved.to_json(), allow_nan=False)) == moved
+    assert not Incident.may_be_sent({**FIELDS, "waves": {"file": "waves.nc"}})
+    times = moved.search_start_s + np.array([0.0, 3600.0])
+    lons = [
+        one.tracks(times, 500, np.random.default_rng(1)).lons_deg[-1].mean()
+        for one in (moved, Incident.of(FIELDS))
+    ]
+    # Since the sighting, an hour before the search: 0.2 m/s for two hours are 1440 m.
+    assert (lons[0] - lons[1]) * 101_700 == pytest.approx(1440, abs=15)
+    with pytest.raises(FieldError, match="incident.waves must have no error, got 1"):
+        Incident.of({**FIELDS, "waves": {"speed": 0.2, "toward": 90, "error": 1.0}})
+
+
 def test_the_truth_of_a_message_names_no_file() -> None:
     assert not Incident.may_be_sent({**FIELDS, "truth": {"wind": {"file": "wind.csv"}}})
     assert Incident.may_be_sent({**FIELDS, "truth": {"object": "PIW-2"}})
