@@ -46,7 +46,7 @@ _BY_NAME: tuple[tuple[str, Role], ...] = (
     (r"s_rho|siglay|sigma", "sigma"),
     (r"lev|level|levels|z|.*(isobaric|pressure|hybrid|sigma|model_?level).*", "level"),
 )
-"""Names without a standard name and telling units."""
+"""Meaning by the name alone, where neither standard name nor units have one."""
 
 
 def role(variable: Any) -> Role:

@@ -577,6 +577,7 @@ def test_every_dependency_is_explained() -> None:
                 "train",
                 "viewer",
                 "viz",
+                "zarr",
             )
             for requirement in extras[extra]
         ),
