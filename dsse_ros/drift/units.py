@@ -43,7 +43,7 @@ def _registry() -> Any:
     """
     logger = logging.getLogger("pint.util")
     level = logger.level
-    # It warns of each unit that CF defines anew.
+    # It warns of each unit that CF redefines.
     logger.setLevel(logging.ERROR)
     try:
         from cf_xarray.units import units

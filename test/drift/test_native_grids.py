@@ -126,7 +126,7 @@ def of_curvilinear(names: tuple[str, str] = ("uo", "vo"), **about: Any) -> Any:
     made = staggered("nemo")
     u, v = made["u"], made["v"]
     dims = ("y", "x")
-    # Of a C grid only u has its place at the points of u; v is made anew there by its neighbours.
+    # Of a C grid only u has its place at the points of u; v is computed there from its neighbours.
     v = np.stack([np.roll(one, 1, axis=0) + one for one in v]) / 2
     v = (v + np.roll(v, -1, axis=2)) / 2
     dataset = xarray.Dataset(
