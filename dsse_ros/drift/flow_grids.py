@@ -12,48 +12,24 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from dsse_ros.drift.coordinates import Place, place_of, time_of
-from dsse_ros.drift.flow import MAX_SPEED_MPS, NO_LOOKUP, Extent, Flow, utc
+from dsse_ros.drift.coordinates import Place, place_of
+from dsse_ros.drift.flow import MAX_SPEED_MPS, NO_LOOKUP, Extent, Flow
+from dsse_ros.drift.flow_times import Axis, Source, Span, Times, part_of
+from dsse_ros.drift.gaps import fill_gaps
 from dsse_ros.drift.meshes import Mesh, mesh_of
 from dsse_ros.drift.native_grids import Lookup, Shifts, curvilinear, projected
-from dsse_ros.drift.netcdf import MAX_AT_ONCE, Unfit, times_of
+from dsse_ros.drift.netcdf import MAX_AT_ONCE, Unfit
 from dsse_ros.drift.shore import Box
 from dsse_ros.drift.units import metres_per_second
 from dsse_ros.drift.velocity_pairs import Pair
 
+SAME_AXES_RAD = 1e-3
+"""Angle up to which the axes of a grid are those to the east and north."""
 MAX_VALUES = 20_000_000
 """Values of a variable that are read at most, 80 MB."""
 SAME_MERIDIAN_DEG = 1e-4
 """Longitudes that differ by less are one: files of the globe have their first meridian twice."""
 _LOGGER = logging.getLogger(__name__)
-
-
-class Span(NamedTuple):
-    """Where and when a flow may be needed.
-
-    Attributes:
-        box: The area.
-        begin_s: First time, in seconds since 1970-01-01 UTC.
-        end_s: Last time.
-    """
-
-    box: Box
-    begin_s: float
-    end_s: float
-
-
-class _Axis(NamedTuple):
-    """The part of an axis that is read.
-
-    Attributes:
-        dim: Its dimension.
-        indices: (N,) int64.
-        values: (N,) float64, increasing values there.
-    """
-
-    dim: str
-    indices: NDArray[np.int64]
-    values: NDArray[np.float64]
 
 
 class _Grid(NamedTuple):
@@ -78,18 +54,6 @@ class _Grid(NamedTuple):
     mesh: Mesh | None = None
 
 
-class Source(NamedTuple):
-    """A pair of variables in an open file.
-
-    Attributes:
-        dataset: The file as an `xarray.Dataset`.
-        pair: Its variables.
-    """
-
-    dataset: Any
-    pair: Pair
-
-
 def flow_on_grid(sources: Sequence[Source], span: Span, gap_cells: int, name: str) -> Flow:
     """Return the flow of pairs in a span.
 
@@ -104,7 +68,7 @@ def flow_on_grid(sources: Sequence[Source], span: Span, gap_cells: int, name: st
         Unfit: If the files do not have it.
     """
     names = sources[0].pair.names
-    times = _Times.of(sources)
+    times = Times.of(sources)
     when = times.within(span, names)
     grid = _grid(*sources[0], span.box, gap_cells)
     shape = len(when), *(len(part) for part in grid.indices)
@@ -135,7 +99,7 @@ def flow_on_grid(sources: Sequence[Source], span: Span, gap_cells: int, name: st
     if gaps.all():
         raise Unfit(f"{names} has no value in the area and the times needed")
     if gap_cells and gaps.any():
-        filled = _fill(east, north, gaps, gap_cells)
+        filled = fill_gaps(east, north, gaps, gap_cells)
         _LOGGER.warning(
             "%s: %d of %d cells without a value take the nearest one, at most %d cells away",
             name, filled, int(gaps.any(axis=0).sum()), gap_cells,
@@ -143,56 +107,6 @@ def flow_on_grid(sources: Sequence[Source], span: Span, gap_cells: int, name: st
     lats, lons, rows, cols = grid.lookup
     extent = Extent.of(times.times_s, grid.lats_deg, grid.lons_deg)
     return Flow(times.times_s[when], lats, lons, east, north, name, extent, gap_cells, rows, cols)
-
-
-class _Times(NamedTuple):
-    """The times of all files.
-
-    Attributes:
-        times_s: (T,) float64, increasing, seconds since 1970-01-01 UTC.
-        files: (T,) int64, number of the file of each.
-        steps: (T,) int64, index in this file.
-        dims: Dimension of time in each file; "" for a single time without one.
-    """
-
-    times_s: NDArray[np.float64]
-    files: NDArray[np.int64]
-    steps: NDArray[np.int64]
-    dims: tuple[str, ...]
-
-    @classmethod
-    def of(cls, sources: Sequence[Source]) -> _Times:
-        """Return the times of files.
-
-        Raises:
-            Unfit: If one has none, or a time twice.
-        """
-        axes = [time_of(one.dataset, one.pair.east) for one in sources]
-        each = [times_of(axis) for axis in axes]
-        for axis, times_s in zip(axes, each, strict=True):
-            if len(np.unique(times_s)) < len(times_s):
-                raise Unfit(f"{axis.name} must have each value once")
-        times = np.concatenate(each)
-        files = np.repeat(np.arange(len(each)), [len(one) for one in each])
-        steps = np.concatenate([np.arange(len(one)) for one in each])
-        # The first of the reversed times is the last one.
-        once, last = np.unique(times[::-1], return_index=True)
-        order = len(times) - 1 - last
-        dims = tuple(str(axis.dims[0]) if axis.dims else "" for axis in axes)
-        return cls(once, files[order], steps[order], dims)
-
-    def within(self, span: Span, names: str) -> NDArray[np.int64]:
-        """Return the indices of the times around a span.
-
-        Raises:
-            Unfit: If there are not two, or none in the span.
-        """
-        if len(self.times_s) < 2:
-            raise Unfit(
-                f"{names} must have two or more times, got only {utc(self.times_s[0])}; files of "
-                "other times may be given together"
-            )
-        return _part("time", "time", self.times_s, span.begin_s, span.end_s, 0).indices
 
 
 def _places(dataset: Any, pair: Pair) -> tuple[Place, Place]:
@@ -238,7 +152,7 @@ def _grid(dataset: Any, pair: Pair, box: Box, margin: int) -> _Grid:
     if native is None:
         native = curvilinear(dataset, places, box, margin)
     axes: str = pair.axes or ("grid" if native.shifts[0] != native.shifts[1] else "")
-    if not axes:
+    if not axes and np.nanmax(np.abs(native.turn)) > SAME_AXES_RAD:
         raise Unfit(
             f"{pair.names} may point to the east and north or along the grid; state axes: earth or "
             "axes: grid"
@@ -272,7 +186,7 @@ def _regular(place: Place, box: Box, margin: int) -> _Grid:
     """Return the part of a grid of latitude and longitude; see `_grid`."""
     lats, lons = _values(place.lat), _values(place.lon)
     south, north = box.south_deg, box.north_deg
-    rows = _part("latitude", place.lat.dims[0], lats, south, north, margin)
+    rows = part_of("latitude", place.lat.dims[0], lats, south, north, margin)
     cols = _longitudes(place, lons, box, margin)
     indices = rows.indices, cols.indices
     here: Shifts = ((0, 0),)
@@ -292,34 +206,7 @@ def _values(coordinate: Any) -> NDArray[np.float64]:
     return np.asarray(values)
 
 
-def _part(
-    what: str, dim: str, given: NDArray[np.float64], low: float, high: float, margin: int
-) -> _Axis:
-    """Return the part of an axis around [low, high] and a margin of some values.
-
-    It may end earlier: a drift outside the file is refused later, with its place and time.
-
-    Raises:
-        Unfit: If the axis has nothing there, or a value twice.
-    """
-    order = np.argsort(given, kind="stable")
-    values = given[order]
-    if (np.diff(values) <= 0).any():
-        raise Unfit(f"{dim} must have each value once")
-    if len(values) < 2 or high < values[0] or low > values[-1]:
-        shown = utc if what == "time" else "{:.4f}".format
-        raise Unfit(
-            f"file must cover {what} within {shown(low)} to {shown(high)}, got {shown(values[0])} "
-            f"to {shown(values[-1])}"
-        )
-    first = max(int(np.searchsorted(values, low, "right")) - 1 - margin, 0)
-    last = min(int(np.searchsorted(values, high, "left")) + 1 + margin, len(values))
-    # Interpolation needs two values.
-    first = min(first, last - 2)
-    return _Axis(dim, order[first:last], values[first:last])
-
-
-def _longitudes(place: Place, given: NDArray[np.float64], box: Box, margin: int) -> _Axis:
+def _longitudes(place: Place, given: NDArray[np.float64], box: Box, margin: int) -> Axis:
     """Return the part of the longitudes, which may be from -180 or from 0."""
     centre = (box.west_deg + box.east_deg) / 2
     # Bring each longitude to the half turn on either side of the area.
@@ -327,7 +214,7 @@ def _longitudes(place: Place, given: NDArray[np.float64], box: Box, margin: int)
     order = np.argsort(turned, kind="stable")
     once = order[np.diff(turned[order], prepend=-np.inf) > SAME_MERIDIAN_DEG]
     dim = place.lon.dims[0]
-    part = _part("longitude", dim, turned[once], box.west_deg, box.east_deg, margin)
+    part = part_of("longitude", dim, turned[once], box.west_deg, box.east_deg, margin)
     return part._replace(indices=once[part.indices])
 
 
@@ -388,30 +275,3 @@ def _as_slice(index: NDArray[np.int64]) -> Any:
     # Longitudes across the file's own seam, and times out of order, are not a slice.
     in_order = (np.abs(np.diff(index)) == 1).all() and high - low + 1 == len(index)
     return slice(low, high + 1) if in_order else index
-
-
-def _fill(
-    east: NDArray[np.float32], north: NDArray[np.float32], gaps: NDArray[np.bool_], cells: int
-) -> int:
-    """Fill gaps near values, time by time, in place; return the number of cells filled.
-
-    Args:
-        east: (T, Y, X).
-        north: (T, Y, X).
-        gaps: (T, Y, X), where one of them has no value.
-        cells: Greatest distance of the value.
-    """
-    from scipy.ndimage import distance_transform_edt
-
-    filled = np.zeros(gaps.shape[1:], np.bool_)
-    before, near, rows, cols = None, filled, filled, filled
-    for number, gap in enumerate(gaps):
-        if gap.all() or not gap.any():
-            continue
-        if before is None or not np.array_equal(gap, before):
-            distance, (rows, cols) = distance_transform_edt(gap, return_indices=True)
-            near, before = gap & (distance <= cells), gap
-        for values in (east[number], north[number]):
-            values[near] = values[rows[near], cols[near]]
-        filled |= near
-    return int(filled.sum())

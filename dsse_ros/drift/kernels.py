@@ -232,16 +232,14 @@ def _jibe(leeway, m):
 
 
 @kernel
-def move(p, time_s, step_s, wind, current, waves, shore, jibing, jibing_per_hour):
+def move(p, time_s, step_s, flows, shore, jibing, jibing_per_hour):
     """Move the particles that are afloat by one step.
 
     Args:
         p: `Particles`.
         time_s: Time at the start of the step, in seconds since 1970-01-01 UTC.
         step_s: Duration, negative backwards in time.
-        wind: `FlowArrays`.
-        current: `FlowArrays`.
-        waves: `FlowArrays` of the Stokes drift, or None.
+        flows: `FlowArrays` of the wind, of the current, and of the Stokes drift or None.
         shore: `Shore`, or None.
         jibing: (M,) float64 from [0, 1), draws that decide who jibes; not read without jibing.
         jibing_per_hour: Probability that an object has jibed after an hour.
@@ -249,6 +247,7 @@ def move(p, time_s, step_s, wind, current, waves, shore, jibing, jibing_per_hour
     Returns:
         `MOVED`, or what a particle lacks, and the number of this particle.
     """
+    wind, current, waves = flows
     of_step = 1.0 - (1.0 - jibing_per_hour) ** (abs(step_s) / 3600.0)
     for m in range(len(p.lat_deg)):
         if not p.afloat[m]:

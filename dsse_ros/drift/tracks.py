@@ -160,7 +160,7 @@ def _step(
     jibing = rng.random(len(particles.lat_deg)) if drift.jibing_per_hour else np.empty(0)
     waves = None if drift.waves is None else drift.waves.arrays
     lacks, number = move(
-        particles, time_s, step_s, drift.wind.arrays, drift.current.arrays, waves, drift.shore,
+        particles, time_s, step_s, (drift.wind.arrays, drift.current.arrays, waves), drift.shore,
         jibing, drift.jibing_per_hour,
     )  # fmt: skip
     if lacks == MOVED:

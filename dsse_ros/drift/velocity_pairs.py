@@ -17,17 +17,9 @@ from itertools import product
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
-import numpy as np
-
-from dsse_ros.drift.coordinates import coordinates, is_level, metres, place_of, role
 from dsse_ros.drift.flow import Kind
+from dsse_ros.drift.levels import WIND_HEIGHT_M, Level, sliced, words
 from dsse_ros.drift.netcdf import Unfit
-
-WIND_HEIGHT_M = 10.0
-DEEPEST_M = 10.0
-"""Greatest depth of a level that counts as the surface; models have their first within 10 m."""
-LOWEST_SIGMA = 0.2
-"""The same in sigma coordinates, as a share of the depth."""
 
 _FILE = Path(__file__).with_name("flow_names.csv")
 _WORDS = {
@@ -42,10 +34,6 @@ _PART = re.compile(
     r"|vertical(ly)?.(mean|averag|integrat)"
 )
 """A part of the current, or its mean over the depth."""
-_OTHER_LEVEL = re.compile(r"\d+ ?h?pa\b|\d+ ?mb\b|isobaric|pressure|sigma|hybrid")
-_HEIGHT = re.compile(
-    r"(?:^|[^\d.])(\d+(?:\.\d+)?)[ _-]?(?:metres?|meters?|m)(?:above|agl|(?![a-z0-9/]| ?s\b))"
-)
 _SIDES = re.compile(r"eastward|northward|east|north|zonal|meridional|ew|ns|zo|me|[uvxy]")
 
 Axes = Literal["earth", "grid", ""]
@@ -103,24 +91,12 @@ class _Row(NamedTuple):
     axes: Axes
 
 
-class _Level(NamedTuple):
-    """The level of a variable.
-
-    Attributes:
-        fits: Whether it is the wanted one; None if the file does not state it.
-        shown: The levels that the file has, for messages.
-    """
-
-    fits: bool | None = None
-    shown: str = ""
-
-
 class _Candidate(NamedTuple):
     """A pair, the number of its row, its level and its data set."""
 
     rank: int
     pair: Pair
-    level: _Level
+    level: Level
     dataset: Any
 
     @property
@@ -245,7 +221,7 @@ def _rows_of(kind: Kind) -> list[_Row]:
 def _variables(dataset: Any, kind: Kind) -> list[Any]:
     """Return the variables of a medium, or of none that is stated."""
     every = [dataset[name] for name, one in dataset.variables.items() if one.ndim]
-    return [one for one in every if _medium(one) in (kind, "") and not _PART.search(_words(one))]
+    return [one for one in every if _medium(one) in (kind, "") and not _PART.search(words(one))]
 
 
 def _is_of(variable: Any, row: _Row, side: str) -> bool:
@@ -253,11 +229,6 @@ def _is_of(variable: Any, row: _Row, side: str) -> bool:
     by_standard_name = row.found_by == "standard_name"
     name = variable.attrs.get("standard_name", "") if by_standard_name else variable.name
     return str(name).lower() == getattr(row, side)
-
-
-def _words(variable: Any) -> str:
-    names = (variable.attrs.get(name, "") for name in ("standard_name", "long_name"))
-    return " ".join(map(str, names)).lower()
 
 
 def _medium(variable: Any) -> str:
@@ -309,8 +280,8 @@ def _at_level(dataset: Any, kind: Kind, choice: Choice, rank: int, pair: Pair) -
     Raises:
         Unfit: If its components differ, or a dimension is left that nothing selects.
     """
-    east, level = _sliced(dataset, kind, choice, pair.east)
-    north, other = _sliced(dataset, kind, choice, pair.north)
+    east, level = sliced(dataset, kind, choice.select, pair.east)
+    north, other = sliced(dataset, kind, choice.select, pair.north)
     if level != other:
         raise Unfit(
             f"{pair.names} must be at one level, got {level.shown or 'none stated'} and "
@@ -326,114 +297,3 @@ def _at_level(dataset: Any, kind: Kind, choice: Choice, rank: int, pair: Pair) -
     of_grib: dict[Any, Axes] = {0: "earth", 1: "grid"}
     axes = choice.axes or of_grib.get(pair.east.attrs.get("GRIB_uvRelativeToGrid"), pair.axes)
     return _Candidate(rank, pair._replace(east=east, north=north, axes=axes), level, dataset)
-
-
-def _sliced(dataset: Any, kind: Kind, choice: Choice, variable: Any) -> tuple[Any, _Level]:
-    """Return a variable along time and place alone, and its level.
-
-    Raises:
-        Unfit: If another dimension is left.
-    """
-    for name in choice.select:
-        if name not in variable.dims:
-            dims = ", ".join(map(str, variable.dims))
-            raise Unfit(f"select must name dimensions of {variable.name}, {dims}, got {name}")
-    along = {
-        dim: [one for one in coordinates(dataset, variable) if one.dims == (dim,)]
-        for dim in variable.dims
-    }
-    place = place_of(dataset, variable).dims
-    level = _Level()
-    for dim, found in along.items():
-        levels = [one for one in found if is_level(one)] or _sloping(dataset, dim)
-        if dim in choice.select:
-            index = _selected(variable, dim, found, choice.select[dim])
-            level = _Level(True) if levels else level
-        elif dim in place or any(role(one) == "time" for one in found):
-            continue
-        elif levels:
-            index, level = _nearest(kind, levels[0])
-        elif variable.sizes[dim] == 1:
-            index = 0
-        else:
-            raise Unfit(
-                f"{variable.name} must have one {dim}, got {variable.sizes[dim]}; choose by "
-                f"select: {{{dim}: ...}}"
-            )
-        variable = variable.isel({dim: index})
-    scalars = [one for one in variable.coords.values() if one.ndim == 0 and is_level(one)]
-    if level.fits is None and not level.shown and scalars:
-        _, level = _nearest(kind, scalars[0])
-    return variable, _by_words(kind, variable, level)
-
-
-def _sloping(dataset: Any, dim: str) -> list[Any]:
-    """Return the mean of a vertical coordinate of a dimension that differs from place to place."""
-    if dim in dataset.variables and dataset[dim].ndim == 2 and is_level(dataset[dim]):
-        other = next(name for name in dataset[dim].dims if name != dim)
-        return [dataset[dim].mean(other, keep_attrs=True)]
-    return []
-
-
-def _selected(variable: Any, dim: str, found: list[Any], value: Any) -> int:
-    """Return the index of a value along a dimension; without a coordinate, the value.
-
-    Raises:
-        Unfit: If there is no such value.
-    """
-    own = next((one for one in found if one.name == dim), found[0] if found else None)
-    values = np.arange(variable.sizes[dim]) if own is None else own.values
-    matches = [i for i, one in enumerate(values.tolist()) if _equal(one, value)]
-    if len(matches) != 1:
-        shown = ", ".join(map(str, values[:8].tolist())) + (", ..." if len(values) > 8 else "")
-        raise Unfit(f"select must have one of the values of {dim}, {shown}, got {value}")
-    return matches[0]
-
-
-def _equal(one: Any, value: Any) -> bool:
-    try:
-        return abs(float(one) - float(value)) <= 1e-4 * max(abs(float(value)), 1.0)
-    except (TypeError, ValueError):
-        return str(one) == str(value)
-
-
-def _nearest(kind: Kind, coordinate: Any) -> tuple[int, _Level]:
-    """Return the index of the level nearest to the wanted one, and whether that fits."""
-    values, meaning = metres(coordinate), role(coordinate)
-    if not np.isfinite(values).all():
-        return 0, _Level(False, f"{coordinate.name} without values")
-    raw = np.atleast_1d(coordinate.values)[:8]
-    shown = f"{coordinate.name} {', '.join(f'{value:g}' for value in raw)}"
-    shown += ", ..." if len(values) > 8 else ""
-    shown = f"{shown} {coordinate.attrs.get('units', '')}".rstrip()
-    index, fits = 0, False
-    if kind == "wind" and meaning == "height":
-        index = int(np.abs(values - WIND_HEIGHT_M).argmin())
-        fits = bool(abs(values[index] - WIND_HEIGHT_M) < 0.5)
-    elif kind != "wind" and meaning == "seabed":
-        index, fits = int(values.argmax()), True
-    elif kind != "wind" and (
-        meaning in ("depth", "sigma") or (meaning == "height" and values.max() <= 0.0)
-    ):
-        index = int(np.abs(values).argmin())
-        limit = LOWEST_SIGMA if meaning == "sigma" else DEEPEST_M
-        fits = bool(abs(values[index]) <= limit)
-    return index, _Level(fits, shown)
-
-
-def _by_words(kind: Kind, variable: Any, level: _Level) -> _Level:
-    """Return the level that the names of a wind state where its coordinates do not."""
-    if kind != "wind" or level.fits:
-        return level
-    of_grib = variable.attrs.get("GRIB_typeOfLevel", "surface")
-    if level.fits is None and of_grib not in ("surface", "heightAboveGround", "meanSea"):
-        return _Level(False, str(of_grib))
-    words = f"{_words(variable)} {variable.name}".lower()
-    height = _HEIGHT.search(words) or re.fullmatch(r"[uv]_?(\d+)|(\d+)[uv]", words.split()[-1])
-    if height:
-        value = float(next(filter(None, height.groups())))
-        if abs(value - WIND_HEIGHT_M) < 0.5:
-            return _Level(True, "10 m")
-        return _Level(False, level.shown or f"{value:g} m")
-    elsewhere = _OTHER_LEVEL.search(words)
-    return _Level(False, elsewhere[0]) if level.fits is None and elsewhere else level

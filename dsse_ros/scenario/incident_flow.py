@@ -25,7 +25,7 @@ from dsse_ros.drift.flow import (
     read_table,
 )
 from dsse_ros.drift.flow_files import GAP_CELLS, read_forecast
-from dsse_ros.drift.flow_grids import Span
+from dsse_ros.drift.flow_times import Span
 from dsse_ros.drift.velocity_pairs import Axes, Choice
 from dsse_ros.scenario.fields import FieldError, Spec, check_known, shown
 

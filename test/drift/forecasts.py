@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from dsse_ros.drift.flow import Flow, seconds
-from dsse_ros.drift.flow_grids import Span
+from dsse_ros.drift.flow_times import Span
 from dsse_ros.drift.kernels import read_flow
 from dsse_ros.drift.shore import Box
 

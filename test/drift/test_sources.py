@@ -124,3 +124,21 @@ def test_a_file_of_a_service_is_read_right(tmp_path: Path, name: str) -> None:
         there = (lat, lon + 360 if name in ("HYCOM", "GFS by wgrib2") else lon, after_s)
         wanted = by_xarray(file, names, there, **where)
         assert by_flow(flow, (lat, lon, after_s)) == pytest.approx(wanted, abs=1e-4)
+
+
+def test_a_grid_of_places_that_is_not_turned_needs_no_axes(tmp_path: Path) -> None:
+    dataset = pair("wind", ("u10", "v10"), standard=False)
+    plain = tmp_path / "plain.nc"
+    dataset.to_netcdf(plain, engine="netcdf4")
+    # As WRF has them.
+    lat, lon = xarray.broadcast(dataset["lat"], dataset["lon"])
+    places = {
+        name: (("south_north", "west_east"), values.transpose("lat", "lon").values)
+        for name, values in (("XLAT", lat), ("XLONG", lon))
+    }
+    made = dataset.drop_vars(["lat", "lon"]).rename(lat="south_north", lon="west_east")
+    made.assign_coords(places).to_netcdf(tmp_path / "wrf.nc", engine="netcdf4")
+    flow = read_forecast("wind", tmp_path / "wrf.nc", SPAN)
+    for place in PLACES:
+        wanted = by_xarray(plain, ("u10", "v10"), place)
+        assert by_flow(flow, place) == pytest.approx(wanted, abs=1e-3)
