@@ -21,6 +21,8 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from dsse_ros.drift.shore import Box
+
 Kind = Literal["wind", "current", "waves"]
 """Air, water, and the Stokes drift of waves."""
 SENSE: dict[Kind, str] = {"wind": "from", "current": "toward", "waves": "toward"}
@@ -169,6 +171,20 @@ class FlowArrays(NamedTuple):
     north_mps: NDArray[np.float32]
     rows: NDArray[np.float64]
     cols: NDArray[np.float64]
+
+
+class Span(NamedTuple):
+    """Where and when a flow may be needed.
+
+    Attributes:
+        box: The area.
+        begin_s: First time, in seconds since 1970-01-01 UTC.
+        end_s: Last time.
+    """
+
+    box: Box
+    begin_s: float
+    end_s: float
 
 
 class Uncertainty(NamedTuple):

@@ -14,9 +14,9 @@ from contextlib import ExitStack
 from typing import Any
 
 from dsse_ros.drift.coordinates import role, time_of
-from dsse_ros.drift.flow import Flow, Kind
+from dsse_ros.drift.flow import Flow, Kind, Span
 from dsse_ros.drift.flow_grids import flow_on_grid
-from dsse_ros.drift.flow_times import Source, Span
+from dsse_ros.drift.flow_times import Source
 from dsse_ros.drift.forecast_files import opened_forecast
 from dsse_ros.drift.netcdf import Unfit, check_installed, times_of
 from dsse_ros.drift.velocity_pairs import ANY, Choice, find_among, find_pair, half

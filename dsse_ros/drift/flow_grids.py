@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dsse_ros.drift.coordinates import Place, place_of
-from dsse_ros.drift.flow import MAX_SPEED_MPS, NO_LOOKUP, Extent, Flow
-from dsse_ros.drift.flow_times import Axis, Source, Span, Times, part_of
+from dsse_ros.drift.flow import MAX_SPEED_MPS, NO_LOOKUP, Extent, Flow, Span
+from dsse_ros.drift.flow_times import Axis, Source, Times, part_of
 from dsse_ros.drift.gaps import fill_gaps
 from dsse_ros.drift.meshes import Mesh, mesh_of
 from dsse_ros.drift.native_grids import Lookup, Shifts, curvilinear, projected

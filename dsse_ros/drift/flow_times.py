@@ -11,24 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dsse_ros.drift.coordinates import time_of
-from dsse_ros.drift.flow import utc
+from dsse_ros.drift.flow import Span, utc
 from dsse_ros.drift.netcdf import Unfit, times_of
-from dsse_ros.drift.shore import Box
 from dsse_ros.drift.velocity_pairs import Pair
-
-
-class Span(NamedTuple):
-    """Where and when a flow may be needed.
-
-    Attributes:
-        box: The area.
-        begin_s: First time, in seconds since 1970-01-01 UTC.
-        end_s: Last time.
-    """
-
-    box: Box
-    begin_s: float
-    end_s: float
 
 
 class Axis(NamedTuple):

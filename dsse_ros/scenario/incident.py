@@ -21,12 +21,12 @@ from dsse_ros.drift.flow import (
     SENSE,
     Flow,
     Kind,
+    Span,
     Uncertainty,
     constant_flow,
     seconds,
     utc,
 )
-from dsse_ros.drift.flow_times import Span
 from dsse_ros.drift.leeway import leeway_class
 from dsse_ros.drift.shore import Box, Shore, box_around, shore_of
 from dsse_ros.drift.track_files import at_times

@@ -20,13 +20,11 @@ from dsse_ros.drift.flow import (
     Extent,
     Flow,
     Kind,
+    Span,
     Uncertainty,
     constant_flow,
     read_table,
 )
-from dsse_ros.drift.flow_files import GAP_CELLS, read_forecast
-from dsse_ros.drift.flow_times import Span
-from dsse_ros.drift.velocity_pairs import Axes, Choice
 from dsse_ros.scenario.fields import FieldError, Spec, check_known, shown
 
 _NOT_NEGATIVE = Spec("float", "", low=0, high=1e6)
@@ -79,6 +77,10 @@ def _flow_of_file(
     name: str, kind: Kind, values: Mapping[str, Any], folder: str, span: Span
 ) -> Flow:
     """Return the flow of a file; see `read_flow`."""
+    # Without a file, none of the readers is loaded.
+    from dsse_ros.drift.flow_files import GAP_CELLS, read_forecast
+    from dsse_ros.drift.velocity_pairs import Axes, Choice
+
     paths = _paths(f"{name}.file", values["file"], folder)
     if len(paths) == 1 and paths[0].lower().endswith(".csv"):
         check_known(f"{name} with a table", values, ("file", *_OF_ERROR))

@@ -11,8 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from dsse_ros.drift.flow import Flow, seconds
-from dsse_ros.drift.flow_times import Span
+from dsse_ros.drift.flow import Flow, Span, seconds
 from dsse_ros.drift.kernels import read_flow
 from dsse_ros.drift.shore import Box
 

@@ -11,9 +11,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from dsse_ros.drift.flow import seconds
+from dsse_ros.drift.flow import Span, seconds
 from dsse_ros.drift.flow_files import read_forecast
-from dsse_ros.drift.flow_times import Span
 from dsse_ros.drift.shore import Box
 from dsse_ros.search import Scenario, profile
 

@@ -12,9 +12,8 @@ import numpy as np
 import pytest
 from drifting import drift_of, little_memory
 
-from dsse_ros.drift.flow import Flow, seconds
+from dsse_ros.drift.flow import Flow, Span, seconds
 from dsse_ros.drift.flow_files import read_forecast
-from dsse_ros.drift.flow_times import Span
 from dsse_ros.drift.shore import Box
 from dsse_ros.drift.tracks import Sighting, drift_tracks
 
