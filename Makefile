@@ -227,11 +227,13 @@ $(VENV)/.sim $(VENV)/.view $(VENV)/.campaign $(VENV)/.test $(VENV)/.quality $(VE
 $(VENV)/.compiled: $(VENV)/.test
 $(VENV)/.compiled-oldest: $(VENV)/.oldest
 $(VENV)/.compiled-oldest: TO_COLLECT := $(TESTS_OF_OLDEST)
+# Hardly any of these tests has a belief, a planner or faults.
+$(VENV)/.compiled-oldest: TO_COMPILE := worlds
 $(VENV)/.compiled-learning: $(VENV)/.learning
 $(VENV)/.compiled-learning: TO_COLLECT := $(TESTS_OF_LEARNING)
 $(VENV)/.compiled $(VENV)/.compiled-oldest $(VENV)/.compiled-learning:
 	@echo 'Compiling the search and the tests'
-	@$(BIN)/python test/search/compiled.py
+	@$(BIN)/python test/search/compiled.py $(TO_COMPILE)
 	@$(BIN)/pytest --collect-only --quiet $(TO_COLLECT) >/dev/null 2>&1 || true
 	@touch $@
 

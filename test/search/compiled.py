@@ -2,11 +2,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """Compiles what the tests use of the search, so that they find it in the cache.
 
-`python test/search/compiled.py`
+`python test/search/compiled.py`, or with `worlds` without beliefs, planners and faults.
 """
 
 from __future__ import annotations
 
+import sys
 from multiprocessing import Pool
 from typing import Any
 
@@ -14,7 +15,7 @@ import numpy as np
 from areas import CELL_M, ORIGIN, geojson_of
 
 from dsse_ros.planners import planner_for
-from dsse_ros.search import parallel_env, vector_env
+from dsse_ros.search import VectorEnv, parallel_env, vector_env
 from dsse_ros.search.compiler import prepared_env
 
 FIELDS: dict[str, Any] = {"grid_size": 8, "num_drones": 2, "person_initial_position": (5, 5)}
@@ -40,12 +41,18 @@ CHAIN: dict[str, Any] = {
 """Where the motion of persons differs from cell to cell, too."""
 
 
+def use_world(fields: dict[str, Any]) -> VectorEnv:
+    """Use what is compiled for a batch."""
+    batch = vector_env(2, **fields)
+    batch.reset(seed=1)
+    batch.step(np.zeros((2, 2), np.int8))
+    return batch
+
+
 def use(fields: dict[str, Any]) -> None:
     """Use what is compiled: one environment with a belief, a planner and a batch."""
-    for faults in ({}, {"battery_move": 1.0}):
-        batch = vector_env(2, **fields, **faults)
-        batch.reset(seed=1)
-        batch.step(np.zeros((2, 2), np.int8))
+    use_world(fields)
+    batch = use_world(fields | {"battery_move": 1.0})
     if batch.rules.covers:
         return
     prepared_env(batch.scenario, batch.rules, has_belief=bool)
@@ -59,5 +66,7 @@ def use(fields: dict[str, Any]) -> None:
 
 if __name__ == "__main__":
     with Pool(2) as pool:
-        others = [AREA, SEA, COVERAGE, AREA | COVERAGE, CHAIN]
-        pool.map(use, [FIELDS, *(FIELDS | other for other in others)], chunksize=1)
+        others, used = [AREA, SEA, COVERAGE, AREA | COVERAGE, CHAIN], use
+        if sys.argv[1:] == ["worlds"]:
+            others, used = [AREA, SEA, COVERAGE], use_world
+        pool.map(used, [FIELDS, *(FIELDS | other for other in others)], chunksize=1)
