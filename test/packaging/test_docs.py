@@ -539,7 +539,7 @@ def test_every_profile_has_its_row_and_its_column() -> None:
 def test_the_golden_traces_are_as_many_as_stated() -> None:
     stated = " ".join(section(DOCS / "coming_from_dsse.md", "What is the same").split())
     for version, text in (
-        ("v1", "{} [recorded episodes](../test/oracles/README.md) of 0.1.13"),
+        ("v1", "{} [recorded episodes]("),
         ("v2", "of {} of 1.1.9"),
     ):
         file = ROOT / "test" / "oracles" / "data" / f"{version}_episodes.json"
