@@ -121,7 +121,7 @@ def test_every_topic_and_command_of_the_mission_is_in_the_bag(messages: list[Rec
         *(f"/drone{i}/{name}" for i in range(DRONES) for name in ("pose", "odom", "fix")),
     ]  # fmt: skip
     others = ["/agents", "/mission_report", "/markers", "/joint_action", "/clock", "/diagnostics"]
-    others += [f"/drone{i}/path" for i in range(DRONES)]
+    others += [f"/drone{i}/{name}" for i in range(DRONES) for name in ("path", "plan")]
     # The transforms are there where tf2_msgs is.
     assert counted.keys() - {"/tf", "/tf_static"} == {*each_step, *others}
     assert counted["/step_report"] == STEPS + 2
@@ -170,7 +170,8 @@ def test_the_mission_repeats_byte_for_byte(messages: list[Recorded]) -> None:
         "drones", "markers", "mission_report", "probability", "probability_grid",
         "probability_of_success", "step_report", "drone<i>/pose", "drone<i>/fix", "drone<i>/path",
     }  # fmt: skip
-    rest = {"/agents", "/clock", "/diagnostics", "/joint_action", "/drone<i>/odom"}
+    rest = {"/agents", "/clock", "/diagnostics", "/joint_action"}
+    rest |= {f"/drone<i>/{name}" for name in ("odom", "plan")}
     assert bag.not_compared.keys() - {"/tf"} == rest
 
 
