@@ -18,7 +18,7 @@ from dsse_ros.drift.flow_times import Axis, Source, Times, part_of
 from dsse_ros.drift.gaps import fill_gaps
 from dsse_ros.drift.meshes import Mesh, mesh_of
 from dsse_ros.drift.native_grids import Lookup, Shifts, curvilinear, projected
-from dsse_ros.drift.netcdf import MAX_AT_ONCE, Unfit
+from dsse_ros.drift.netcdf import MAX_AT_ONCE, Unfit, filled
 from dsse_ros.drift.shore import Box
 from dsse_ros.drift.units import metres_per_second
 from dsse_ros.drift.velocity_pairs import Pair
@@ -200,17 +200,15 @@ def _values(coordinate: Any) -> NDArray[np.float64]:
     Raises:
         Unfit: If one is missing.
     """
-    values = np.ma.filled(np.ma.asarray(coordinate.values, np.float64), np.nan)
+    values = filled(coordinate.values)
     if not values.size or not np.isfinite(values).all():
         raise Unfit(f"{coordinate.name} must have values without gaps")
-    return np.asarray(values)
+    return values
 
 
 def _longitudes(place: Place, given: NDArray[np.float64], box: Box, margin: int) -> Axis:
     """Return the part of the longitudes, which may be from -180 or from 0."""
-    centre = (box.west_deg + box.east_deg) / 2
-    # Bring each longitude to the half turn on either side of the area.
-    turned = (given - centre + 180.0) % 360.0 - 180.0 + centre
+    turned = box.turned(given)
     order = np.argsort(turned, kind="stable")
     once = order[np.diff(turned[order], prepend=-np.inf) > SAME_MERIDIAN_DEG]
     dim = place.lon.dims[0]
@@ -242,7 +240,7 @@ def _read(
         chosen = [_as_slice(index) for index in wanted]
         there = [(dim, read) for dim, read in zip(dims, chosen, strict=True) if dim]
         part = variable.isel(dict(there)).transpose(*(dim for dim, _ in there))
-        found = np.ma.filled(np.ma.asarray(part.values, np.float32), np.nan)
+        found = filled(part.values, np.float32)
         found = found.reshape(*(len(index) for index in wanted))
         # Restore the order of axes that were read forward.
         for number, (index, read) in enumerate(zip(wanted, chosen, strict=True)):

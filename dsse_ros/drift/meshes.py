@@ -66,17 +66,16 @@ def mesh_of(place: Place, box: Box) -> Mesh:
     if place.lat.size > MAX_AT_ONCE:
         raise Unfit(f"{place.lat.name} must have at most {MAX_AT_ONCE} values")
     lat, lon = (np.asarray(one.values, np.float64) for one in (place.lat, place.lon))
-    centre = (box.west_deg + box.east_deg) / 2
-    turned = (lon - centre + 180.0) % 360.0 - 180.0 + centre
+    (middle, centre), turned = box.middle_deg, box.turned(lon)
     # Triangles at the edge of the box have points beyond it.
     rows, cols = (0.2 * (high - low) for low, high in (box[:2], box[2:]))
-    inside = (np.abs(lat - sum(box[:2]) / 2) < rows * 3.5) & (np.abs(turned - centre) < cols * 3.5)
+    inside = (np.abs(lat - middle) < rows * 3.5) & (np.abs(turned - centre) < cols * 3.5)
     points = np.flatnonzero(inside)
     if len(points) < 4:
         raise elsewhere(box, lat, lon)
     if len(points) > MAX_POINTS:
         raise Unfit(f"mesh must have at most {MAX_POINTS} points in the area, got {len(points)}")
-    scales = np.array(degrees_per_metre(sum(box[:2]) / 2))
+    scales = np.array(degrees_per_metre(middle))
     metres = (np.stack([lat[points], turned[points]], axis=-1) - [lat[points[0]], centre]) / scales
     near = cKDTree(metres).query(metres, k=min(NEIGHBOURS + 1, len(points)))[0]
     lats, lons = lookup_axes(box, max(float(np.median(near[:, 1:])) / 2, 1.0))

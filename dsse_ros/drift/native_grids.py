@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from dsse_ros.drift.coordinates import Place, metres
 from dsse_ros.drift.kernels import degrees_per_metre
-from dsse_ros.drift.netcdf import MAX_AT_ONCE, Unfit
+from dsse_ros.drift.netcdf import MAX_AT_ONCE, Unfit, filled
 from dsse_ros.drift.shore import Box
 from dsse_ros.extras import pip_install
 
@@ -153,13 +153,12 @@ def curvilinear(dataset: Any, places: tuple[Place, Place], box: Box, margin: int
         Unfit: If its coordinates are not understood, or the grid holds nothing of the box.
     """
     shifts, lat, lon = _centres(dataset, places)
-    centre = (box.west_deg + box.east_deg) / 2
-    turned = (lon - centre + 180.0) % 360.0 - 180.0 + centre
+    turned = box.turned(lon)
     inside = (lat >= box.south_deg) & (lat <= box.north_deg)
     inside &= (turned >= box.west_deg) & (turned <= box.east_deg)
     if not inside.any():
         # The box may be smaller than a cell.
-        away = np.hypot(lat - (box.south_deg + box.north_deg) / 2, turned - centre)
+        away = np.hypot(lat - box.middle_deg[0], turned - box.middle_deg[1])
         inside.ravel()[np.nanargmin(away)] = True
     part = []
     for axis, count in enumerate(lat.shape):
@@ -250,7 +249,7 @@ def _window(index: NDArray[Any], count: int, margin: int) -> tuple[int, int]:
 
 def lookup_axes(box: Box, spacing_m: float) -> tuple[Array, Array]:
     """Return latitudes and longitudes of the points of a lookup of a box."""
-    scales = degrees_per_metre((box.south_deg + box.north_deg) / 2)
+    scales = degrees_per_metre(box.middle_deg[0])
     sides = (box.south_deg, box.north_deg), (box.west_deg, box.east_deg)
     lats, lons = (
         np.linspace(low, high, int(np.clip((high - low) / scale / spacing_m + 2, 2, MAX_LOOKUP)))
@@ -298,7 +297,7 @@ def _triangulated(lat: Array, lon: Array, box: Box) -> Lookup:
     from scipy.interpolate import LinearNDInterpolator
     from scipy.spatial import QhullError
 
-    scales = degrees_per_metre((box.south_deg + box.north_deg) / 2)
+    scales = degrees_per_metre(box.middle_deg[0])
     sides = [np.hypot(np.diff(lat, axis=a) / scales[0], np.diff(lon, axis=a) / scales[1])
              for a in (0, 1)]  # fmt: skip
     cell_m = float(min(np.nanmedian(side) for side in sides))
@@ -332,7 +331,7 @@ def _centres(
     """
     known = [_coordinates(place) for place in places]
     if any(one is None for one in known):
-        return _at_rholookup_axes(dataset, places)
+        return _at_rho_points(dataset, places)
     for layout in _LAYOUTS:
         means = [_mean(*one, shifts) for one, shifts in zip(known, layout, strict=True) if one]
         rows, cols = (min(one[0].shape[axis] for one in means) for axis in (0, 1))
@@ -365,7 +364,7 @@ def _coordinates(place: Place) -> tuple[Array, Array] | None:
         lon, lat = np.meshgrid(place.lon.values, place.lat.values)
     else:
         lat, lon = (one.transpose(*place.dims).values for one in (place.lat, place.lon))
-    lat, lon = (np.ma.filled(np.ma.asarray(one, np.float64), np.nan) for one in (lat, lon))
+    lat, lon = filled(lat), filled(lon)
     on_earth = (np.abs(lat) <= 90) & (np.abs(lon) <= 720)
     lat, lon = np.where(on_earth, lat, np.nan), np.where(on_earth, lon, np.nan)
     if not on_earth.any() or np.nanmax(lat) == np.nanmin(lat) or np.nanmax(lon) == np.nanmin(lon):
@@ -388,7 +387,7 @@ def shifted(values: NDArray[Any], shift: tuple[int, int]) -> NDArray[Any]:
     return values[..., shift[0] :, shift[1] :]
 
 
-def _at_rholookup_axes(
+def _at_rho_points(
     dataset: Any, places: tuple[Place, Place]
 ) -> tuple[tuple[Shifts, Shifts], Array, Array]:
     """Return `_centres` of a file of ROMS whose coordinates of the components are of no use.

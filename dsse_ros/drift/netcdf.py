@@ -96,6 +96,12 @@ def check_at_once(name: str, axis: int, chunks: Sequence[int]) -> None:
             raise ValueError(f"{what} of {name} must have at most {MAX_AT_ONCE} values, got {size}")
 
 
+def filled(values: Any, dtype: type[np.floating[Any]] = np.float64) -> NDArray[Any]:
+    """Return values of a file as numbers, NaN where there are none."""
+    numbers: NDArray[Any] = np.ma.filled(np.ma.asarray(values, dtype), np.nan)
+    return numbers
+
+
 def in_seconds(
     times: NDArray[np.float64], units: str, calendar: str = "standard"
 ) -> NDArray[np.float64]:
@@ -114,7 +120,7 @@ def in_seconds(
     calendar = calendar.lower() or "standard"
     if calendar not in _CALENDARS:
         raise Unfit(f"the standard calendar, got {calendar!r}")
-    values = np.ma.filled(np.ma.asarray(np.atleast_1d(times), np.float64), np.nan)
+    values = filled(np.atleast_1d(times))
     if not values.size or not np.isfinite(values).all():
         raise Unfit("values without gaps")
     low, high = values.min(), values.max()

@@ -48,6 +48,17 @@ class Box(NamedTuple):
     west_deg: float
     east_deg: float
 
+    @property
+    def middle_deg(self) -> tuple[float, float]:
+        """Latitude and longitude of its middle."""
+        return (self.south_deg + self.north_deg) / 2, (self.west_deg + self.east_deg) / 2
+
+    def turned(self, lons_deg: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return longitudes within half a turn of its middle, as its own sides are."""
+        middle = self.middle_deg[1]
+        turned: NDArray[np.float64] = (lons_deg - middle + 180.0) % 360.0 - 180.0 + middle
+        return turned
+
 
 def box_around(
     lats_deg: NDArray[np.float64], lons_deg: NDArray[np.float64], margin_m: float
@@ -65,8 +76,7 @@ def box_around(
 
 def shore_of(is_land: IsLand, box: Box) -> Shore:
     """Return the shore within a box, in cells of `CELL_M` or, in a large box, larger ones."""
-    middle = (box.south_deg + box.north_deg) / 2
-    lat_step, lon_step = (CELL_M * part for part in degrees_per_metre(middle))
+    lat_step, lon_step = (CELL_M * part for part in degrees_per_metre(box.middle_deg[0]))
     rows = (box.north_deg - box.south_deg) / lat_step
     cols = (box.east_deg - box.west_deg) / lon_step
     coarser = max(1.0, math.sqrt(rows * cols / MAX_CELLS))
