@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from dsse_ros.mavlink.messages import SetPositionTarget
-from dsse_ros.scenario.geodesy import offset_m
+from dsse_ros.scenario.geodesy import between, offset_m
 
 Place = tuple[float, float]
 """Latitude and longitude, in degrees."""
@@ -88,19 +88,15 @@ class PacedSetpoint:
     @property
     def place(self) -> Place:
         """Where the setpoint is."""
-        share, leg = self._share()
-        (lat_deg, lon_deg), (to_lat_deg, to_lon_deg) = self._places[leg : leg + 2]
-        east_deg = (to_lon_deg - lon_deg + 180) % 360 - 180
-        return (
-            lat_deg + share * (to_lat_deg - lat_deg),
-            (lon_deg + share * east_deg + 180) % 360 - 180,
-        )
-
-    def _share(self) -> tuple[float, int]:
-        """Return the share of a leg that the setpoint has done, and the number of the leg."""
-        leg = min(bisect_right(self._at_m, self.at_m), len(self._points) - 1) - 1
+        leg = self._leg
         length_m = self._at_m[leg + 1] - self._at_m[leg]
-        return (self.at_m - self._at_m[leg]) / length_m if length_m > 0.0 else 1.0, leg
+        share = (self.at_m - self._at_m[leg]) / length_m if length_m > 0.0 else 1.0
+        return between(self._places[leg], self._places[leg + 1], share)
+
+    @property
+    def _leg(self) -> int:
+        """Number of the leg on which the setpoint is."""
+        return min(bisect_right(self._at_m, self.at_m), len(self._points) - 1) - 1
 
     def advance(self, place: Place, boot_s: float) -> SetPositionTarget:
         """Return the setpoint at a time of the vehicle's clock; it waits for one that lags.
@@ -119,8 +115,7 @@ class PacedSetpoint:
         self.at_m = max(self.at_m, at_m)
         if max(self.at_m, flown_m + self._speed_mps * _APPROACH_S) >= self.length_m:
             return self.target
-        lat_deg, lon_deg = self.place
-        _, leg = self._share()
+        (lat_deg, lon_deg), leg = self.place, self._leg
         (north_m, east_m), (to_north_m, to_east_m) = self._points[leg : leg + 2]
         per_m = self._speed_mps / (self._at_m[leg + 1] - self._at_m[leg])
         velocity = ((to_north_m - north_m) * per_m, (to_east_m - east_m) * per_m)

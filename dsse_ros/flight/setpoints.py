@@ -11,7 +11,7 @@ from dataclasses import replace
 from dsse_ros.flight.commands import OrderFailedError, Situation, TakenOverError
 from dsse_ros.flight.paced_setpoint import AHEAD_M, LeadingSetpoint, PacedSetpoint, Place
 from dsse_ros.mavlink.messages import SetPositionTarget
-from dsse_ros.scenario.geodesy import offset_m
+from dsse_ros.scenario.geodesy import between, offset_m
 
 _TARGET_DEG = 1e-5
 _TARGET_ALT_M = 1.0
@@ -159,13 +159,12 @@ class SetpointStreamer:
             TakenOverError: If somebody else has given the vehicle another target than the one that
                 it had confirmed.
         """
-        state = self._situation.state
-        autopilot = self._autopilot
-        expected = autopilot.streams_setpoints or autopilot.circles or not self._on_track
-        if not expected and state.target_s > self._track_s + _UNREPORTED_S:
+        state, autopilot = self._situation.state, self._autopilot
+        reports = autopilot.streams_setpoints or autopilot.circles or not self._on_track
+        if not reports and state.target_s > self._track_s + _UNREPORTED_S:
             # It reports none while it flies to positions with velocities.
             raise TakenOverError("sent elsewhere by somebody else")
-        if self._stands and state.mode == self._autopilot.resting_mode:
+        if self._stands and state.mode == autopilot.resting_mode:
             if self._standing is None:
                 # The first reports may be of the order before, or of the way to a stop.
                 alike = _are_near(self._reported, state.target)
@@ -209,10 +208,13 @@ class SetpointStreamer:
     @property
     def _is_reported(self) -> bool:
         """Whether the vehicle should report to fly to the target."""
-        autopilot = self._autopilot
-        guided = self._situation.state.mode == autopilot.guided_mode
-        streams = autopilot.streams_setpoints or self._on_track
-        return self.target is not None and guided and not streams
+        guided = self._situation.state.mode == self._autopilot.guided_mode
+        return self.target is not None and guided and not self._streams
+
+    @property
+    def _streams(self) -> bool:
+        """Whether setpoints are sent all the time, not only until one is confirmed."""
+        return self._autopilot.streams_setpoints or self._on_track
 
     @property
     def deadline(self) -> float:
@@ -227,7 +229,7 @@ class SetpointStreamer:
     def confirmed(self) -> bool:
         """Whether the vehicle flies to the target; by its own report, if it sends any."""
         now, state, target = self._situation.now, self._situation.state, self.target
-        if self._autopilot.streams_setpoints or self._on_track:
+        if self._streams:
             return state.mode == self._autopilot.guided_mode
         if target is None or state.target_s <= self._set_s:
             return False
@@ -246,7 +248,7 @@ class SetpointStreamer:
         situation, settings = self._situation, self._situation.settings
         if self.target is None or situation.now < self._due_s:
             return
-        if self._autopilot.streams_setpoints or self._on_track:
+        if self._streams:
             rate_hz = settings.setpoint_hz * (_OF_CIRCLES if self._autopilot.circles else 1.0)
             self._due_s = situation.now + 1 / rate_hz
             situation.out.append(self._streamed(self.target))
@@ -295,12 +297,7 @@ def _beyond(places: Sequence[Place], metres: float) -> Place:
     """Return the place behind the end of a track, in the direction of its last leg."""
     end = places[-1]
     start = next(place for place in reversed(places) if place != end)
-    share = 1.0 + metres / math.hypot(*offset_m(start, end))
-    east_deg = (end[1] - start[1] + 180) % 360 - 180
-    return (
-        start[0] + share * (end[0] - start[0]),
-        (start[1] + share * east_deg + 180) % 360 - 180,
-    )
+    return between(start, end, 1.0 + metres / math.hypot(*offset_m(start, end)))
 
 
 def _are_near(

@@ -171,8 +171,23 @@ def offset_m(start: tuple[float, float], end: tuple[float, float]) -> tuple[floa
     tolerance.
     """
     north_m = (end[0] - start[0]) * _METRES_PER_DEGREE
-    east_deg = (end[1] - start[1] + 180) % 360 - 180
-    return north_m, east_deg * _METRES_PER_DEGREE * math.cos(math.radians(start[0]))
+    return north_m, _east_deg(start, end) * _METRES_PER_DEGREE * math.cos(math.radians(start[0]))
+
+
+def between(
+    start: tuple[float, float], end: tuple[float, float], share: float
+) -> tuple[float, float]:
+    """Return the place at a share of the way between places in degrees that are near each other.
+
+    A share above 1 is behind the end.
+    """
+    lat_deg = start[0] + share * (end[0] - start[0])
+    return lat_deg, (start[1] + share * _east_deg(start, end) + 180) % 360 - 180
+
+
+def _east_deg(start: tuple[float, float], end: tuple[float, float]) -> float:
+    """Return the difference of two longitudes, which may be on both sides of the antimeridian."""
+    return (end[1] - start[1] + 180) % 360 - 180
 
 
 def _number(array: Any) -> Any:
