@@ -34,9 +34,14 @@ class Low(Enum):
 
 
 class PlaceWatch:
-    """Watches one vehicle, from its take-off to its landing."""
+    """Watches one vehicle, from its take-off to its landing.
 
-    def __init__(self) -> None:
+    Args:
+        circle_m: See `Autopilot`.
+    """
+
+    def __init__(self, circle_m: float = 0.0) -> None:
+        self._circle_m = circle_m
         self._away_since_s = self._outside_since_s = self._low_since_s = math.inf
         self._highest_amsl_m = -math.inf
 
@@ -48,7 +53,7 @@ class PlaceWatch:
             state: What it reports, with its position.
             now_s: Time on a steady clock.
         """
-        away = place is not None and _is_away(place, state)
+        away = place is not None and self._is_away(place, state)
         self._away_since_s = _since(self._away_since_s, now_s, when=away)
         return now_s - self._away_since_s >= AWAY_S
 
@@ -78,16 +83,16 @@ class PlaceWatch:
         self._outside_since_s = _since(self._outside_since_s, now_s, when=bool(why))
         return why if now_s - self._outside_since_s >= AWAY_S else ""
 
+    def _is_away(self, place: GoTo, state: VehicleState) -> bool:
+        here, there = (state.lat_deg, state.lon_deg), (place.lat_deg, place.lon_deg)
+        radius_m = max(place.radius_m, self._circle_m)
+        away_m = math.hypot(*offset_m(here, there)) - radius_m
+        return max(away_m, abs(state.alt_amsl_m - place.alt_amsl_m)) > AWAY_M
+
     @property
     def is_outside(self) -> bool:
         """Whether it was outside the fence when it was looked at last."""
         return self._outside_since_s < math.inf
-
-
-def _is_away(place: GoTo, state: VehicleState) -> bool:
-    here, there = (state.lat_deg, state.lon_deg), (place.lat_deg, place.lon_deg)
-    away_m = math.hypot(*offset_m(here, there)) - place.radius_m
-    return max(away_m, abs(state.alt_amsl_m - place.alt_amsl_m)) > AWAY_M
 
 
 def _since(since_s: float, now_s: float, *, when: bool) -> float:

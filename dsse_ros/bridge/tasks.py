@@ -11,7 +11,7 @@ from dataclasses import replace
 import numpy as np
 
 from dsse_ros.bridge.fence import Fence, check_mission, check_place
-from dsse_ros.flight.autopilots import AUTOPILOTS, Autopilot
+from dsse_ros.flight.autopilots import Autopilot
 from dsse_ros.flight.orders import FlyMission, FlyTrack, GoTo, Search
 from dsse_ros.flight.vehicle_controller import Order
 from dsse_ros.flight.vehicle_state import VehicleState
@@ -80,8 +80,7 @@ def way_task(
             return checked
     length_m = sum(math.dist(a, b) for a, b in itertools.pairwise(leg.way))
     if length_m < _STANDS_M:
-        radius_m = max(settings.acceptance_radius, AUTOPILOTS[settings.autopilot].circle_m)
-        return Accepted((GoTo(*places[-1], top_m, radius_m),))
+        return Accepted((GoTo(*places[-1], top_m, settings.acceptance_radius),))
     return Accepted((FlyTrack(places, top_m, length_m / step_s),))
 
 

@@ -85,7 +85,7 @@ class VehicleFollower:
         self._autopilot = AUTOPILOTS[settings.autopilot]
         self._whole = settings.mode == "mission"
         self._top_amsl_m = 0.0
-        self._place_watch = PlaceWatch()
+        self._place_watch = PlaceWatch(self._autopilot.circle_m)
         self._fence: Fence | None = None
         self.leaves_layer = ""
         self._forget_search()
@@ -291,7 +291,7 @@ class VehicleFollower:
         if state.connected and state.flying and state.has_position:
             self._watch_place(state, now_s)
         elif not state.flying:
-            self._place_watch = PlaceWatch()
+            self._place_watch = PlaceWatch(self._autopilot.circle_m)
         because = f": {trouble}" if trouble else ""
         silent = bool(state.mode) and not state.connected
         if state.unfit:
