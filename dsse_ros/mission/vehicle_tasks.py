@@ -58,11 +58,12 @@ class VehicleTasks:
 
     def _set(self, actions: NDArray[Any] | None, goes_on: NDArray[np.bool_]) -> None:
         ways, alive = _ways(self._mission, actions), self._mission.env.world.drones["alive"][0]
+        chosen = np.full(len(self.numbers), HOLD, np.int8)
+        if actions is not None and actions.ndim == 1:
+            chosen = actions
         for i in np.flatnonzero(~goes_on & (alive | (self.numbers < self.first))):
             self._last += 1
-            self.numbers[i], self.ways[i] = self._last, ways[i]
-            numbered = actions is not None and actions.ndim == 1
-            self.actions[i] = actions[i] if actions is not None and numbered else HOLD
+            self.numbers[i], self.ways[i], self.actions[i] = self._last, ways[i], chosen[i]
 
     @property
     def ends(self) -> NDArray[np.float64]:

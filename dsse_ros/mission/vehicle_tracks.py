@@ -130,27 +130,27 @@ class VehicleTrack:
             end_s = self._start_s + self._step_s
         at_s = np.linspace(self._start_s, end_s, pieces + 1)
         path = np.stack([np.interp(at_s, times, x), np.interp(at_s, times, y)], axis=1)
-        looked = np.zeros(pieces + 1, np.bool_)
-        looked[0] = self._looked
-        known_s = _known(times, looks > 0.0)
-        for k in range(pieces):
-            begin_s, until_s = at_s[k] + _RESOLUTION_S, at_s[k + 1] - _RESOLUTION_S
-            looked[k + 1] = any(a <= begin_s and until_s <= b for a, b in known_s)
+        looked = np.concatenate([[self._looked], _looked(times, looks > 0.0, at_s)])
         self._forget_way()
         self._start_s, self._looked = end_s, bool(looked[-1])
         return path, looked
 
 
-def _known(times: NDArray[np.float64], looks: NDArray[np.bool_]) -> list[tuple[float, float]]:
-    """Return the times, from and to, in which a vehicle looked without a gap."""
-    spans: list[tuple[float, float]] = []
-    together = looks[:-1] & looks[1:] & (np.diff(times) <= LONGEST_GAP_S)
-    for k in np.flatnonzero(together).tolist():
-        if spans and spans[-1][1] == times[k]:
-            spans[-1] = (spans[-1][0], float(times[k + 1]))
-        else:
-            spans.append((float(times[k]), float(times[k + 1])))
-    return spans
+def _looked(
+    times: NDArray[np.float64], looks: NDArray[np.bool_], at_s: NDArray[np.float64]
+) -> NDArray[np.bool_]:
+    """Return whether a vehicle looked all the time on each piece (K,) between times (K + 1,).
+
+    Args:
+        times: (Q,) float64, increasing times of its positions.
+        looks: (Q,) bool, whether it could look there.
+        at_s: The ends of the pieces.
+    """
+    begin_s, until_s = at_s[:-1] + _RESOLUTION_S, at_s[1:] - _RESOLUTION_S
+    blind = ~(looks[:-1] & looks[1:]) | (np.diff(times) > LONGEST_GAP_S)
+    meets = (times[:-1, None] < until_s) & (times[1:, None] > begin_s)
+    known = (times[0] <= begin_s) & (until_s <= times[-1])
+    return known & ~(meets & blind[:, None]).any(axis=0)
 
 
 def tilt_deg(orientation: tuple[float, float, float, float]) -> float:
