@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dsse_ros.mission_items.track_missions import Leg
+from dsse_ros.mission_items.track_missions import Leg, Way
 from dsse_ros.scenario.agents import AgentsInfo
 from dsse_ros.scenario.agents_inbox import Latest
 from dsse_ros.scenario.frames import GridFrame
@@ -26,8 +26,6 @@ MISSION_REPORT_S = 5.0
 
 Identity = tuple[int, int]
 """run_id and mission."""
-Way = tuple[tuple[float, float], ...]
-"""Points (x, y) of the map frame, in metres."""
 _KEPT = 4
 """Number of searches whose reports are kept."""
 

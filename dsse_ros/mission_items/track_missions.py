@@ -28,6 +28,9 @@ from dsse_ros.mission_items.reduced_tracks import stops
 from dsse_ros.scenario.frames import GridFrame
 from dsse_ros.scenario.geodesy import cell_to_geodetic
 
+Way = tuple[tuple[float, float], ...]
+"""Points (x, y) of the map frame, in metres."""
+
 
 @dataclass(frozen=True)
 class Leg:
@@ -40,7 +43,7 @@ class Leg:
         searched: Whether the drone searches there.
         over: Whether its search is over.
         crashed: Whether that is because another drone is in its cell: no vehicle follows it there.
-        way: In metres, the points (x, y) of the map frame to fly along in a step; one to stay at.
+        way: In metres, the points to fly along in a step; one to stay at.
     """
 
     number: int
@@ -48,7 +51,7 @@ class Leg:
     searched: bool = False
     over: bool = False
     crashed: bool = False
-    way: tuple[tuple[float, float], ...] = ()
+    way: Way = ()
 
     def is_same(self, other: Leg) -> bool:
         """Return whether another leg is this one, even if only one of them is over."""

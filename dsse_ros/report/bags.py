@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from dsse_ros.recording.bag import Recorded, read_bag
 from dsse_ros.report.flown_over import places_of
-from dsse_ros.report.of_vehicles import Flown
+from dsse_ros.report.of_vehicles import FlownByVehicles
 from dsse_ros.report.recomputed import Maps
 from dsse_ros.report.record import RecordedMission, Search, check_limit
 from dsse_ros.scenario.agents import AgentsInfo, agents_from_json
@@ -185,7 +185,7 @@ def _in_metres(scenario: ResolvedScenario, reports: Sequence[NDArray[Any]]) -> d
         of_metres["courses"] = np.stack([table("heading"), table("airspeed")], axis=2)
         if looked_of(reports[0]) is not None:
             paths = np.stack([path_of(report) for report in reports])
-            of_metres["flown"] = Flown(paths, table("looked") > 0)
+            of_metres["flown"] = FlownByVehicles(paths, table("looked") > 0)
     return of_metres
 
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from dsse_ros.step.fault_kernels import WORKS
 
 
-class Flown(NamedTuple):
+class FlownByVehicles(NamedTuple):
     """What vehicles have flown, see `dsse_ros.mission.flown.Flown`.
 
     Attributes:
@@ -25,7 +25,7 @@ class Flown(NamedTuple):
     looked: NDArray[np.bool_]
 
 
-def flown_of(column: Callable[..., NDArray[Any]]) -> Flown:
+def flown_of(column: Callable[..., NDArray[Any]]) -> FlownByVehicles:
     """Return what vehicles have flown, see `mission_log.OF_FLOWN`.
 
     Args:
@@ -37,7 +37,7 @@ def flown_of(column: Callable[..., NDArray[Any]]) -> Flown:
     points = [[text.split() for text in row] for row in column("path", np.str_).tolist()]
     flags = [[list(text) for text in row] for row in column("looked", np.str_).tolist()]
     looked = np.array(flags, np.int64) > 0
-    return Flown(np.array(points, np.float64).reshape(*looked.shape, 2), looked)
+    return FlownByVehicles(np.array(points, np.float64).reshape(*looked.shape, 2), looked)
 
 
 def turns_of(column: Callable[..., NDArray[Any]]) -> dict[str, Any]:

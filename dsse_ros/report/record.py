@@ -19,7 +19,7 @@ from dsse_ros.mission.definition_log import definition_file, read_definitions
 from dsse_ros.mission.mission_log import COLUMNS, OF_COVERAGE
 from dsse_ros.report.flown_over import check_flown, flown_over, places_of
 from dsse_ros.report.flown_paths import paths_in
-from dsse_ros.report.of_vehicles import Flown, flown_of, turns_of, works_of
+from dsse_ros.report.of_vehicles import FlownByVehicles, flown_of, turns_of, works_of
 from dsse_ros.scenario.agents import definition_from
 from dsse_ros.scenario.definition import SearchDefinition
 from dsse_ros.scenario.frames import cell_to_map, scenario_frame
@@ -97,7 +97,7 @@ class RecordedMission:
     scenario: ResolvedScenario
     commands: NDArray[np.str_] | None = None
     work: NDArray[np.int8] | None = None
-    flown: Flown | None = None
+    flown: FlownByVehicles | None = None
     probabilities: NDArray[np.float64] | None = None
     pos: NDArray[np.float64] | None = None
     coverage_rate: NDArray[np.float64] | None = None
