@@ -94,12 +94,7 @@ def test_a_goal_is_flown_to_with_feedback_and_a_result(rig: Rig) -> None:
     sim.process.stop()
 
 
-@pytest.mark.slow
-def test_a_goal_that_cannot_be_flown_to_is_refused_and_one_that_is_replaced_is_aborted(
-    rig: Rig,
-) -> None:
-    sim = rig.sim(SMALL, namespace="/nav_refused")
-    sender = Sender(rig, sim, 0)
+def refuses_what_cannot_be_flown_to(sender: Sender, sim: Sim) -> None:
     for refused in (
         sender.send(3, 0, frame="odom"),
         sender.send(GRID, 0),
@@ -107,6 +102,15 @@ def test_a_goal_that_cannot_be_flown_to_is_refused_and_one_that_is_replaced_is_a
     ):
         assert not refused.accepted
     assert sim.health_after("foreign_frame", "outside_grid", "behavior_tree")
+
+
+@pytest.mark.slow
+def test_a_goal_that_cannot_be_flown_to_is_refused_and_one_that_is_replaced_is_aborted(
+    rig: Rig,
+) -> None:
+    sim = rig.sim(SMALL, namespace="/nav_refused")
+    sender = Sender(rig, sim, 0)
+    refuses_what_cannot_be_flown_to(sender, sim)
     replaced, handle = sender.send(3, 0), sender.send(4, 0)
     end = sender.end(replaced)
     assert end.status == GoalStatus.STATUS_ABORTED and end.result.error_code == 9000
@@ -135,13 +139,7 @@ def test_in_metres_a_goal_is_flown_straight_to_with_feedback_cancel_and_preempti
 ) -> None:
     sim = rig.sim(IN_METRES, namespace="/nav_metres")
     first, second = (Sender(rig, sim, drone) for drone in (0, 1))
-    for refused in (
-        first.send(3, 0, frame="odom"),
-        first.send(GRID, 0),
-        first.send(3, 0, tree="tree.xml"),
-    ):
-        assert not refused.accepted
-    assert sim.health_after("foreign_frame", "outside_grid", "behavior_tree")
+    refuses_what_cannot_be_flown_to(first, sim)
     with rig.listening(Path, "/nav_metres/drone1/remaining_path", LATCHED) as left:
         preempted, other = second.send(6, 2), second.send(2, 6.5)
         end = second.end(preempted)

@@ -5,7 +5,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from enum import IntEnum
 from typing import ClassVar
 
@@ -13,7 +13,7 @@ from .ardupilot_missions import ArduPilotMissions
 from .channel import Sender
 from .commands import ACCEPTED, DENIED, FAILED, Command
 from .local_frame import Point
-from .maneuvers import Follow, GoTo, Hold, Land, Return, TakeOff, Velocity
+from .maneuvers import Follow, GoTo, Hold, Land, Maneuver, Return, TakeOff, Velocity
 from .mission_items import ABSOLUTE_FRAMES, RELATIVE_FRAMES, TERRAIN_FRAMES, Item, height_m
 from .mission_run import MissionRun
 from .parameters import Number
@@ -123,6 +123,9 @@ class ArduCopter(Vehicle):
     bytewise_parameters = False
     mission_service = ArduPilotMissions
     takes_off_by_itself = False
+    not_guided = DENIED
+    """Its answer to MAV_CMD_DO_REPOSITION in another mode."""
+    go_to: Callable[[Point], Maneuver] = GoTo
 
     def __init__(self, settings: Settings) -> None:
         self.mode = Mode.STABILIZE
@@ -338,8 +341,8 @@ class ArduCopter(Vehicle):
     def _do_reposition(self, command: Command) -> int:
         flags = max(command.whole(2), 0)
         change_mode = flags & mavlink.MAV_DO_REPOSITION_FLAGS_CHANGE_MODE
-        if self.mode is not Mode.GUIDED and not change_mode:
-            return DENIED
+        if self.mode.name != Mode.GUIDED.name and not change_mode:
+            return self.not_guided
         if not command.on_the_earth or command.frame not in ABSOLUTE_FRAMES | RELATIVE_FRAMES:
             return DENIED
         up_m = height_m(command.z, command.frame, self.frame, self.home.up_m)
@@ -348,7 +351,7 @@ class ArduCopter(Vehicle):
             return DENIED
         if not self.set_mode(Mode.GUIDED) or not self.in_fence(target):
             return FAILED
-        self.maneuver = GoTo(target)
+        self.maneuver = self.go_to(target)
         return ACCEPTED
 
     def _mission_start(self, command: Command) -> int:

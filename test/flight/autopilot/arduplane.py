@@ -11,10 +11,9 @@ from typing import Any, ClassVar
 
 from .ardupilot import ArduCopter
 from .channel import Sender
-from .commands import ACCEPTED, DENIED, FAILED, Command
+from .commands import ACCEPTED, FAILED, Command
 from .local_frame import Point
 from .maneuvers import Maneuver
-from .mission_items import ABSOLUTE_FRAMES, RELATIVE_FRAMES, height_m
 from .parameters import Number
 from .settings import Settings
 from .vehicle import Vehicle
@@ -100,6 +99,8 @@ class ArduPlane(ArduCopter):
         "TKOFF_ALT": 50.0,
         "WP_LOITER_RAD": 60.0,
     }
+    not_guided = FAILED
+    go_to = Circle
     mode: Any
 
     def __init__(self, settings: Settings) -> None:
@@ -157,20 +158,6 @@ class ArduPlane(ArduCopter):
     def _nav_takeoff(self, command: Command) -> int:
         # Only with vertical take-off.
         return FAILED
-
-    def _do_reposition(self, command: Command) -> int:
-        flags = max(command.whole(2), 0)
-        changes = flags & mavlink.MAV_DO_REPOSITION_FLAGS_CHANGE_MODE
-        if self.mode is not Mode.GUIDED and not changes:
-            return FAILED
-        if not command.on_the_earth or command.frame not in ABSOLUTE_FRAMES | RELATIVE_FRAMES:
-            return DENIED
-        up_m = height_m(command.z, command.frame, self.frame, self.home.up_m)
-        self.set_mode(Mode.GUIDED)
-        self.maneuver = Circle(
-            Point(*self.frame.horizontal(command.lat_deg, command.lon_deg), up_m)
-        )
-        return ACCEPTED
 
     def set_position_target(self, message: Message, sender: Sender) -> None:
         """Do nothing: it takes altitudes alone."""
