@@ -93,8 +93,8 @@ class Flyer:
                 if isinstance(order, Search):
                     spaces.append(spot(there, order.search_amsl_m - self.datum_m, level_m))
                 return spaces
-            case FlyTrack(places, level_amsl_m):
-                points = [here, *places_of(self.frame, places)]
+            case FlyTrack(places, beyond, level_amsl_m):
+                points = [here, *places_of(self.frame, [*places, beyond])]
                 level_m = level_amsl_m - self.datum_m
                 legs = [leg(start, end, level_m) for start, end in itertools.pairwise(points)]
                 return [spot(here, height_m, level_m), *legs]

@@ -101,7 +101,8 @@ class FlightPlan:
         frame, fence = self.frames[i], self.fence(i)
         if leg.way:
             top_m = self.top_amsl_m(i)
-            return way_task(leg, frame, self._settings, fence, top_m, self._step_s)
+            circles = AUTOPILOTS[self._settings.autopilot].circles
+            return way_task(leg, frame, self._settings, fence, top_m, self._step_s, circles=circles)
         return leg_task(leg, frame, self._settings, fence, self.datum_m)
 
     def missions(

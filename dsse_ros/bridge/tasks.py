@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import itertools
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -13,6 +14,7 @@ import numpy as np
 from dsse_ros.bridge.fence import Fence, check_mission, check_place
 from dsse_ros.flight.autopilots import Autopilot
 from dsse_ros.flight.orders import FlyMission, FlyTrack, GoTo, Search
+from dsse_ros.flight.paced_setpoint import AHEAD_M, Place
 from dsse_ros.flight.vehicle_controller import Order
 from dsse_ros.flight.vehicle_state import VehicleState
 from dsse_ros.mission.vehicle_missions import FlightSettings
@@ -20,13 +22,15 @@ from dsse_ros.mission_items.items import NAV_WAYPOINT, VehicleMission
 from dsse_ros.mission_items.track_missions import Leg, acceptance_radius_m
 from dsse_ros.result import Accepted, Rejected, Result
 from dsse_ros.scenario.frames import GridFrame
-from dsse_ros.scenario.geodesy import cell_to_geodetic, map_to_geodetic, offset_m
+from dsse_ros.scenario.geodesy import between, cell_to_geodetic, map_to_geodetic, offset_m
 
 Task = tuple[Order, ...]
 """Orders, one after the other."""
 _OVER_HOME_M = 15.0
 _STANDS_M = 1.0
 """Length of a way up to which the vehicle stays where it is."""
+_OVERRUN_S = 3.0
+"""Time for which a vehicle that can hover flies on behind the end of a track, before it stops."""
 
 
 def leg_task(
@@ -59,9 +63,18 @@ def leg_task(
 
 
 def way_task(
-    leg: Leg, frame: GridFrame, settings: FlightSettings, fence: Fence, top_m: float, step_s: float
+    leg: Leg,
+    frame: GridFrame,
+    settings: FlightSettings,
+    fence: Fence,
+    top_m: float,
+    step_s: float,
+    *,
+    circles: bool,
 ) -> Result[Task]:
     """Return the task of a vehicle for a leg in metres, or why the vehicle may not fly it.
+
+    The vehicle flies on behind the end of a track only where the fence allows it.
 
     Args:
         leg: The leg, with a way.
@@ -70,6 +83,7 @@ def way_task(
         fence: Where the vehicle may be.
         top_m: Altitude of the vehicle's layer above mean sea level.
         step_s: Time in which the way is to be flown.
+        circles: See `Autopilot`.
     """
     x_m, y_m = np.array(leg.way).T
     lats, lons, _ = map_to_geodetic(frame, x_m, y_m, frame.alt_m)
@@ -81,7 +95,18 @@ def way_task(
     length_m = sum(math.dist(a, b) for a, b in itertools.pairwise(leg.way))
     if length_m < _STANDS_M:
         return Accepted((GoTo(*places[-1], top_m, settings.acceptance_radius),))
-    return Accepted((FlyTrack(places, top_m, length_m / step_s),))
+    speed_mps = length_m / step_s
+    beyond = _beyond(places, AHEAD_M if circles else speed_mps * _OVERRUN_S)
+    if isinstance(check_place(*beyond, top_m, fence), Rejected):
+        beyond = places[-1]
+    return Accepted((FlyTrack(places, beyond, top_m, speed_mps),))
+
+
+def _beyond(places: Sequence[Place], metres: float) -> Place:
+    """Return the place behind the end of a track, in the direction of its last leg."""
+    end = places[-1]
+    start = next(place for place in reversed(places) if place != end)
+    return between(start, end, 1.0 + metres / math.hypot(*offset_m(start, end)))
 
 
 def mission_task(

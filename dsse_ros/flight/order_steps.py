@@ -5,7 +5,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import replace
 from typing import TYPE_CHECKING, TypeAlias
 
@@ -25,7 +25,7 @@ from dsse_ros.mission_items.items import (
 from dsse_ros.scenario.geodesy import offset_m
 
 if TYPE_CHECKING:
-    from dsse_ros.flight.orders import FlyMission, MakeReady, TakeOff
+    from dsse_ros.flight.orders import FlyMission, FlyTrack, MakeReady, TakeOff
     from dsse_ros.flight.vehicle_controller import VehicleController
 
     ArmingOrder: TypeAlias = MakeReady | TakeOff | FlyMission
@@ -71,20 +71,15 @@ def fly_to(
         yield f"flying to {lat_deg:.6f}, {lon_deg:.6f}, {alt_amsl_m:g} m"
 
 
-def follow_track(
-    controller: VehicleController,
-    places: Sequence[tuple[float, float]],
-    alt_amsl_m: float,
-    speed_mps: float,
-) -> Iterator[str]:
-    """Fly along a track, and be done at its end, behind which the vehicle flies on for a while."""
+def follow_track(controller: VehicleController, track: FlyTrack) -> Iterator[str]:
+    """Fly along a track, and be done at its end, behind which the vehicle may fly on."""
     situation, setpoints = controller.situation, controller.setpoints
     guided_mode, circles = situation.autopilot.guided_mode, situation.autopilot.circles
     yield from until_position_known(controller)
     yield from until_lift_off_known(controller)
     while True:
         expect_flying(controller)
-        setpoints.follow(places, alt_amsl_m, speed_mps)
+        setpoints.follow(track.places, track.beyond, track.alt_amsl_m, track.speed_mps)
         if controller.state.mode != guided_mode:
             yield enter_guided_mode(controller)
             continue
@@ -95,7 +90,7 @@ def follow_track(
         if left_m <= 0.0:
             return
         situation.expect_progress(setpoints.target, left_m)
-        yield f"flying a track of {len(places)} places at {alt_amsl_m:g} m"
+        yield f"flying a track of {len(track.places)} places at {track.alt_amsl_m:g} m"
 
 
 def climb_on_the_spot(controller: VehicleController, alt_amsl_m: float) -> Iterator[str]:

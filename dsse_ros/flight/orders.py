@@ -38,6 +38,7 @@ from dsse_ros.flight.order_steps import (
     until_take_off,
     upload,
 )
+from dsse_ros.flight.paced_setpoint import Place
 from dsse_ros.flight.vehicle_controller import Order, VehicleController
 from dsse_ros.mavlink.messages import MissionSetCurrent
 from dsse_ros.mission_items.items import MissionItem
@@ -180,11 +181,12 @@ class GoTo(Order):
 class FlyTrack(Order):
     """Fly along a track without a stop; the order is done at its end.
 
-    The vehicle flies on behind the end for a few seconds, so that it need not stop where the next
-    order goes on, and holds then.
+    The vehicle flies on behind the end, so that it need not stop where the next order goes on, and
+    stays there then.
 
     Attributes:
         places: WGS84 latitudes and longitudes, at least two that differ.
+        beyond: Latitude and longitude to which it flies on; the end for no farther.
         alt_amsl_m: Altitude above mean sea level.
         speed_mps: Speed over ground.
 
@@ -193,13 +195,14 @@ class FlyTrack(Order):
             0.
     """
 
-    places: tuple[tuple[float, float], ...]
+    places: tuple[Place, ...]
+    beyond: Place
     alt_amsl_m: float
     speed_mps: float
     flies_to_setpoints: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
-        for lat_deg, lon_deg in self.places:
+        for lat_deg, lon_deg in (*self.places, self.beyond):
             _check_place(lat_deg, lon_deg, self.alt_amsl_m, 1.0)
         check_number("speed_mps", self.speed_mps, 0, 1e3, exclusive=True)
         if len({*self.places}) < 2:
@@ -208,7 +211,7 @@ class FlyTrack(Order):
     def carry_out(self, controller: VehicleController) -> Iterator[str]:
         """See `Order`."""
         yield from climb_on_the_spot(controller, self.alt_amsl_m)
-        yield from follow_track(controller, self.places, self.alt_amsl_m, self.speed_mps)
+        yield from follow_track(controller, self)
 
 
 @dataclass(frozen=True)

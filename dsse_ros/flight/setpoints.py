@@ -9,9 +9,9 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from dsse_ros.flight.commands import OrderFailedError, Situation, TakenOverError
-from dsse_ros.flight.paced_setpoint import AHEAD_M, LeadingSetpoint, PacedSetpoint, Place
+from dsse_ros.flight.paced_setpoint import LeadingSetpoint, PacedSetpoint, Place
 from dsse_ros.mavlink.messages import SetPositionTarget
-from dsse_ros.scenario.geodesy import between, offset_m
+from dsse_ros.scenario.geodesy import offset_m
 
 _TARGET_DEG = 1e-5
 _TARGET_ALT_M = 1.0
@@ -27,8 +27,6 @@ _BETWEEN_TRACKS_S = 1.0
 """Time up to which a track goes on from the last one."""
 _OF_CIRCLES = 0.2
 """Share of the rate at which a fixed wing, which each acknowledges, gets its places."""
-_OVERRUN_S = 3.0
-"""Time for which a vehicle flies on behind the end of a track, before it stops."""
 
 
 class SetpointStreamer:
@@ -121,19 +119,19 @@ class SetpointStreamer:
             self._tries = 0
             self._was_confirmed, self._foreign_reports = False, 0
 
-    def follow(self, places: Sequence[Place], alt_amsl_m: float, speed_mps: float) -> None:
+    def follow(
+        self, places: Sequence[Place], beyond: Place, alt_amsl_m: float, speed_mps: float
+    ) -> None:
         """Have the vehicle fly along a track, without a stop where it goes on from another one.
-
-        It flies on behind the end for `_OVERRUN_S`, in the same direction.
 
         Args:
             places: At least two, not all the same.
+            beyond: Where it flies on to, in the direction of the last leg, and stays.
             alt_amsl_m: Altitude above mean sea level.
             speed_mps: Speed over ground, more than 0.
         """
         circles = self._autopilot.circles
-        beyond_m = AHEAD_M if circles else speed_mps * _OVERRUN_S
-        target = self._target_at(_beyond(places, beyond_m), alt_amsl_m)
+        target = self._target_at(beyond, alt_amsl_m)
         if self._on_track and target == self.target:
             return
         self._leave_track()
@@ -149,7 +147,7 @@ class SetpointStreamer:
     @property
     def left_m(self) -> float:
         """How far the vehicle still has to fly to the end of the track that it follows."""
-        # The last place is where it stops behind that end.
+        # The last place is the one behind that end.
         return math.inf if self._paced is None else self._paced.at_place_m(-2) - self._paced.flown_m
 
     def watch_reports(self) -> None:
@@ -291,13 +289,6 @@ class SetpointStreamer:
             # Without a velocity ArduCopter would fly to it in another way.
             return replace(setpoint, velocity_mps=(0.0, 0.0))
         return setpoint
-
-
-def _beyond(places: Sequence[Place], metres: float) -> Place:
-    """Return the place behind the end of a track, in the direction of its last leg."""
-    end = places[-1]
-    start = next(place for place in reversed(places) if place != end)
-    return between(start, end, 1.0 + metres / math.hypot(*offset_m(start, end)))
 
 
 def _are_near(
