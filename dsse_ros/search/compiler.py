@@ -90,7 +90,7 @@ def prepared_env(
     *,
     has_belief: Callable[[int], bool] = lambda grid_size: False,
 ) -> SearchEnv:
-    """Return an environment whose reset and step are compiled, or loaded from the cache.
+    """Return an environment whose reset and step, and paths, are compiled or loaded from the cache.
 
     Args:
         scenario: Of the environment.
@@ -110,6 +110,8 @@ def prepared_env(
     if beliefs is not None:
         beliefs.before_step(hold[None])
     env.advance(hold)
+    if env.world.flight is not None:
+        env.world.flight.plan(0, np.zeros(2), 0)
     if beliefs is not None:
         beliefs.after_step()
         beliefs.write()
