@@ -22,6 +22,7 @@ from dsse_ros.scenario.fields import check_all, check_known, field, shown, specs
 from dsse_ros.scenario.identity import identity_of, plain
 from dsse_ros.scenario.rules import AUTO
 from dsse_ros.scenario.scenario import FILES, ResolvedScenario, scenario_and_rules
+from dsse_ros.scenario.truth_fields import SIMULATED
 from dsse_ros.scenario.yaml_file import read_yaml
 from dsse_ros.search import FieldError, Rules, Scenario
 
@@ -285,5 +286,7 @@ def _case_of(value: Any, folder: Path) -> Case:
             fields[name] = str(folder / fields[name])
     scenario, chosen = scenario_and_rules(path, rules, **fields)
     resolved = scenario.resolve(chosen)
+    if not resolved.has_persons:
+        raise FieldError(f"truth must be {SIMULATED} in a campaign, got {resolved.truth!r}")
     name = resolved.name or (path.stem if path else f"{chosen.profile}_{resolved.grid_size}")
     return Case(name, resolved, chosen)

@@ -200,6 +200,7 @@ SHORT_NAMES = {
     "scenario": SCENARIO_FILE,
     "rules": PROFILE,
     "num_drones": "scenario.num_drones",
+    "truth": "scenario.truth",
 }
 """Accepted too: the names of options and launch arguments."""
 

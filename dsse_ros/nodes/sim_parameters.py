@@ -65,6 +65,8 @@ def read_parameters(node: AlarmNode) -> tuple[SimSettings, SearchEnv, Endpoints]
             f"publish_belief must be false with rules {rules.profile}, which have no persons, "
             "got true"
         )
+    if settings.reveal_person and not scenario.has_persons:
+        raise FieldError(f"reveal_person must be false with truth {scenario.truth}, got true")
     log = node.get_logger().info
     with announced(lambda line: log(f"{line}; topics and services appear when it is done")):
         _check_size(settings, scenario, rules)

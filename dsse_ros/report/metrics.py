@@ -183,6 +183,8 @@ def _of_incident(record: RecordedMission, value: Callable[[Laid], float]) -> flo
 def _share_found(record: RecordedMission, progress: Curves) -> float | None:
     if record.covers:
         return None
+    if not record.scenario.has_persons:
+        return None
     if record.person_found is not None and record.person_found.shape[1]:
         return float(record.person_found.any(axis=0).mean())
     # One person is found, or not.

@@ -75,6 +75,8 @@ def outcome(record: RecordedMission) -> str:
         return found
     last = record.in_flight[-1]
     end = "out of time" if record.truncated[-1][last].any() else "no drone left"
+    if not record.scenario.has_persons:
+        return f"live search over: {end}"
     return ", ".join([found or "not found", end])
 
 
@@ -86,8 +88,9 @@ def verdict(record: RecordedMission, pos: float | None) -> str:
         pos: Its cumulative probability of success; None if unknown.
     """
     result, several = outcome(record), record.scenario.person_amount > 1
-    if record.covers:
-        return f"{result[0].upper()}{result[1:]}."
+    if record.covers or not record.scenario.has_persons:
+        text = f"{result[0].upper()}{result[1:]}."
+        return text if pos is None or record.covers else f"{text} POS {pos:.1%}."
     text = f"{'Persons' if several else 'Person'} {result}."
     if pos is None:
         return text
@@ -110,11 +113,13 @@ def summary(record: RecordedMission) -> str:
     if record.coverage_rate is not None:
         all_covered = record.coverage_rate[-1] == 1
         end = "ALL COVERED" if all_covered else f"not all covered: {out_of_time}"
+    elif not scenario.has_persons:
+        end = f"live search over: {out_of_time}"
     elif found == persons:
         end = f"FOUND by {', '.join(finders)}"
     else:
         end = f"not found: {out_of_time}"
-    if persons > 1:
+    if persons > 1 and scenario.has_persons:
         end += f" ({found} of {persons} persons)"
     rewards = record.rewards.sum(axis=0)
     # The end of a mission terminates or truncates every drone left.

@@ -13,6 +13,7 @@ import numpy as np
 
 from dsse_ros.scenario.battery_fields import BatteryFields
 from dsse_ros.scenario.fields import FieldError, field
+from dsse_ros.scenario.truth_fields import TruthFields
 
 MAX_DELAY = 32
 """Longest delay of commands, in steps."""
@@ -45,7 +46,8 @@ class FaultFields(BatteryFields):
         0, low=0, high=MAX_DELAY, unit="steps",
     )  # fmt: skip
     false_alarm_rate: float = field(
-        "float", "Probability that a search that finds nobody reports somebody.", 0.0,
+        "float", "Probability that a search that finds nobody reports somebody; with truth none, "
+        "by which the belief weighs detections.", 0.0,
         low=0, high=1,
     )  # fmt: skip
     false_alarm_steps: int = field(
@@ -146,15 +148,19 @@ FAULTS: Mapping[str, Fault] = MappingProxyType(
 `probability_of_detection`."""
 
 
-def faults_of(scenario: FaultFields) -> list[str]:
-    """Return the names of a scenario's faults."""
+def faults_of(scenario: TruthFields) -> list[str]:
+    """Return the names of a scenario's faults.
+
+    A live search has no false alarms of its own: they are among the detections that it is given.
+    """
     return [
         name
         for name, fault in FAULTS.items()
         if any(np.any(getattr(scenario, switch)) for switch in fault.switches)
+        and (scenario.has_persons or name != "false_alarms")
     ]
 
 
-def hold_up(scenario: FaultFields) -> bool:
+def hold_up(scenario: TruthFields) -> bool:
     """Return whether faults may keep a drone in a cell that it was commanded to leave."""
     return any(FAULTS[name].holds_up for name in faults_of(scenario))

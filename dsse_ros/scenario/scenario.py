@@ -34,6 +34,7 @@ from dsse_ros.scenario.probability_matrix import ProbabilityMatrix
 from dsse_ros.scenario.rules import Rules, profile
 from dsse_ros.scenario.searcher_fields import SearcherFields
 from dsse_ros.scenario.sensor_fields import SensorFields
+from dsse_ros.scenario.truth_fields import TruthFields
 from dsse_ros.scenario.yaml_file import read_yaml
 from dsse_ros.sensors.camera import PAPER_FIELD_OF_VIEW_DEG, footprint_m
 from dsse_ros.targets.registry import MOTIONS
@@ -44,8 +45,9 @@ SYNONYMS = {"dispersion_start": "sigma"}
 
 @dataclass(frozen=True, kw_only=True)
 class Scenario(
-    IncidentFields, MarkovChainFields, EnsembleFields, SensorFields, SearcherFields, FaultFields
-):
+    IncidentFields, MarkovChainFields, EnsembleFields, SensorFields, SearcherFields, FaultFields,
+    TruthFields,
+):  # fmt: skip
     """The setting of a search; None means "derive it" or "the profile's default".
 
     `resolve` fills in every such field.
@@ -394,7 +396,7 @@ class ResolvedScenario(Scenario):
         return area_mask(self.area, self.land, self.grid_size, self.cell_size, origin)
 
     @property
-    def truth(self) -> ResolvedScenario:
+    def followed(self) -> ResolvedScenario:
         """The scenario whose drift the persons follow; beliefs follow this one's."""
         if self.incident is None or self.incident.truth is None:
             return self

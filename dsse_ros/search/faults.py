@@ -45,8 +45,9 @@ def abilities_of(scenario: ResolvedScenario, rules: Rules, looks: Looks) -> NDAr
         of_kinds["binding"][k] = times.binding
         of_kinds["endurance"][k] = endurance_steps(kinds[k], scenario.step_duration_s)
     of_kinds["vehicle_timed"] = rules.vehicle_timed_actions
-    rates = false_alarms(scenario, looks)
-    of_kinds["false_alarms"][:, : rates.shape[1]] = rates
+    if scenario.has_persons:
+        rates = false_alarms(scenario, looks)
+        of_kinds["false_alarms"][:, : rates.shape[1]] = rates
     return of_kinds[list(scenario.kind_of)]
 
 

@@ -160,7 +160,7 @@ def _ending(world: World) -> str:
     return ending(
         int(now["t"]),
         [f"drone{i}" for i in np.flatnonzero(world.found[0])],
-        persons=world.persons.shape[1],
+        persons=world.scenario.person_amount,
         covered=world.coverage is not None and now["num_missing"] == 0,
         out_of_time=bool(world.truncated.any()),
     )

@@ -57,7 +57,7 @@ class World(Rebound):
 
     Attributes:
         worlds, drones, persons: The state, structured arrays (B,), (B, N), (B, P) of
-            `kernels.WORLDS`, `kernels.DRONES` and `motion.PERSONS`.
+            `kernels.WORLDS`, `kernels.DRONES` and `motion.PERSONS`; without a truth (B, 0).
         starts: (B, N, 2) int64, cells of the drones at reset as (x, y).
         looks: The looks of the drones' sensors.
         faults: The drones' faults, None if they have none.
@@ -88,6 +88,7 @@ class World(Rebound):
         threads: int = 1,
     ) -> None:
         self.scenario = resolved = scenario.resolve(rules)
+        resolved.check_truth(rules)
         self.rules = rules
         self.grid_size = resolved.grid_size
         self.num_worlds = num_worlds
@@ -98,7 +99,7 @@ class World(Rebound):
         self.drones = np.zeros((num_worlds, self.num_drones), kernels.DRONES)
         self.finds = np.zeros(self.drones.shape, np.uint64)
         self.coverage = Coverage(resolved, rules, num_worlds) if rules.covers else None
-        persons = 0 if rules.covers else resolved.person_amount
+        persons = resolved.person_amount if resolved.has_persons and not rules.covers else 0
         self.persons = np.zeros((num_worlds, persons), PERSONS)
         self.starts = np.zeros((num_worlds, self.num_drones, 2), np.int64)
         side = self.grid_size if write_maps else 0
@@ -184,13 +185,13 @@ class World(Rebound):
         self.worlds["start_x"], self.worlds["start_y"] = person
         if self.coverage is None:
             pods = person_pod_multipliers
-            self.persons["pod_multiplier"] = s.person_pod_multipliers if pods is None else pods
-            self._look_for_persons()
+            pods = s.person_pod_multipliers if pods is None else tuple(pods)
+            self.persons["pod_multiplier"] = pods if self.persons.size else 1.0
+            self._look_for_persons(pods)
         self._follow_placed()
 
-    def _look_for_persons(self) -> None:
+    def _look_for_persons(self, multipliers: tuple[float, ...]) -> None:
         """Compute the PODs of the looks for the persons, who are the same in all worlds."""
-        multipliers = tuple(self.persons["pod_multiplier"][0].tolist())
         if multipliers != self._looked_for:
             scenario = dataclasses.replace(self.scenario, person_pod_multipliers=multipliers)
             self.looks.pods[...] = looks_of(scenario, self.rules).pods
@@ -212,7 +213,7 @@ class World(Rebound):
                 **starts,
                 "vector": (float(world["vector_x"]), float(world["vector_y"])),
                 "person_initial_position": (int(world["start_x"]), int(world["start_y"])),
-                "person_pod_multipliers": tuple(self.persons["pod_multiplier"][0].tolist()),
+                "person_pod_multipliers": self._looked_for,
             }
         )
         return {name: value for name, value in values.items() if value != getattr(scenario, name)}
@@ -410,8 +411,8 @@ class World(Rebound):
             self.faults.check(snapshot, self.grid_size)
         for name, array in state.items():
             array[...] = snapshot.arrays[name]
-        if self.coverage is None:
-            self._look_for_persons()
+        if self.persons.size:
+            self._look_for_persons(tuple(self.persons["pod_multiplier"][0].tolist()))
         if self.faults is not None:
             self.faults.restore(self)
         self._follow_placed()
@@ -427,7 +428,7 @@ class World(Rebound):
             SnapshotError: If it would.
         """
         edge, worlds = self.grid_size - 1, arrays["worlds"]
-        things = self.grid_size**2 if self.coverage is not None else self.persons.shape[1]
+        things = self.grid_size**2 if self.coverage is not None else self.scenario.person_amount
         if self.flight is not None:
             self.flight.check(arrays["flights"], self.grid_size)
         cells = ("datum_x", "datum_y", "circle_x", "circle_y", "start_x", "start_y")
@@ -462,7 +463,7 @@ class World(Rebound):
         `Faults.infos` for the keys that faults add, and `Coverage.metrics` for those of coverage.
         """
         columns: dict[str, Iterable[Any]] = {}
-        if self.persons.shape[1] > 1:
+        if self.coverage is None and self.scenario.person_amount > 1:
             found = self.found[world, drones]
             columns["found_person"] = found.tolist()
             if self.looks.several:

@@ -55,7 +55,7 @@ class WorldBeliefs:
         self._follower: Follower
         self._scenario: ResolvedScenario | None = None
         self.pos = np.zeros(world.num_worlds)
-        self.missing, self.unfound = np.ones((2, *world.persons.shape))
+        self.missing, self.unfound = np.ones((2, world.num_worlds, world.scenario.person_amount))
         self._live = np.zeros(world.drones.shape, bool)
         self._done = np.zeros(world.num_worlds, bool)
         self._actions = np.zeros(world.drones.shape, np.int8)

@@ -139,7 +139,7 @@ def last_step_of(scenario: ResolvedScenario, rules: Rules) -> int:
 
 def _made(model: Ensemble, scenario: ResolvedScenario, rules: Rules) -> CellTracks:
     steps, g = last_step_of(scenario, rules), scenario.grid_size
-    counts = model.count(scenario.truth), model.count(scenario)
+    counts = model.count(scenario.followed), model.count(scenario)
     of_particle = 12 if rules.in_metres else 4
     if (steps + 1) * (of_particle * sum(counts) + 4 * g * g) > LARGEST_BYTES:
         raise FieldError(
@@ -147,8 +147,10 @@ def _made(model: Ensemble, scenario: ResolvedScenario, rules: Rules) -> CellTrac
             f"{LARGEST_BYTES >> 20} MiB, got {max(counts)} particles, {steps} steps and a grid of "
             f"{g}"
         )
-    truth = _drawn(model, scenario.truth, rules, _TRUTH)
     belief = _drawn(model, scenario, rules, _BELIEF)
+    truth = belief
+    if scenario.has_persons:
+        truth = _drawn(model, scenario.followed, rules, _TRUTH)
     maps = np.empty((steps + 1, g, g), np.float32)
     for step in range(steps + 1):
         maps[step] = poc_of_cells(belief.cells[step], belief.weights, g, scenario.area_mask)

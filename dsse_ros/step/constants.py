@@ -22,7 +22,7 @@ MAX_ACTIONS = 16
 
 _OF_SCENARIO = (
     "grid_size", "timestep_limit", "probability_of_detection", "sigma_x",
-    "sigma_y", "dispersion_inc", "cell_size",
+    "sigma_y", "dispersion_inc", "cell_size", "person_amount",
 )  # fmt: skip
 _OF_RULES = (
     "move", "leave_grid", "collisions", "collision", "search_min_probability",

@@ -114,7 +114,7 @@ def step_world(constants, world, sea, crew, task, scratch, actions, coverage, fl
     if shared:
         meet(constants, world, drones, scratch.occupied)
     if shared or eventful:
-        end(constants, world, drones, crew.persons, coverage)
+        end(constants, world, drones, crew.persons)
 
 
 @inlined
@@ -331,9 +331,9 @@ def meet(constants, world, drones, occupied):
 
 
 @part
-def end(constants, world, drones, persons, coverage):
+def end(constants, world, drones, persons):
     """Flag the drones whose search has ended, and the world when all of them have ended."""
-    if coverage is None:
+    if len(persons) > 0:
         world.num_missing = 0
         for p in range(len(persons)):
             world.num_missing += not persons[p].found
@@ -367,7 +367,7 @@ def start_world(constants, world, sea, crew, task, scratch):
     start_map(constants, world)
     world.done = False
     world.num_active = len(crew.drones)
-    world.num_missing = len(crew.persons)
+    world.num_missing = constants.person_amount
     for n in range(len(crew.drones)):
         drone = crew.drones[n]
         drone.x, drone.y = crew.starts[n, 0], crew.starts[n, 1]
