@@ -30,7 +30,7 @@ WITHOUT_NODES := --numprocesses=logical --maxprocesses=4 --dist=worksteal
 # Nothing but what is in a file, by its hashes.
 LOCKED := --no-deps --require-hashes --requirement
 COMMA := ,
-OF_TESTS := viz,area,geotiff,gis,movie,onnx,test,sitl,routes,record,dashboard,browser,docs,viewer,campaign,drift,grib,zarr,land,ray,compat
+OF_TESTS := viz,area,geotiff,gis,movie,onnx,test,sitl,routes,record,dashboard,browser,docs,viewer,campaign,drift,grib,zarr,land,ray,compat,tak
 
 # What calls the libraries that have lower bounds.
 TESTS_OF_OLDEST := $(addprefix test/scenario/test_,actions.py geodesy.py scenario.py) test/view/test_rendering.py \
@@ -45,7 +45,7 @@ TESTS_OF_LEARNING := test/training test/compat/test_libraries.py
 
 # Folders of tests without DDS; those marked slow are left out of them.
 TESTS_OF_CHECK := $(addprefix test/,belief bridge campaign compat compiled conformance dashboard drift flight mavlink mission \
-	mission_items msg_adapters packaging planners recording report runtime scenario search sensors step targets training view)
+	mission_items msg_adapters packaging planners recording report runtime scenario search sensors step tak targets training view)
 
 # Commands and their refusals come over DDS.
 TESTS_OF_COVERAGE := $(addprefix test/,belief bridge cli compat compiled conformance drift flight mavlink mission mission_items msg_adapters \

@@ -97,6 +97,8 @@ setup(
         "movie": ["imageio-ffmpeg>=0.5"],
         # What `foxglove_viewer` serves with.
         "viewer": ["foxglove-sdk>=0.22"],
+        # What `cot_gateway` makes and sends events with, and areas.
+        "tak": ["pytak>=7.6", "shapely>=2.0.3"],
         # The program `campaign`, and its engine on a cluster.
         "campaign": ["pyarrow>=15.0", "scipy>=1.11"],
         "ray": ["ray>=2.40"],

@@ -44,6 +44,7 @@ from dsse_ros.scenario.fault_fields import FAULTS, FaultFields
 from dsse_ros.scenario.fields import Spec, shown_number, specs
 from dsse_ros.scenario.rules import GROUPS
 from dsse_ros.search import PROFILES, Rules, Scenario, parallel_env
+from dsse_ros.tak.settings import CotSettings
 from msg_adapters.topics import Topic, published_by, subscribed_by
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -379,6 +380,7 @@ TABLES = {
     "show": lambda: settings_table(ShowSettings),
     "recorder": lambda: settings_table(RecorderSettings),
     "viewer": lambda: settings_table(ViewerSettings),
+    "cot_gateway": lambda: settings_table(CotSettings),
     "scenario": scenario_table,
     "faults": faults_table,
     "rules": rules_table,

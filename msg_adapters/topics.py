@@ -70,7 +70,7 @@ TOPICS = {
         type_name="sensor_msgs/msg/Image",
         qos="latched",
         publishers=_SIM,
-        subscribers=("planner_node", "dashboard", "ros_env", "run_mission"),
+        subscribers=("planner_node", "dashboard", "cot_gateway", "ros_env", "run_mission"),
         content="the exact map, 32FC1, row 0 in the north; sums to 1",
         use="planners",
         replay=("compared",),
@@ -89,7 +89,7 @@ TOPICS = {
         type_name="sensor_msgs/msg/Image",
         qos="latched",
         publishers=_SIM,
-        subscribers=("dashboard", "run_mission"),
+        subscribers=("dashboard", "cot_gateway", "run_mission"),
         content="with `publish_belief`: the exact belief, 32FC1, row 0 in the north",
         use="your own nodes",
         replay=("compared", "belief"),
@@ -163,6 +163,7 @@ TOPICS = {
         type_name="geometry_msgs/msg/PoseArray",
         qos="latched",
         publishers=_SIM,
+        subscribers=("cot_gateway",),
         content="all drones in the order of `agents`, m",
         use="RViz and nodes for the whole fleet: one subscription for any number of drones",
         replay=("compared",),
@@ -213,7 +214,9 @@ TOPICS = {
         type_name="std_msgs/msg/String",
         qos="latched",
         publishers=_SIM,
-        subscribers=("planner_node", "mavlink_bridge", "dashboard", "show", "ros_env"),
+        subscribers=(
+            "planner_node", "mavlink_bridge", "dashboard", "show", "cot_gateway", "ros_env",
+        ),
         content="JSON: run and mission, order of the drones, names of the actions, rules, seed, "
         "origin ([keys](ros.md#agents))",
         use="planners, the bridge",
@@ -314,7 +317,10 @@ TOPICS = {
         use="`mavlink_bridge`",
     ),
     "drone<i>/vehicle_fix": Topic(
-        type_name="sensor_msgs/msg/NavSatFix", qos="sensor", publishers=_OF_BRIDGE
+        type_name="sensor_msgs/msg/NavSatFix",
+        qos="sensor",
+        publishers=_OF_BRIDGE,
+        subscribers=("cot_gateway",),
     ),
     "drone<i>/vehicle_battery": Topic(
         type_name="sensor_msgs/msg/BatteryState", qos="latched", publishers=_OF_BRIDGE

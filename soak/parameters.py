@@ -22,7 +22,7 @@ from soak.row import Figures, Row, Run, zero
 
 NODES = (
     "sim_node", "planner_node", "mavlink_bridge", "show", "recorder", "foxglove_viewer",
-    "dashboard",
+    "cot_gateway", "dashboard",
 )  # fmt: skip
 HUGE = 2**62 + 1
 VALUES: dict[str, Any] = {
@@ -91,6 +91,10 @@ def specs_of(node: str) -> dict[str, Spec]:
         from dsse_ros.dashboard.settings import DashboardSettings
 
         return specs(DashboardSettings)
+    if node == "cot_gateway":
+        from dsse_ros.tak.settings import CotSettings
+
+        return specs(CotSettings)
     return specs(getattr(importlib.import_module("dsse_ros.nodes.settings"), names[node]))
 
 

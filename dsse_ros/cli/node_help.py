@@ -33,6 +33,11 @@ _NODES: Mapping[str, tuple[str, str, str]] = MappingProxyType(
             "-p port:=8765",
             "viewers.md",
         ),
+        "cot_gateway": (
+            "Sends the search as Cursor on Target, for ATAK.",
+            "-p url:=udp://127.0.0.1:4242",
+            "viewers.md",
+        ),
         "dashboard": ("Shows the search live in a browser.", "-p port:=8080", "dashboard.md"),
     }
 )

@@ -31,6 +31,7 @@ _OF_EXTRAS = {
     "mcap": _RECORD,
     "nicegui": _DASHBOARD,
     "pyarrow": ("campaign", "make campaign"),
+    "pytak": ("tak", ""),
     "rasterio": ("gis", ""),
     "ray": ("ray", ""),
     "scipy": ("campaign", "make campaign"),
@@ -137,6 +138,7 @@ mavlink_bridge = partial(start, "nodes.mavlink_bridge")
 show = partial(start, "nodes.show")
 recorder = partial(start, "nodes.recorder")
 foxglove_viewer = partial(start, "nodes.foxglove_viewer")
+cot_gateway = partial(start, "nodes.cot_gateway")
 dashboard = partial(start, "nodes.dashboard")
 run_mission = partial(start, _MISSION)
 export_mission = partial(start, "cli.export_mission")

@@ -31,6 +31,7 @@ from dsse_ros.nodes.settings import (
 )
 from dsse_ros.scenario.fields import specs
 from dsse_ros.search.compiler import COMPILING, progress
+from dsse_ros.tak.settings import CotSettings
 
 ROOT = Path(__file__).resolve().parents[2]
 PROGRAMS = sorted(path.name for path in (ROOT / "scripts").iterdir())
@@ -300,6 +301,7 @@ def test_the_parameters_of_the_examples_in_the_help_are_accepted() -> None:
         "show": specs(ShowSettings),
         "recorder": specs(RecorderSettings),
         "foxglove_viewer": specs(ViewerSettings),
+        "cot_gateway": specs(CotSettings),
         "dashboard": specs(DashboardSettings),
     }
     for name, (_, example, _) in node_help._NODES.items():

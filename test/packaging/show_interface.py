@@ -16,6 +16,7 @@ from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
 from dsse_ros.dashboard.history import EXACT_LAYERS
+from dsse_ros.nodes.cot_gateway import CotNode
 from dsse_ros.nodes.dashboard import OF_VEHICLE, TOPICS, DashboardNode
 from dsse_ros.nodes.foxglove_viewer import ViewerNode
 from dsse_ros.nodes.mavlink_bridge import BridgeNode
@@ -112,6 +113,7 @@ if __name__ == "__main__":
         # What has no value has no type.
         "recorder": started(RecorderNode, "-p", "exclude:=['*/odom']"),
         "foxglove_viewer": started(ViewerNode, "-p", "exclude:=['*/odom']", "-p", "port:=0"),
+        "cot_gateway": started(CotNode, "-p", "url:=udp://127.0.0.1:9"),
         "dashboard": started(DashboardNode, "-p", "allowed_hosts:=['name.example']"),
     }
     # What it publishes and takes in metres only.

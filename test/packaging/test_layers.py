@@ -204,6 +204,10 @@ LAYERS: dict[str, tuple[set[str], set[str]]] = {
         },
         {"ros", "messages", "mavlink"},
     ),
+    "dsse_ros.tak": (
+        WORLD | {"dsse_ros.tak", "dsse_ros.private_files"},
+        {"ros", "messages", "mavlink"},
+    ),
     "dsse_ros.runtime": (
         WORLD | {"dsse_ros.runtime", "dsse_ros.defects", "dsse_ros.message_types", "msg_adapters"},
         {"mavlink"},
@@ -222,6 +226,7 @@ LAYERS: dict[str, tuple[set[str], set[str]]] = {
             "dsse_ros.recording",
             "dsse_ros.result",
             "dsse_ros.message_types",
+            "dsse_ros.tak",
             "msg_adapters",
             "dsse_ros.planners",
         },

@@ -1,0 +1,132 @@
+# Copyright 2026 dsse_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""The texts of the topics `live/contacts` and `live/answers`, JSON, as values."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from dsse_ros.scenario.json_keys import Keys, parse_json
+
+STATES = ("open", "confirmed", "dismissed")
+"""States of a contact."""
+MAX_CONTACTS = 10_000
+"""Largest number of contacts in a text."""
+
+
+class Contact(NamedTuple):
+    """What one or several detections have found.
+
+    Attributes:
+        name: Its name, such as c1.
+        state: One of `STATES`.
+        lat_deg: WGS84 latitude at present: it drifts.
+        lon_deg: WGS84 longitude.
+        x_m: Metres to the east in the map frame.
+        y_m: Metres to the north.
+        radius_m: Standard deviation of its place along both axes.
+        time_s: Time of its last detection, since the search began.
+        utc: The same in UTC; "" if unknown.
+        detections: Number of its detections.
+        probability: That it is the person; None unless it is open.
+    """
+
+    name: str
+    state: str
+    lat_deg: float
+    lon_deg: float
+    x_m: float
+    y_m: float
+    radius_m: float
+    time_s: float
+    utc: str
+    detections: int
+    probability: float | None
+
+
+class Answer(NamedTuple):
+    """What has become of an input.
+
+    Attributes:
+        id: Identity of the input.
+        kind: Its kind, such as sighting.
+        ok: Whether it was accepted.
+        reason: Why not; "" if it was.
+        contact: Name of the contact that it is about; "" for none.
+        input: Identity of the input that it withdraws; "" for none.
+        pos_before: POS without it; None if unknown.
+        pos_after: POS with it.
+        poc_moved: Share of the POC that it has moved to other cells; None if unknown.
+    """
+
+    id: str
+    kind: str
+    ok: bool
+    reason: str
+    contact: str
+    input: str
+    pos_before: float | None
+    pos_after: float | None
+    poc_moved: float | None
+
+
+def contacts_from_json(text: str) -> tuple[Contact, ...]:
+    """Return the contacts in a text of `live/contacts`.
+
+    Raises:
+        ValueError: If the text is not such JSON; one line that names the key.
+    """
+    listed = parse_json(text, "contacts")
+    if not isinstance(listed, list) or len(listed) > MAX_CONTACTS:
+        raise ValueError(f"contacts must be a list of at most {MAX_CONTACTS}")
+    return tuple(_contact(Keys(one, f"contacts[{i}]")) for i, one in enumerate(listed))
+
+
+def _contact(keys: Keys) -> Contact:
+    if keys.value("state") not in STATES:
+        keys.refuse("state", f"one of {', '.join(STATES)}")
+    return Contact(
+        name=keys.text("contact"),
+        state=keys.text("state"),
+        lat_deg=keys.number("lat"),
+        lon_deg=keys.number("lon"),
+        x_m=keys.number("x"),
+        y_m=keys.number("y"),
+        radius_m=keys.number("radius"),
+        time_s=keys.number("time"),
+        utc=_text(keys, "utc"),
+        detections=keys.integer("detections", 0),
+        probability=_number(keys, "probability"),
+    )
+
+
+def answer_from_json(text: str) -> Answer:
+    """Return the answer in a text of `live/answers`.
+
+    Raises:
+        ValueError: If the text is not such JSON; one line that names the key.
+    """
+    keys = Keys(parse_json(text, "answer"), "answer")
+    return Answer(
+        id=_text(keys, "id"),
+        kind=keys.text("kind"),
+        ok=keys.flag("ok", default=False),
+        reason=_text(keys, "reason"),
+        contact=_text(keys, "contact"),
+        input=_text(keys, "input"),
+        pos_before=_number(keys, "pos_before"),
+        pos_after=_number(keys, "pos_after"),
+        poc_moved=_number(keys, "poc_moved"),
+    )
+
+
+def _text(keys: Keys, key: str) -> str:
+    """Return a text; "" where it is missing or null."""
+    if not keys.has(key) or keys.value(key) is None:
+        return ""
+    return keys.text(key, may_be_empty=True)
+
+
+def _number(keys: Keys, key: str) -> float | None:
+    """Return a number; None where it is missing or null."""
+    return None if not keys.has(key) or keys.value(key) is None else keys.number(key)
