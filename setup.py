@@ -87,7 +87,6 @@ setup(
             "pyogrio>=0.10",
             "rasterio>=1.4",
             "shapely>=2.0.3",
-            "simplekml>=1.3.6",
         ],
         # What `recorder` and `replay` write and read.
         "record": ["lz4>=4.3", "mcap>=1.6", "zstandard>=0.21"],

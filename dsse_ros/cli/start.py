@@ -35,7 +35,6 @@ _OF_EXTRAS = {
     "rasterio": ("gis", ""),
     "ray": ("ray", ""),
     "scipy": ("campaign", "make campaign"),
-    "simplekml": ("gis", ""),
     "uvicorn": _DASHBOARD,
     "zstandard": _RECORD,
 }

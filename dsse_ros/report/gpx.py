@@ -9,6 +9,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from gpxpy import gpx
 
 from dsse_ros.mission_items.items import NAV_WAYPOINT, VehicleMission
+from dsse_ros.report.antimeridian import cut_track
 from dsse_ros.report.gis import GisPoint
 
 
@@ -35,8 +36,9 @@ def gpx_text(
         track = gpx.GPXTrack(name)
         track.segments = [
             gpx.GPXTrackSegment(
-                [gpx.GPXTrackPoint(one.lat_deg, one.lon_deg, one.alt_m, one.time) for one in points]
+                [gpx.GPXTrackPoint(one.lat_deg, one.lon_deg, one.alt_m, one.time) for one in part]
             )
+            for part in cut_track(points)
         ]
         document.tracks.append(track)
     return str(document.to_xml(version="1.1"))

@@ -1,13 +1,20 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""A mission as KML, by simplekml."""
+"""A mission as KML 2.2 of the OGC, its elements in the order of the schema.
+
+Tracks with times are `gx:Track`, Google's extension of KML 2.2.
+"""
 
 from __future__ import annotations
 
-import numpy as np
-import simplekml
+import xml.etree.ElementTree as ET
+from collections.abc import Sequence
 
-from dsse_ros.report.gis import GisMap, GisMission
+import numpy as np
+
+from dsse_ros.report.antimeridian import cut_polygon, cut_track
+from dsse_ros.report.gis import GisMap, GisMission, GisPoint
+from dsse_ros.report.swept import Polygon
 from dsse_ros.scenario.frames import GridFrame
 from dsse_ros.scenario.geodesy import cell_to_geodetic
 from dsse_ros.view.palette import DRONE_COLOURS
@@ -15,6 +22,10 @@ from dsse_ros.view.palette import DRONE_COLOURS
 MAX_KML_SIDE = 100
 """Cells along the side of the largest grid whose cells are in the KML, each as a polygon."""
 _SHADES = 10
+_NAMESPACES = {
+    "xmlns": "http://www.opengis.net/kml/2.2",
+    "xmlns:gx": "http://www.google.com/kml/ext/2.2",
+}
 
 
 def kml_text(mission: GisMission) -> str:
@@ -23,31 +34,68 @@ def kml_text(mission: GisMission) -> str:
     Cells that have neither POC nor POD are left out. Tracks have times if the scenario has a date.
     In metres there is also the strip that each drone has searched.
     """
-    # The identifiers would go on from those of the last file.
-    simplekml.Kml.resetidcounter()
-    kml = simplekml.Kml(name=mission.title)
-    folder = kml.newfolder(name="Tracks")
+    root = ET.Element("kml", _NAMESPACES)
+    document = ET.SubElement(root, "Document")
+    _text(document, "name", mission.title)
+    _add_styles(document, len(mission.tracks))
+    folder = _named(document, "Folder", "Tracks")
     for n, (name, points) in enumerate(mission.tracks.items()):
-        coordinates = [(one.lon_deg, one.lat_deg, one.alt_m) for one in points]
-        times = [one.time.isoformat() for one in points if one.time is not None]
-        if times:
-            track = folder.newgxtrack(name=name)
-            track.newwhen(times)
-            track.newgxcoord(coordinates)
-        else:
-            track = folder.newlinestring(name=name, coords=coordinates)
-        track.altitudemode = simplekml.AltitudeMode.relativetoground
-        track.style.linestyle.color = _colour(n, "ff")
-        track.style.linestyle.width = 3
+        mark = _named(folder, "Placemark", name)
+        _text(mark, "styleUrl", f"#track{n}")
+        parts = cut_track(points)
+        parent = ET.SubElement(mark, "MultiGeometry") if len(parts) > 1 else mark
+        for part in parts:
+            _add_line(parent, part)
     if mission.strips:
-        _add_strips(kml, mission)
+        folder = _named(document, "Folder", "Searched strips")
+        for n, (name, polygons) in enumerate(mission.strips.items()):
+            mark = _named(folder, "Placemark", f"strip of {name}")
+            _text(mark, "styleUrl", f"#strip{n}")
+            _add_polygons(mark, [part for one in polygons for part in cut_polygon(one)])
     for place in mission.places:
-        point = kml.newpoint(name=place.name, coords=[(place.lon_deg, place.lat_deg)])
+        mark = _named(document, "Placemark", place.name)
         if place.time is not None:
-            point.timestamp.when = place.time.isoformat()
+            _text(ET.SubElement(mark, "TimeStamp"), "when", place.time.isoformat())
+        _text(ET.SubElement(mark, "Point"), "coordinates", _position(place.lon_deg, place.lat_deg))
     if mission.frame.grid_size <= MAX_KML_SIDE:
-        _add_cells(kml, mission.frame, mission.maps[-1])
-    return str(kml.kml(format=False))
+        _add_cells(document, mission.frame, mission.maps[-1])
+    text = ET.tostring(root, encoding="unicode")
+    return f'<?xml version="1.0" encoding="UTF-8"?>\n{text}'
+
+
+def _text(parent: ET.Element, tag: str, text: str) -> None:
+    ET.SubElement(parent, tag).text = text
+
+
+def _named(parent: ET.Element, tag: str, name: str) -> ET.Element:
+    feature = ET.SubElement(parent, tag)
+    _text(feature, "name", name)
+    return feature
+
+
+def _position(*numbers: float) -> str:
+    return ",".join(map(repr, numbers))
+
+
+def _add_styles(document: ET.Element, num_drones: int) -> None:
+    """Add the styles of tracks, strips and cells."""
+    for n in range(num_drones):
+        _add_style(document, f"track{n}", _colour(n, "ff"), width="3")
+        _add_style(document, f"strip{n}", _colour(n, "80"), fill=_colour(n, "40"))
+    for shade in range(_SHADES + 1):
+        fill = f"{220 * shade // _SHADES:02x}0000ff"
+        _add_style(document, f"shade{shade}", "40ffffff", fill=fill)
+
+
+def _add_style(
+    document: ET.Element, name: str, line: str, *, width: str = "1", fill: str = ""
+) -> None:
+    style = ET.SubElement(document, "Style", id=name)
+    of_line = ET.SubElement(style, "LineStyle")
+    _text(of_line, "color", line)
+    _text(of_line, "width", width)
+    if fill:
+        _text(ET.SubElement(style, "PolyStyle"), "color", fill)
 
 
 def _colour(drone: int, opacity: str) -> str:
@@ -57,25 +105,35 @@ def _colour(drone: int, opacity: str) -> str:
     return f"{opacity}{blue}{green}{red}".lower()
 
 
-def _add_strips(kml: simplekml.Kml, mission: GisMission) -> None:
-    """Add the strips that the drones have searched."""
-    folder = kml.newfolder(name="Searched strips")
-    for n, (name, polygons) in enumerate(mission.strips.items()):
-        strip = folder.newmultigeometry(name=f"strip of {name}")
-        strip.style.polystyle.color = _colour(n, "40")
-        strip.style.linestyle.color = _colour(n, "80")
-        for outer, *holes in polygons:
-            strip.newpolygon(outerboundaryis=outer, innerboundaryis=holes)
+def _add_line(parent: ET.Element, points: Sequence[GisPoint]) -> None:
+    """Add a track, with times if all of its points have one."""
+    times = [one.time.isoformat() for one in points if one.time is not None]
+    line = ET.SubElement(parent, "gx:Track" if times else "LineString")
+    _text(line, "altitudeMode", "relativeToGround")
+    for time in times:
+        _text(line, "when", time)
+    positions = [(one.lon_deg, one.lat_deg, one.alt_m) for one in points]
+    if not times:
+        _text(line, "coordinates", " ".join(_position(*one) for one in positions))
+        return
+    for position in positions:
+        _text(line, "gx:coord", " ".join(map(repr, position)))
 
 
-def _add_cells(kml: simplekml.Kml, frame: GridFrame, one: GisMap) -> None:
+def _add_polygons(mark: ET.Element, polygons: Sequence[Polygon]) -> None:
+    parent = ET.SubElement(mark, "MultiGeometry") if len(polygons) != 1 else mark
+    for rings in polygons:
+        polygon = ET.SubElement(parent, "Polygon")
+        for number, ring in enumerate(rings):
+            side = ET.SubElement(polygon, "innerBoundaryIs" if number else "outerBoundaryIs")
+            text = " ".join(_position(*one) for one in ring)
+            _text(ET.SubElement(side, "LinearRing"), "coordinates", text)
+
+
+def _add_cells(document: ET.Element, frame: GridFrame, one: GisMap) -> None:
     """Add the cells of a map; the more opaque, the more probable."""
     named = "POC" if one.pod is None else "POC and POD"
-    folder = kml.newfolder(name=f"{named} after step {one.step}")
-    styles = [simplekml.Style() for _ in range(_SHADES + 1)]
-    for shade, style in enumerate(styles):
-        style.polystyle.color = f"{220 * shade // _SHADES:02x}0000ff"
-        style.linestyle.color = "40ffffff"
+    folder = _named(document, "Folder", f"{named} after step {one.step}")
     values = {"poc": one.poc} if one.pod is None else {"poc": one.poc, "pod": one.pod}
     rows, cols = np.nonzero(np.sum(list(values.values()), axis=0))
     shades = np.ceil(_SHADES * one.poc / (float(one.poc.max()) or 1.0)).astype(int)
@@ -86,7 +144,9 @@ def _add_cells(kml: simplekml.Kml, frame: GridFrame, one: GisMap) -> None:
     for r, c in zip(rows.tolist(), cols.tolist(), strict=True):
         corners = [(r + 1, c), (r + 1, c + 1), (r, c + 1), (r, c), (r + 1, c)]
         outline = [(float(lon[at]), float(lat[at])) for at in corners]
-        cell = folder.newpolygon(name=f"({c}, {r})", outerboundaryis=outline)
-        cell.style = styles[shades[r, c]]
+        cell = _named(folder, "Placemark", f"({c}, {r})")
+        _text(cell, "styleUrl", f"#shade{shades[r, c]}")
+        data = ET.SubElement(cell, "ExtendedData")
         for name, of_cells in values.items():
-            cell.extendeddata.newdata(name, repr(float(of_cells[r, c])))
+            _text(ET.SubElement(data, "Data", name=name), "value", repr(float(of_cells[r, c])))
+        _add_polygons(cell, cut_polygon((outline,)))

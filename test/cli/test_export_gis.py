@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 pytest.importorskip("gpxpy")
-pytest.importorskip("simplekml")
+pytest.importorskip("shapely")
 rasterio = pytest.importorskip("rasterio")
 from dsse_ros.cli.export_gis import main  # noqa: E402
 from dsse_ros.cli.export_mission import search  # noqa: E402

@@ -219,7 +219,7 @@ def test_the_paths_of_a_record_are_those_that_were_flown(
 
 @pytest.mark.parametrize("vehicles", [False, True])
 def test_a_record_in_metres_is_exported_as_paths_and_strips(tmp_path: Path, vehicles: bool) -> None:
-    for module in ("rasterio", "simplekml", "gpxpy"):
+    for module in ("rasterio", "gpxpy"):
         pytest.importorskip(module)
     shapely = pytest.importorskip("shapely")
     from dsse_ros.cli.export_gis import main

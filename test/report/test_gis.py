@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import csv
+import re
 import xml.etree.ElementTree as ET
 from dataclasses import dataclass, replace
 from datetime import datetime, timedelta
@@ -23,9 +24,10 @@ from dsse_ros.report.record import read_csv
 from dsse_ros.scenario.geodesy import cell_to_geodetic
 
 pytest.importorskip("gpxpy")
-pytest.importorskip("simplekml")
+pytest.importorskip("shapely")
 pytest.importorskip("rasterio")
 from dsse_ros.cli.export_gis import write_files  # noqa: E402
+from dsse_ros.report.gpx import gpx_text  # noqa: E402
 from dsse_ros.report.kml import kml_text  # noqa: E402
 
 POD = 0.7
@@ -202,3 +204,75 @@ def test_a_covered_grid_has_cells_without_poc(exported: Exported) -> None:
     covered = replace(last, poc=np.zeros_like(last.poc))
     text = kml_text(replace(exported.mission, maps=(covered,)))
     assert text.count("<Polygon") == np.count_nonzero(last.pod)
+
+
+ORDER = (
+    "name", "TimeStamp", "styleUrl", "Style", "ExtendedData", "altitudeMode", "when", "gx:coord",
+    "coordinates", "outerBoundaryIs", "innerBoundaryIs", "LineString", "gx:Track", "Point",
+    "Polygon", "MultiGeometry",
+)  # fmt: skip
+"""Elements in the order in which the schemas of KML 2.2 have them, before folders and marks."""
+
+
+def check_schema(root: ET.Element) -> None:
+    """Check what the schemas of KML 2.2 say of order and identifiers."""
+    ids = [one.attrib["id"] for one in root.iter() if "id" in one.attrib]
+    assert len(ids) == len(set(ids)) and all(one[0].isalpha() for one in ids)
+    assert {one.text for one in root.findall(".//styleUrl", KML)} <= {f"#{one}" for one in ids}
+    names = {f"{{{url}}}": f"{prefix}:" if prefix else "" for prefix, url in KML.items()}
+    for parent in root.iter():
+        tags = [re.sub(r"{.*}", lambda match: names[match[0]], one.tag) for one in parent]
+        ranks = [ORDER.index(tag) if tag in ORDER else len(ORDER) for tag in tags]
+        assert ranks == sorted(ranks), tags
+
+
+def moved(mission: GisMission, lon_deg: float) -> GisMission:
+    """A mission with its origin at another longitude, and a date."""
+    turn = lon_deg - mission.frame.origin_lon_deg
+    begin = datetime.fromisoformat("2026-01-17T14:00:00+00:00")
+    tracks = {
+        name: tuple(
+            replace(one, lon_deg=(one.lon_deg + turn + 180) % 360 - 180,
+                    time=begin + timedelta(seconds=step))
+            for step, one in enumerate(points)
+        )
+        for name, points in mission.tracks.items()
+    }  # fmt: skip
+    return replace(mission, tracks=tracks, frame=replace(mission.frame, origin_lon_deg=lon_deg))
+
+
+def cell_areas(root: ET.Element) -> list[float]:
+    """Areas of the cells in square degrees, each within the bounds of longitude."""
+    import shapely
+
+    areas = []
+    for mark in root.findall(".//Placemark[ExtendedData]", KML):
+        rings = [one.text or "" for one in mark.findall(".//coordinates", KML)]
+        parts = [
+            shapely.Polygon(np.fromstring(r.replace(",", " "), sep=" ").reshape(-1, 2))
+            for r in rings
+        ]
+        assert all(-180 <= part.bounds[0] <= part.bounds[2] <= 180 for part in parts)
+        areas.append(sum(part.area for part in parts))
+    return areas
+
+
+def test_tracks_and_cells_are_cut_at_the_antimeridian(exported: Exported) -> None:
+    here, there = (
+        ET.fromstring(kml_text(moved(exported.mission, lon))) for lon in (10.0, 179.9955)
+    )
+    for root in (here, there):
+        check_schema(root)
+    assert cell_areas(there) == pytest.approx(cell_areas(here), rel=1e-5)
+    assert there.findall(".//Placemark[ExtendedData]/MultiGeometry", KML)
+    whole, cut = ([*one.iter(f"{{{KML['gx']}}}Track")] for one in (here, there))
+    assert len(cut) > len(whole) == 3
+    for track in cut:
+        lons = [float((one.text or "").split()[0]) for one in track.findall("gx:coord", KML)]
+        assert np.ptp(lons) < 0.02 and len(lons) == len(track.findall("when", KML))
+    text = gpx_text(moved(exported.mission, 179.9955).tracks)
+    segments = ET.fromstring(text).findall(".//trkseg", GPX)
+    assert len(segments) == len(cut)
+    for segment in segments:
+        lons = [float(one.attrib["lon"]) for one in segment]
+        assert np.ptp(lons) < 0.02 and -180 <= min(lons) <= max(lons) < 180
