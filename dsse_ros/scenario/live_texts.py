@@ -51,6 +51,7 @@ class Answer(NamedTuple):
         id: Identity of the input.
         kind: Its kind, such as sighting.
         ok: Whether it was accepted.
+        code: `again` if it had been accepted before; why it was refused; "" otherwise.
         reason: Why not; "" if it was.
         contact: Name of the contact that it is about; "" for none.
         input: Identity of the input that it withdraws; "" for none.
@@ -62,6 +63,7 @@ class Answer(NamedTuple):
     id: str
     kind: str
     ok: bool
+    code: str
     reason: str
     contact: str
     input: str
@@ -111,6 +113,7 @@ def answer_from_json(text: str) -> Answer:
         id=_text(keys, "id"),
         kind=keys.text("kind"),
         ok=keys.flag("ok", default=False),
+        code=_text(keys, "code"),
         reason=_text(keys, "reason"),
         contact=_text(keys, "contact"),
         input=_text(keys, "input"),
