@@ -346,7 +346,11 @@ POINT = {"type": "Point", "coordinates": [-46, -24]}
         ({}, "Polygon"),
         ("nowhere.geojson", "got 'nowhere.geojson': No such file"),
         ("{no json", "got '{no json': Expecting property name"),
-        ('{"type": "GeometryCollection", "geometries": [' * 200_000, "maximum recursion depth"),
+        pytest.param(
+            '{"type": "GeometryCollection", "geometries": [' * 200_000,
+            "maximum recursion depth",
+            id="nested",
+        ),
         (BOW, "Self-intersection"),
         ([[0, 0], [0, 1], [0, 2]], "area must have outlines that do not cross or touch themselves"),
         ([[10, 10], [10, 11], [11, 11]], "the centre of a cell of the grid"),
