@@ -1,10 +1,13 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""Unexpected exceptions: how they are described, and which of them are new."""
+"""Exceptions: what they say, and which unexpected ones are new."""
 
 from __future__ import annotations
 
 import traceback
+
+_MOST = 200
+"""Characters of a text that are shown."""
 
 
 class Defects:
@@ -23,6 +26,12 @@ class Defects:
         return new
 
 
+def reason_of(error: Exception) -> str:
+    """Return the text of an exception on one line; its type if it has none."""
+    return " ".join(str(error).split())[:_MOST] or type(error).__name__
+
+
 def describe(error: Exception) -> str:
-    """Return type and text of an exception."""
-    return f"{type(error).__name__}: {error}" if str(error) else type(error).__name__
+    """Return type and text of an exception on one line."""
+    kind, reason = type(error).__name__, reason_of(error)
+    return reason if reason == kind else f"{kind}: {reason}"

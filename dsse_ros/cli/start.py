@@ -15,6 +15,7 @@ from functools import partial
 from io import TextIOWrapper
 
 from dsse_ros.cli.node_help import is_wanted, node_help
+from dsse_ros.defects import reason_of
 from dsse_ros.extras import pip_install
 from dsse_ros.runtime.exit_codes import MISSING, fail
 from dsse_ros.runtime.interrupts import leave_on_signals
@@ -117,7 +118,7 @@ def not_found(program: str, error: ImportError) -> int:
 def missing(error: ImportError) -> str | None:
     """Return what is not installed, on one line; None where the package itself is broken."""
     name = (error.name or "").partition(".")[0]
-    reason = " ".join(str(error).split())
+    reason = reason_of(error)
     if name in ("dsse_ros", "msg_adapters"):
         return None
     if not isinstance(error, ModuleNotFoundError):

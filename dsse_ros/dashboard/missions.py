@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from dsse_ros.dashboard.history import EXACT_LAYERS, LAYERS, MapImage, SearchHistory
 from dsse_ros.dashboard.inbox import Received
 from dsse_ros.dashboard.map_image import map_png
+from dsse_ros.defects import reason_of
 from dsse_ros.scenario.agents import AgentsInfo
 from dsse_ros.scenario.agents_inbox import AgentsInbox
 from dsse_ros.scenario.frames import map_to_places
@@ -205,7 +206,7 @@ class ShownMission:
             self._take(topic, read(), published_ns)
         except Exception as error:
             # Anybody can publish anything, and the page must survive it.
-            self.trouble[topic] = " ".join(str(error).split()) or type(error).__name__
+            self.trouble[topic] = reason_of(error)
         else:
             self.trouble.pop(topic, None)
 

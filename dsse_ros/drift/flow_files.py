@@ -13,6 +13,7 @@ from collections.abc import Sequence
 from contextlib import ExitStack
 from typing import Any
 
+from dsse_ros.defects import reason_of
 from dsse_ros.drift.coordinates import role, time_of
 from dsse_ros.drift.flow import Flow, Kind, Span
 from dsse_ros.drift.flow_grids import flow_on_grid
@@ -63,7 +64,7 @@ def read_forecast(
         except Unfit as unfit:
             raise ValueError(f"{what}: {unfit}") from None
         except (IndexError, KeyError, OSError, RuntimeError, TypeError, ValueError) as error:
-            reason = " ".join(str(error).split())[:200]
+            reason = reason_of(error)
             raise ValueError(f"{what} must be a forecast: {reason}") from None
 
 
@@ -81,7 +82,7 @@ def _opened(kind: Kind, path: str, stack: ExitStack) -> list[Any]:
         reason = error.strerror or str(error)
         raise ValueError(f"{kind} {path!r} must be a NetCDF or GRIB file: {reason}") from None
     except (KeyError, RuntimeError, TypeError, ValueError) as error:
-        reason = " ".join(str(error).split())[:200]
+        reason = reason_of(error)
         raise ValueError(f"{kind} {path!r} must be a forecast: {reason}") from None
 
 

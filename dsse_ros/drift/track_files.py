@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from dsse_ros.defects import reason_of
 from dsse_ros.drift.flow import utc
 from dsse_ros.drift.netcdf import Unfit, check_installed, opened, times_of
 from dsse_ros.drift.tracks import DriftTracks
@@ -39,7 +40,7 @@ def read_tracks(path: str | os.PathLike[str]) -> DriftTracks:
     except Unfit as unfit:
         raise ValueError(f"tracks {name!r}: {unfit}") from None
     except (KeyError, OSError, RuntimeError, TypeError, ValueError) as error:
-        reason = " ".join(str(error).split())[:200]
+        reason = reason_of(error)
         raise ValueError(f"tracks {name!r} must be a NetCDF file of OpenDrift: {reason}") from None
     return _filled(times_s, lats, lons)
 

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Float64MultiArray, Int32MultiArray, String
 
+from dsse_ros.defects import describe
 from dsse_ros.nodes.node_diagnostics import PERIOD_S, NodeDiagnostics
 from dsse_ros.nodes.plan_publishers import PLAN, PLAN_PERIOD_S, PlanPublishers
 from dsse_ros.nodes.settings import PlannerSettings
@@ -222,7 +223,7 @@ class PlannerNode(AlarmNode):
         if step == self._failed:
             return
         self._failed = step
-        reason = " ".join(f"{type(error).__name__}: {error}".split())
+        reason = describe(error)
         self.get_logger().error(
             f"planner {self.settings.planner} failed in step {step[2]} of mission {step[1]}: "
             f"{reason}"

@@ -34,6 +34,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dsse_ros.belief.protocol import TargetForecast
+from dsse_ros.defects import reason_of
 from dsse_ros.extras import pip_install
 from dsse_ros.planners.avoidance import resolve_actions
 from dsse_ros.planners.belief import BeliefPlanner
@@ -235,7 +236,7 @@ def read_model(model: str = "") -> onnxruntime.InferenceSession:
     try:
         session = onnxruntime.InferenceSession(str(path), options, ["CPUExecutionProvider"])
     except Exception as error:  # The exception classes of onnxruntime are not public.
-        reason = " ".join(str(error).split())
+        reason = reason_of(error)
         raise FieldError(f"model must be an ONNX file, got {shown(model)}: {reason}") from None
     unknown = [one.name for one in session.get_inputs() if one.name not in INPUTS]
     if unknown:

@@ -20,6 +20,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from dsse_ros.defects import describe
 from dsse_ros.planners.expanding_square import square_routes
 from dsse_ros.planners.greedy import Greedy
 from dsse_ros.planners.options import (
@@ -203,7 +204,7 @@ def _loaded(name: str) -> Callable[..., Planner]:
     try:
         factory = entries[0].load()
     except Exception as error:  # Third-party code may raise anything.
-        reason = " ".join(f"{type(error).__name__}: {error}".split())
+        reason = describe(error)
         raise FieldError(f"planner: {name!r} cannot be loaded: {reason}") from error
     if not callable(factory):
         raise FieldError(f"planner: {name!r} cannot be loaded: {entries[0].value} is not a factory")

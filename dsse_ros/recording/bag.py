@@ -24,6 +24,7 @@ from mcap.stream_reader import StreamReader
 from mcap.writer import MCAP0_MAGIC, CompressionType, Writer
 from rclpy.serialization import deserialize_message
 
+from dsse_ros.defects import reason_of
 from dsse_ros.message_types import message_class
 from dsse_ros.recording.offered_qos import KEY
 from dsse_ros.recording.schemas import definition
@@ -69,7 +70,7 @@ class Recorded:
             return deserialize_message(self.data, kind)
         except Exception as error:
             # The classes of rclpy's errors are not public.
-            reason = " ".join(str(error).split())
+            reason = reason_of(error)
             raise FieldError(f"{self.topic}: no {self.type_name}: {reason}") from None
 
 

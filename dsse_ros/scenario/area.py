@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from dsse_ros.defects import reason_of
 from dsse_ros.extras import pip_install
 from dsse_ros.scenario.fields import FieldError, shown
 from dsse_ros.scenario.frames import cell_centre
@@ -262,7 +263,7 @@ def _read(source: str | os.PathLike[str], name: str) -> Any:
     except FieldError:
         raise
     except (RecursionError, ValueError) as error:
-        reason = " ".join(str(error).split())
+        reason = reason_of(error)
         raise FieldError(f"{name} must be {Area.ALLOWED}, got {shown(source)}: {reason}") from None
 
 

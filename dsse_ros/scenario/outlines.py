@@ -9,6 +9,7 @@ import os
 from collections.abc import Iterator, Mapping
 from typing import Any, NamedTuple
 
+from dsse_ros.defects import reason_of
 from dsse_ros.extras import pip_install
 from dsse_ros.scenario.fields import FieldError
 
@@ -115,7 +116,7 @@ def read_by_gdal(path: str, name: str) -> dict[str, Any]:
                 content = None if shape is None else json.loads(shapely.to_geojson(shape))
                 features.append({"type": "Feature", "properties": {}, "geometry": content})
     except (DataLayerError, DataSourceError, ValueError, shapely.GEOSException) as error:
-        reason = " ".join(str(error).split())[:200]
+        reason = reason_of(error)
         raise FieldError(f"{name} must be a file that GDAL reads, got {path!r}: {reason}") from None
     return {"type": "FeatureCollection", "features": features}
 

@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from dsse_ros.defects import reason_of
 from dsse_ros.scenario.array_files import array_header
 from dsse_ros.whole_files import write_whole
 
@@ -74,7 +75,7 @@ class Snapshot:
             return cls(identity, arrays, dict(meta["extra"]))
         except Exception as error:
             # NumPy and zipfile raise errors of many types for a maliciously crafted file.
-            reason = " ".join(str(error).split())[:200]
+            reason = reason_of(error)
             raise SnapshotError(f"the snapshot cannot be read: {reason}") from None
 
     def save(self, path: str | os.PathLike[str]) -> None:

@@ -255,7 +255,9 @@ def test_a_pose_that_says_nothing_is_counted_and_the_vehicle_is_nowhere(
     assert sim.health_after(code)["awaited_vehicles"] == "drone0"
 
 
-@pytest.mark.parametrize("text", ["", "x", "1.0", "١", "9" * 5000, "--1"])
+@pytest.mark.parametrize(
+    "text", ["", "x", "1.0", "١", "9" * 5000, "--1"], ids=lambda text: text[:20]
+)
 def test_a_state_that_is_none_is_counted(sim: Sim, text: str) -> None:
     sim.health()
     message = vehicle_state_message(

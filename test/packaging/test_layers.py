@@ -17,6 +17,7 @@ OURS = ("dsse_ros", "msg_adapters")
 WORLD = {
     "dsse_ros.belief",
     "dsse_ros.compiled",
+    "dsse_ros.defects",
     "dsse_ros.drift",
     "dsse_ros.progress",
     "dsse_ros.scenario",
@@ -44,7 +45,7 @@ LAYERS: dict[str, tuple[set[str], set[str]]] = {
         {"ros", "messages", "mavlink"},
     ),
     "dsse_ros.drift": (
-        {"dsse_ros.drift", "dsse_ros.compiled", "dsse_ros.extras"},
+        {"dsse_ros.drift", "dsse_ros.compiled", "dsse_ros.defects", "dsse_ros.extras"},
         {"ros", "messages", "mavlink"},
     ),
     "dsse_ros.searchers": (
@@ -60,6 +61,7 @@ LAYERS: dict[str, tuple[set[str], set[str]]] = {
         {
             "dsse_ros.scenario",
             "dsse_ros.compiled",
+            "dsse_ros.defects",
             "dsse_ros.drift",
             "dsse_ros.searchers",
             "dsse_ros.sensors",
@@ -209,7 +211,7 @@ LAYERS: dict[str, tuple[set[str], set[str]]] = {
         {"ros", "messages", "mavlink"},
     ),
     "dsse_ros.runtime": (
-        WORLD | {"dsse_ros.runtime", "dsse_ros.defects", "dsse_ros.message_types", "msg_adapters"},
+        WORLD | {"dsse_ros.runtime", "dsse_ros.message_types", "msg_adapters"},
         {"mavlink"},
     ),
     "dsse_ros.nodes": (

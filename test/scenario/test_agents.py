@@ -272,7 +272,9 @@ def test_a_grid_that_cannot_be_is_refused(path, value):
 
 
 @pytest.mark.parametrize(
-    "text", ["", "{", "null", "[]", "NaN", '{"agents": NaN}', "[" * 100_000, "1" * 10_000]
+    "text",
+    ["", "{", "null", "[]", "NaN", '{"agents": NaN}', "[" * 100_000, "1" * 10_000],
+    ids=lambda text: text[:20],
 )
 def test_text_that_is_no_such_document_is_refused_in_one_line(text):
     with pytest.raises(ValueError, match="^agents(: | must be an object)") as error:
