@@ -14,9 +14,6 @@ from diagnostic_msgs.msg import DiagnosticStatus
 from rig import Rig, Sim
 from std_srvs.srv import SetBool, Trigger
 
-READY_LATE_S = 300.0
-"""Vehicle time, 15 s of wall time, until a vehicle can be armed: much later than its position."""
-
 
 @pytest.fixture
 def rig(tmp_path: Path) -> Iterator[Rig]:
@@ -28,17 +25,8 @@ def rig(tmp_path: Path) -> Iterator[Rig]:
         made.close()
 
 
-# The tests of the fleet controller have the others, without ROS.
-SITUATIONS = pytest.mark.parametrize(
-    ("search", "where"),
-    [
-        ("running", "on the ground"),
-        ("running", "in the air"),
-        ("over", "on the ground"),
-        ("drone lost", "in the air"),
-    ],
-)
-
+SITUATIONS = pytest.mark.parametrize("over", [False, True], ids=["in the air", "on the ground"])
+"""The tests of the fleet controller have many more, without ROS."""
 SEARCHED_FOR_LONG: dict[str, Any] = SEARCHED | {
     "drones_positions": [0, 5],
     "vehicle_time": "awaited",
@@ -46,34 +34,15 @@ SEARCHED_FOR_LONG: dict[str, Any] = SEARCHED | {
 }
 
 
-def flown_until(rig: Rig, sim: Sim, bridge: Bridge, search: str, *, landed: bool) -> None:
-    """Fly a search with one vehicle until it is running, over or lost, in the air or landed."""
-    waits = search == "running" and landed
-    if waits:
-        rig.until(lambda: bridge.state(0).get("order", "").startswith("MakeReady"), "the order")
-        return
+def flown_until(rig: Rig, sim: Sim, bridge: Bridge, *, over: bool) -> None:
+    """Fly a search with one vehicle until it is in the air, or the search over and it landed."""
     sim.joint(UP)
-    if search == "drone lost":
-        rig.until(lambda: bridge.state(0).get("lost"), "the loss")
-        rig.until(lambda: sim.report["terminated"].all(), "drone0 terminated")
-    else:
-        bridge.until(0, arrived="true", cell="0 4")
-        rig.until(lambda: sim.step_number == 1, "the step")
-    if search == "over":
+    bridge.until(0, arrived="true", cell="0 4")
+    rig.until(lambda: sim.step_number == 1, "the step")
+    if over:
         fly(sim, UP)
         fly(sim, UP)
-    if landed:
         bridge.until(0, flying="false", armed="false")
-    else:
-        bridge.until(0, flying="true", **({"order": "Hold()"} if search == "over" else {}))
-
-
-def conditions(search: str, *, landed: bool) -> tuple[tuple[str, ...], float, dict[str, str]]:
-    """Return the faults of a vehicle, when it is ready, s, and parameters of the bridge."""
-    mode = "LAND" if landed else "LOITER"
-    faults = (f"pilot@airborne:20={mode}",) if search == "drone lost" else ()
-    ready_s = READY_LATE_S if search == "running" and landed else 10.0
-    return faults, ready_s, {"at_end": "return" if landed else "hold"}
 
 
 def stays(rig: Rig, bridge: Bridge) -> None:
@@ -86,53 +55,36 @@ def stays(rig: Rig, bridge: Bridge) -> None:
 
 @SITUATIONS
 def test_a_bridge_started_again_has_nobody_take_off_who_is_out_of_the_search(
-    rig: Rig, search: str, where: str
+    rig: Rig, *, over: bool
 ) -> None:
-    """The bridge meets the vehicle before take-off, in the air, landed, or with a pilot."""
-    landed = where == "on the ground"
-    faults, ready_s, at_end = conditions(search, landed=landed)
     sim = rig.sim(SEARCHED_FOR_LONG)
-    with autopilots(faults, ready_s=ready_s) as vehicles:
-        first = Bridge(rig, vehicles, **at_end)
-        flown_until(rig, sim, first, search, landed=landed)
+    with autopilots(()) as vehicles:
+        first = Bridge(rig, vehicles, at_end="return")
+        flown_until(rig, sim, first, over=over)
         first.process.kill()
-        again = Bridge(rig, vehicles, **at_end)
-        if search == "running":
+        again = Bridge(rig, vehicles, at_end="return")
+        if over:
+            again.until(0, connected="true", flying="false", armed="false")
+            stays(rig, again)
+        else:
             fly(sim, UP)
-            cell = "0 4" if landed else "0 3"
-            again.until(0, arrived="true", flying="true", cell=cell, lost="")
-            assert take_off_orders(again) == landed
-            return
-        flying = "false" if landed else "true"
-        again.until(0, connected="true", flying=flying, armed=flying)
-        if search == "drone lost":
-            rig.until(lambda: again.state(0)["lost"].startswith("taken over"), "the loss")
-            state = again.until(0, mode="LAND" if landed else "LOITER")
-            assert state["order"] == "" and state["custody"] == "taken over"
-        stays(rig, again)
+            again.until(0, arrived="true", flying="true", cell="0 3", lost="")
         assert take_off_orders(again) == 0
 
 
 @SITUATIONS
-def test_a_simulation_started_again_moves_nobody_without_a_person(
-    rig: Rig, search: str, where: str
-) -> None:
-    landed = where == "on the ground"
-    faults, ready_s, at_end = conditions(search, landed=landed)
+def test_a_simulation_started_again_moves_nobody_without_a_person(rig: Rig, *, over: bool) -> None:
     sim = rig.sim(SEARCHED_FOR_LONG)
-    with autopilots(faults, ready_s=ready_s) as vehicles:
-        bridge = Bridge(rig, vehicles, **at_end)
-        flown_until(rig, sim, bridge, search, landed=landed)
+    with autopilots(()) as vehicles:
+        bridge = Bridge(rig, vehicles, at_end="return")
+        flown_until(rig, sim, bridge, over=over)
         sim.process.kill()
         before = take_off_orders(bridge)
         sim = rig.sim(SEARCHED_FOR_LONG | {"drones_positions": [1, 4]})
         sim.joint(RIGHT)
         stays(rig, bridge)
-        if search == "drone lost" and not landed:
-            assert bridge.state(0)["mode"] == "LOITER"
-            return
-        if not landed:
-            bridge.until(0, flying="true", cell="0 4" if search == "running" else "0 3")
+        if not over:
+            bridge.until(0, flying="true", cell="0 4")
             assert rig.call(Trigger, "mavlink_bridge/return").success
             bridge.until(0, flying="false", armed="false")
         rig.until(lambda: bridge.process.output.count(" is followed") == 2, "the other search")
@@ -141,18 +93,6 @@ def test_a_simulation_started_again_moves_nobody_without_a_person(
         assert rig.call(SetBool, "mavlink_bridge/arm", data=True).success
         state = bridge.until(0, arrived="true", flying="true", cell="2 4")
         assert state["lost"] == "" and take_off_orders(bridge) == before + 1
-
-
-def test_with_arm_always_a_simulation_started_again_is_flown_too(rig: Rig) -> None:
-    sim = rig.sim(SEARCHED_FOR_LONG)
-    with autopilots(()) as vehicles:
-        bridge = Bridge(rig, vehicles, arm="always", at_end="return")
-        rig.until(lambda: "arm:=always" in bridge.process.output, "the warning")
-        flown_until(rig, sim, bridge, "over", landed=True)
-        sim.process.kill()
-        sim = rig.sim(SEARCHED_FOR_LONG | {"drones_positions": [1, 4]})
-        sim.joint(RIGHT)
-        bridge.until(0, arrived="true", flying="true", cell="2 4", lost="")
 
 
 def test_a_foreign_simulation_stops_nothing_but_the_take_offs(rig: Rig) -> None:
