@@ -310,6 +310,7 @@ QOS = {
     "complete": "latched, 1000",
     "reliable": "reliable 10",
     "command": "reliable 10",
+    "queued": "reliable 1000",
     "sensor": "sensor data",
 }
 """Quality of service in the words of docs/topics.md."""

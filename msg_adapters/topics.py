@@ -13,7 +13,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Literal
 
-Qos = Literal["latched", "complete", "reliable", "command", "sensor"]
+Qos = Literal["latched", "complete", "reliable", "command", "queued", "sensor"]
 """Quality of service; `dsse_ros.runtime.qos` has the profiles."""
 
 Reading = Literal["followed", "compared", "belief", "after report", "between steps", "once"]
@@ -54,6 +54,19 @@ _SIM = ("sim_node",)
 _OF_BRIDGE = ("mavlink_bridge",)
 _PEOPLE = ("operator",)
 """Enclave of the SROS2 policy for ros2 on the command line and RViz."""
+
+
+def _input(content: str) -> Topic:
+    """Return the topic of a kind of input of a live search."""
+    return Topic(
+        type_name="std_msgs/msg/String",
+        qos="queued",
+        publishers=_PEOPLE,
+        subscribers=_SIM,
+        content=f"with truth none: JSON ([fields](live.md#inputs)), {content}",
+        use="whoever keeps the search",
+    )
+
 
 TOPICS = {
     "probability_grid": Topic(
@@ -352,6 +365,50 @@ TOPICS = {
         content="[in metres](rules.md#in-metres): `[mission, step, turn0, speed0, turn1, ...]`, "
         "-1 to 1: all drones at once, only for that step",
         use="planners",
+    ),
+    "live/detection": _input("somebody was detected"),
+    "live/sighting": _input("the object was seen"),
+    "live/searched": _input("others have searched an area or along a line"),
+    "live/weather": _input("wind or current"),
+    "live/confirm": _input("a contact is the person"),
+    "live/dismiss": _input("a contact is a false alarm"),
+    "live/withdraw": _input("an input was wrong"),
+    "live/detection_pose": Topic(
+        type_name="geometry_msgs/msg/PoseWithCovarianceStamped",
+        qos="queued",
+        publishers=_PEOPLE,
+        subscribers=_SIM,
+        content="with truth none: somebody was detected here, m in `map`",
+        use="detectors",
+    ),
+    "live/detections": Topic(
+        type_name="vision_msgs/msg/Detection3DArray",
+        qos="queued",
+        publishers=_PEOPLE,
+        subscribers=_SIM,
+        content="with truth none, where `vision_msgs` is installed: detections, m in `map`",
+        use="detectors",
+    ),
+    "live/answers": Topic(
+        type_name="std_msgs/msg/String",
+        qos="queued",
+        publishers=_SIM,
+        content="with truth none: JSON, the [answer](live.md#answers) to each input",
+        use="whoever sends inputs",
+    ),
+    "live/contacts": Topic(
+        type_name="std_msgs/msg/String",
+        qos="latched",
+        publishers=_SIM,
+        content="with truth none: JSON, the [contacts](live.md#contacts)",
+        use="whoever keeps the search",
+    ),
+    "live/contact_markers": Topic(
+        type_name="visualization_msgs/msg/MarkerArray",
+        qos="latched",
+        publishers=_SIM,
+        content="with truth none: the contacts",
+        use="RViz, Foxglove",
     ),
 }  # fmt: skip
 """The topics by name, relative to the namespace of the search unless it begins with a slash."""

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dsse_ros.belief.ensemble_belief import EnsembleBelief
+from dsse_ros.live.beliefs import beliefs_of
 from dsse_ros.mission.command_buffer import CommandBuffer
 from dsse_ros.mission.flown import Flown, yaw_of_heading
 from dsse_ros.mission.mission_snapshots import Possible, check_mission, of_cells
@@ -21,7 +22,6 @@ from dsse_ros.result import Rejected
 from dsse_ros.scenario.actions import Cell
 from dsse_ros.scenario.swarm import Swarm
 from dsse_ros.search import HOLD, FieldError, SearchEnv, Snapshot, SnapshotError
-from dsse_ros.search.world_beliefs import WorldBeliefs
 from dsse_ros.step.fault_kernels import LOST
 
 Place = tuple[float, float]
@@ -104,13 +104,14 @@ class Mission:
         aborted: Whether the mission was aborted because commands were missing.
         tracks: For each drone, its places without consecutive repeats.
         lost: The lost drones, in the order of their losses.
+        beliefs: The belief that follows the mission, None if none does.
+        belief_map: Its map, None until it is needed, and after a change.
     """
 
     def __init__(self, env: SearchEnv, seed: int, *, belief: bool = True) -> None:
         self.env = env
-        self._beliefs = WorldBeliefs(env.world) if belief and not env.rules.covers else None
-        # Cache of `belief`, valid until the belief changes.
-        self._belief_map: NDArray[np.float32] | None = None
+        self.beliefs = beliefs_of(env.world) if belief else None
+        self.belief_map: NDArray[np.float32] | None = None
         self.commands = self._command_buffer()
         self.seed = seed
         self.number = 0
@@ -126,8 +127,8 @@ class Mission:
     def reset(self, seed: int) -> StepResult:
         """Start a new mission; mission time continues, or restarts every 34 years."""
         self.env.reset(seed=seed)
-        if self._beliefs is not None:
-            self._beliefs.reset()
+        if self.beliefs is not None:
+            self.beliefs.reset()
         if self._stamp_ns > END_NS // 2:
             self._stamp_ns = 0
         self.seed = seed
@@ -182,6 +183,8 @@ class Mission:
             return ""
         if self.aborted:
             return "aborted"
+        if not self.env.scenario.has_persons and self.env.world.worlds["num_missing"][0] == 0:
+            return "found: contact confirmed"
         result, rules, names = self.result, self.env.rules, self.env.possible_agents
         if rules.covers and self.env.world.worlds["num_missing"][0] == 0:
             return "all covered"
@@ -213,8 +216,8 @@ class Mission:
         person, in the true cells of the drones; with several persons, the expected share found. See
         `belief.Belief`. In the coverage task it is `pos` of `coverage.Coverage`.
         """
-        if self._beliefs is not None:
-            return float(self._beliefs.pos[0])
+        if self.beliefs is not None:
+            return float(self.beliefs.pos[0])
         return self.coverage.get("pos")
 
     @property
@@ -225,8 +228,8 @@ class Mission:
 
     def prepare_belief(self) -> None:
         """Compute the belief's tables, so that the first mission is as fast as later ones."""
-        if self._beliefs is not None:
-            self._beliefs.prepare()
+        if self.beliefs is not None:
+            self.beliefs.prepare()
 
     def belief(self) -> NDArray[np.float32]:
         """Return the probability of containment of the persons not found, (G, G) as [y, x].
@@ -236,11 +239,11 @@ class Mission:
         Raises:
             ValueError: If no belief follows the mission.
         """
-        if self._beliefs is None:
+        if self.beliefs is None:
             raise ValueError("no belief follows the mission")
-        if self._belief_map is None:
-            self._belief_map = self._beliefs.write()[0]
-        return self._belief_map
+        if self.belief_map is None:
+            self.belief_map = self.beliefs.write()[0]
+        return self.belief_map
 
     def particles(self) -> tuple[NDArray[np.float32], NDArray[np.float64]] | None:
         """Return positions and weights of the belief, see `EnsembleBelief.particles`.
@@ -257,7 +260,7 @@ class Mission:
         return None if belief is None else belief.outside
 
     def _belief_of_ensemble(self) -> EnsembleBelief | None:
-        return None if self._beliefs is None else self._beliefs.of_ensemble(0)
+        return None if self.beliefs is None else self.beliefs.of_ensemble(0)
 
     @property
     def missing(self) -> list[int]:
@@ -357,11 +360,11 @@ class Mission:
         joint = self._numbers(self.begin(missing_action) if self._begun is None else self._begun)
         self._begun = None
         probabilities, faults = self._probabilities(), world.faults
-        if self._beliefs is not None:
-            self._beliefs.before_step(joint[None])
+        if self.beliefs is not None:
+            self.beliefs.before_step(joint[None])
         self.env.advance(joint)
-        if self._beliefs is not None:
-            self._beliefs.after_step()
+        if self.beliefs is not None:
+            self.beliefs.after_step()
         self._past += self._packed(self.result).tobytes()
         done = joint if faults is None else faults.applied[0].copy()
         held, searching = live & (joint == HOLD), live & (done == self.env.rules.action_set.search)
@@ -379,7 +382,7 @@ class Mission:
                 **of_world.arrays,
                 **{f"result_{name}": a.copy() for name, a in arrays.items()},
                 "history": self._rows_before(),
-                **({} if self._beliefs is None else self._beliefs.arrays()),
+                **({} if self.beliefs is None else self.beliefs.arrays()),
             },
             # The conversion through JSON makes a deep copy.
             json.loads(json.dumps({**extra, "commands": self.commands.state()})),
@@ -396,18 +399,18 @@ class Mission:
         if not {*_OF_MISSION, "commands"} <= extra.keys() or "history" not in arrays:
             raise SnapshotError("the snapshot is of a world, not of a mission")
         check_mission(snapshot, self.snapshot(), self._possible)
-        if self._beliefs is None:
+        if self.beliefs is None:
             self.env.restore(snapshot)
         else:
-            self._beliefs.check(snapshot)
+            self.beliefs.check(snapshot)
             before = replace(self.env.snapshot(), extra={})
-            before.arrays.update(self._beliefs.arrays())
+            before.arrays.update(self.beliefs.arrays())
             self.env.restore(snapshot)
             try:
-                self._beliefs.restore(snapshot)
+                self.beliefs.restore(snapshot)
             except (FieldError, SnapshotError) as error:
                 self.env.restore(before)
-                self._beliefs.restore(before)
+                self.beliefs.restore(before)
                 raise SnapshotError(str(error)) from None
         for name in _OF_MISSION:
             setattr(self, name, extra[name])
@@ -441,7 +444,7 @@ class Mission:
         probabilities: NDArray[np.float64],
     ) -> StepResult:
         world = self.env.world
-        self._belief_map = None
+        self.belief_map = None
         self._stamp_ns += self._step_ns
         cells = self.env.positions
         _, truncated = self.env.flags

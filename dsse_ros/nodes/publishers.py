@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 from builtin_interfaces.msg import Time
@@ -44,6 +45,10 @@ _EACH_STEP = tuple(
     name for name in MESSAGES if not {"after report", "followed"} & {*TOPICS[name].replay}
 )
 """Topics with a message for each step, before the step report."""
+OF_BELIEF = ("belief", "belief_grid", "particles", "probability_of_success")
+"""Topics that show the belief."""
+LIVE_OUTPUTS = tuple(name for name in published_by("sim_node") if name.startswith("live/"))
+"""Topics of a live search."""
 
 
 class MissionPublishers:
@@ -60,6 +65,7 @@ class MissionPublishers:
 
     Attributes:
         run_id: Identity in the messages.
+        after_step: Called after each step has been published.
     """
 
     def __init__(
@@ -89,8 +95,9 @@ class MissionPublishers:
             "/tf": self._tf_type is not None,
             "/tf_static": self._tf_type is not None,
             "drone<i>/remaining_path": isinstance(mission, FlightMission),
-            # See `NodeDiagnostics`.
+            # See `NodeDiagnostics` and `LiveInputs`.
             "/diagnostics": False,
+            **dict.fromkeys(LIVE_OUTPUTS, False),
         }
         self._publishers = {
             topic: [endpoints.publisher(name) for name in self._of_all(topic)]
@@ -102,6 +109,7 @@ class MissionPublishers:
         self._before = self._cells = mission.result.cells
         # Of paths and markers.
         self._news = News()
+        self.after_step: list[Callable[[], None]] = []
         # The track that was last published for each drone.
         self._tracks: dict[int, TrackLeft | None] = {}
 
@@ -178,6 +186,11 @@ class MissionPublishers:
         for publisher, message in self._of_time.items():
             publisher.publish(message)
 
+    def publish_belief(self, stamp: Time, grid_scaling: str) -> None:
+        """Publish the belief and the POS of the last step again, after inputs have changed them."""
+        for topic in OF_BELIEF:
+            self._publish(topic, stamp, Display(grid_scaling=grid_scaling))
+
     def publish_grid(self, stamp: Time, grid_scaling: str) -> None:
         """Publish the map and, if set, the belief as grids for display."""
         for topic in ("probability_grid", "belief_grid"):
@@ -191,6 +204,8 @@ class MissionPublishers:
             self._publish(topic, stamp, display)
         self.publish_remaining_paths(stamp)
         self.publish_report(stamp)
+        for follow in self.after_step:
+            follow()
 
     def publish_remaining_paths(self, stamp: Time) -> None:
         """Publish what is left of the tracks of drones in metres, if that has changed."""

@@ -27,7 +27,7 @@ from dsse_ros.mission.simulation_state import NEXT, Request, SimulationState, re
 from dsse_ros.mission.step_scheduler import Due, StepScheduler
 from dsse_ros.mission.vehicle_steps import VehicleSteps
 from dsse_ros.mission.vehicle_time import IGNORED
-from dsse_ros.nodes import sim_services, simulation_interfaces
+from dsse_ros.nodes import live_inputs, sim_services, simulation_interfaces
 from dsse_ros.nodes.navigate_to_pose import NavigateToPose
 from dsse_ros.nodes.node_diagnostics import PERIOD_S, NodeDiagnostics
 from dsse_ros.nodes.publisher_counts import PublisherCounts, consequences
@@ -76,21 +76,14 @@ class SimNode(AlarmNode):
         self.mission = mission_of(env, draw_seed(self.settings), belief=has_belief)
         self.mission.prepare_belief()
         self.files = MissionFiles(
-            self.mission,
-            record_file=settings.record_file,
-            snapshot_file=settings.snapshot_file,
-            snapshot_every=settings.snapshot_every,
-            resume=settings.resume,
-        )
+            self.mission, record_file=settings.record_file, snapshot_file=settings.snapshot_file,
+            snapshot_every=settings.snapshot_every, resume=settings.resume,
+        )  # fmt: skip
         self.publishers_ = MissionPublishers(
-            endpoints,
-            self.mission,
-            self.frame,
-            run_id=draw_run_id(self.settings),
-            publish_clock=settings.publish_clock,
-            publish_belief=settings.publish_belief,
-            has_vehicles=settings.vehicle_time != IGNORED,
-        )
+            endpoints, self.mission, self.frame,
+            run_id=draw_run_id(self.settings), publish_clock=settings.publish_clock,
+            publish_belief=settings.publish_belief, has_vehicles=settings.vehicle_time != IGNORED,
+        )  # fmt: skip
         self._diagnostics = NodeDiagnostics(self, endpoints)
         self.state = SimulationState.PLAYING
         self.timeouts = 0
@@ -104,6 +97,7 @@ class SimNode(AlarmNode):
         self._publisher_counts = PublisherCounts(self, consequences(settings, self._commands.joint))
         self._report_stamp = Time()
         self._subscribe(endpoints)
+        live_inputs.serve(self, endpoints, self._commands.rejected)
         endpoints.check_all_used()
         self.at_end(self.files.close)
         self.files.open(self.frame)
@@ -390,6 +384,10 @@ class SimNode(AlarmNode):
             return
         self._fleet.vehicles.lost[drone] = reason
         self.get_logger().warning(f"drone{drone} is lost: {' '.join(reason.split())[:200]}")
+        self.publish_change()
+
+    def publish_change(self) -> None:
+        """Publish what has changed since the last step; it may have ended the mission."""
         if self.mission.done:
             self._record()
         self.publishers_.publish_report(self._report_stamp)

@@ -287,6 +287,8 @@ class _Flight:
             self.mission.reset(info.seed)
         else:
             env = search_env(info.definition.scenario, info.definition.rules)
+            # The inputs of a live search change its belief, and are not in the reports.
+            belief = belief and env.scenario.has_persons
             self.mission = mission_of(env, info.seed, belief=belief)
         self.mission.number = outcome.number
         self._messages = StepMessages(self.mission, self.frame, outcome.run_id)

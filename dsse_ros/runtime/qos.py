@@ -43,6 +43,9 @@ COMMANDS = QoSProfile(depth=10, reliability=ReliabilityPolicy.RELIABLE)
 """Commands to drones, never latched: a restarted simulation numbers its missions and steps like the
 one before, and must not take the commands to that one."""
 
+QUEUED = QoSProfile(depth=1000, reliability=ReliabilityPolicy.RELIABLE)
+"""Inputs of a live search and their answers: many may come at once, and each counts."""
+
 SENSOR = qos_profile_sensor_data
 """Fixes: fresh rather than complete."""
 
@@ -51,6 +54,7 @@ PROFILES: dict[Qos, QoSProfile] = {
     "complete": COMPLETE,
     "reliable": RELIABLE,
     "command": COMMANDS,
+    "queued": QUEUED,
     "sensor": SENSOR,
 }
 """The profiles by their names in the table of topics."""

@@ -30,8 +30,9 @@ from dsse_ros.drift.flow import (
 from dsse_ros.drift.leeway import leeway_class
 from dsse_ros.drift.shore import Box, Shore, box_around, shore_of
 from dsse_ros.drift.track_files import at_times
-from dsse_ros.drift.tracks import Drift, DriftTracks, Sighting, drift_tracks
+from dsse_ros.drift.tracks import Drift, DriftTracks, Sighting
 from dsse_ros.scenario.area import Area
+from dsse_ros.scenario.both_ways import tracks_both_ways
 from dsse_ros.scenario.fields import FieldError, Spec, check_known, shown
 from dsse_ros.scenario.given_tracks import GivenTracks
 from dsse_ros.scenario.incident_flow import flow_dict, flow_identity, mapping, read_flow
@@ -206,6 +207,24 @@ class Incident:
             "jibing": self.jibing,
         }
 
+    def informed(self, seen: Sequence[Mapping[str, Any]], flows: Mapping[Kind, Any]) -> Incident:
+        """Return the incident with further sightings, and with other wind or current.
+
+        Args:
+            seen: The fields of each sighting, as in YAML.
+            flows: Those of wind or current, without files.
+
+        Raises:
+            ValueError: If one is not allowed.
+        """
+        changed: dict[str, Any] = {}
+        for kind, value in flows.items():
+            span = _span(self.sightings, self.search_start_s)
+            changed[kind], changed[f"{kind}_error"] = read_flow(kind, kind, value, "", span)
+        if seen:
+            changed["sightings"] = _near((*self.sightings, *_sightings(seen)))
+        return replace(self, **changed)
+
     def tracks(
         self, times_s: NDArray[np.float64], count: int, rng: np.random.Generator
     ) -> DriftTracks:
@@ -247,7 +266,7 @@ class Incident:
             self.jibing, None if self.land is None else _shore(self.land, self._box()), self.waves,
         )  # fmt: skip
         try:
-            return drift_tracks(drift, seen, times_s, count, rng)
+            return tracks_both_ways(drift, seen, times_s, count, rng)
         except ValueError as error:
             raise FieldError(f"incident: {error}") from None
 
@@ -411,7 +430,11 @@ def _sightings(values: Any) -> tuple[Sighting, ...]:
                 checked["radius"], checked["weight"], round(checked["time_error"] * 60),
             )
         )  # fmt: skip
-    # Positions on both sides of the antimeridian are near each other.
+    return _near(sightings)
+
+
+def _near(sightings: Sequence[Sighting]) -> tuple[Sighting, ...]:
+    """Return sightings of which those on both sides of the antimeridian are near each other."""
     first = sightings[0].lon_deg
     return tuple(
         one._replace(lon_deg=one.lon_deg + 360 * round((first - one.lon_deg) / 360))

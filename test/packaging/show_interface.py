@@ -116,10 +116,10 @@ if __name__ == "__main__":
         "cot_gateway": started(CotNode, "-p", "url:=udp://127.0.0.1:9"),
         "dashboard": started(DashboardNode, "-p", "allowed_hosts:=['name.example']"),
     }
-    # What it publishes and takes in metres only.
+    # What it publishes and takes in metres only, or without a truth.
     in_metres = started(
         SimNode, "-p", "rules:=flight", "-p", "scenario.particles:=10",
-        "-p", "scenario.timestep_limit:=10",
+        "-p", "scenario.timestep_limit:=10", "-p", "truth:=none",
     )  # fmt: skip
     for kind in ("published", "subscribed"):
         nodes["sim_node"][kind] |= in_metres[kind]

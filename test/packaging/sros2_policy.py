@@ -13,6 +13,7 @@ from msg_adapters.topics import EACH_DRONE, TOPICS
 POLICY = Path(__file__).resolve().parents[2] / "config" / "sros2_policy.xml"
 EVERYTHING = {"/*"}
 WITH_TF2_MSGS = {"/tf", "/tf_static"}
+WITH_VISION_MSGS = {"live/detections"}
 WITH_SIMULATION_INTERFACES = {
     f"~/{name}"
     for name in (
@@ -48,4 +49,8 @@ def as_expressions(names: Iterable[str]) -> set[str]:
     return {name.replace(EACH_DRONE, "drone*/") for name in names}
 
 
-COMMANDS = as_expressions(name for name, topic in TOPICS.items() if topic.qos == "command")
+COMMANDS = as_expressions(
+    name
+    for name, topic in TOPICS.items()
+    if topic.qos in ("command", "queued") and "operator" in topic.publishers
+)

@@ -27,6 +27,7 @@ from sros2_policy import (
     WITH_SIM_TIME,
     WITH_SIMULATION_INTERFACES,
     WITH_TF2_MSGS,
+    WITH_VISION_MSGS,
     as_expressions,
     policy,
 )
@@ -225,6 +226,8 @@ def test_the_topics_of_the_simulation_are_those_of_the_tables(
     if kind == "published" and "/tf" not in running:
         # It needs tf2_msgs.
         del documented["/tf"], documented["/tf_static"]
+    for topic in WITH_VISION_MSGS - running.keys():
+        documented.pop(topic, None)
     assert documented == running
 
 
@@ -278,7 +281,9 @@ def test_the_policy_for_sros2_allows_what_the_nodes_do_and_nothing_else(
     interface: dict[str, Any],
 ) -> None:
     # rcl publishes /rosout by itself.
-    optional = {"/rosout"} | WITH_TF2_MSGS | WITH_SIMULATION_INTERFACES | WITH_SIM_TIME
+    optional = (
+        {"/rosout"} | WITH_TF2_MSGS | WITH_VISION_MSGS | WITH_SIMULATION_INTERFACES | WITH_SIM_TIME
+    )
     for name, node in interface.items():
         rights = policy()[name]
         for right, kind in (

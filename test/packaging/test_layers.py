@@ -125,9 +125,11 @@ LAYERS: dict[str, tuple[set[str], set[str]]] = {
     ),
     "msg_adapters": ({"msg_adapters"}, {"effects", "ros", "mavlink"}),
     "dsse_ros.message_types": ({"dsse_ros.scenario.fields"}, {"ros", "mavlink"}),
+    "dsse_ros.live": (WORLD | {"dsse_ros.live", "dsse_ros.result"}, {"ros", "messages", "mavlink"}),
     "dsse_ros.mission": (
         WORLD
         | {
+            "dsse_ros.live",
             "dsse_ros.mission",
             "dsse_ros.mission_items",
             "dsse_ros.result",
@@ -223,6 +225,7 @@ LAYERS: dict[str, tuple[set[str], set[str]]] = {
             "dsse_ros.dashboard",
             "dsse_ros.defects",
             "dsse_ros.flight",
+            "dsse_ros.live",
             "dsse_ros.mission",
             "dsse_ros.mission_items",
             "dsse_ros.recording",

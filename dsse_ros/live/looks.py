@@ -1,0 +1,148 @@
+# Copyright 2026 dsse_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""The looks of a step of a live search, which found nobody, and what they do to a belief."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dsse_ros.belief.belief import Belief
+from dsse_ros.belief.belief_kernels import NOTHING_LEFT
+from dsse_ros.belief.ensemble_belief import EnsembleBelief, PathsFlown
+from dsse_ros.step.looks import Looked, Looks
+from dsse_ros.step.sightings import DEFINITE
+
+AnyBelief = Belief | EnsembleBelief
+
+
+class StepLooks(NamedTuple):
+    """The looks of a step.
+
+    Attributes:
+        drones: (Q,) int64, the drone of each look at a cell.
+        numbers: (Q,) int64, numbers of `looks.Looks`.
+        cells: (Q, 2) int64, cells (col, row).
+        paths: (N, K + 1, 2) float64, of `PathsFlown`; no rows unless drones fly in metres.
+        looked: (N, K + 1) bool, of `PathsFlown`.
+        flown: (N,) bool, of `PathsFlown`.
+    """
+
+    drones: NDArray[np.int64]
+    numbers: NDArray[np.int64]
+    cells: NDArray[np.int64]
+    paths: NDArray[np.float64]
+    looked: NDArray[np.bool_]
+    flown: NDArray[np.bool_]
+
+    def of(self, drones: NDArray[np.bool_]) -> StepLooks:
+        """Return the looks of these drones (N,) only."""
+        kept = drones[self.drones] if len(self.drones) else np.zeros(0, bool)
+        return self._replace(
+            drones=self.drones[kept], numbers=self.numbers[kept], cells=self.cells[kept],
+            flown=self.flown & drones if len(self.flown) else self.flown,
+        )  # fmt: skip
+
+    def has(self, drone: int) -> bool:
+        """Return whether a drone looked."""
+        return bool((self.drones == drone).any()) or bool(
+            drone < len(self.flown) and self.flown[drone] and self.looked[drone].any()
+        )
+
+
+@dataclass(frozen=True)
+class Sensors:
+    """What the drones of a search see.
+
+    Attributes:
+        looks: Their looks at cells.
+        eyes: (K,) of `sightings.EYES`, how each kind sees in passing; None over cells.
+        cell_m: Side of a cell.
+        step_s: Duration of a step.
+    """
+
+    looks: Looks
+    eyes: NDArray[np.void] | None
+    cell_m: float
+    step_s: float
+
+    @property
+    def count(self) -> int:
+        """Number of drones, N."""
+        return len(self.looks.kind)
+
+    def apply(self, belief: AnyBelief, done: StepLooks) -> None:
+        """Update a belief with looks that found nobody, before `advance`."""
+        if self.eyes is not None and isinstance(belief, EnsembleBelief):
+            nobody = np.zeros(len(done.flown), np.bool_)
+            belief.update_in_passing(
+                PathsFlown(self.eyes, self.looks.kind, done.paths, done.flown, nobody, done.looked)
+            )
+        else:
+            belief.update(
+                [
+                    Looked((col, row), self.looks.pods[number])
+                    for number, (col, row) in zip(
+                        done.numbers.tolist(), done.cells.tolist(), strict=True
+                    )
+                ]
+            )
+
+    def missed(
+        self, even: AnyBelief, done: StepLooks, look: tuple[int, int]
+    ) -> NDArray[np.float64]:
+        """Return the probability that a drone's looks miss somebody at each place of a belief.
+
+        Args:
+            even: A belief at the start, which is used up. Its persons have one POD.
+            done: The looks of the step.
+            look: Number of the step, and of the drone.
+        """
+        even.step = look[0]
+        even.density[:] = 1.0 / even.density.size
+        chosen = np.zeros(self.count, np.bool_)
+        chosen[look[1]] = True
+        self.apply(even, done.of(chosen))
+        # The update scaled the places up by the probability that they were left with.
+        left = max(1.0 - even.pos, 0.0)
+        if left < NOTHING_LEFT:
+            return np.zeros(even.density.shape)
+        return np.asarray(np.minimum(even.density * (left * even.density.size), 1.0))
+
+    def area_m2(self, done: StepLooks, drone: int) -> float:
+        """Return the area in which the looks of a drone in a step raise false alarms."""
+        if self.eyes is None:
+            return max(int((done.drones == drone).sum()), 1) * self.cell_m**2
+        eye, path = self.eyes[self.looks.kind[drone]], done.paths[drone]
+        length_m = max(float(np.hypot(*np.diff(path, axis=0).T).sum()), 1.0)
+        width_m = 2.0 * float(eye["reach"])
+        if eye["law"] != DEFINITE:
+            # Its rate is W^2 v / (8 pi).
+            width_m = math.sqrt(8.0 * math.pi * float(eye["rate"]) * self.step_s / length_m)
+        return width_m * (length_m + math.pi / 4 * width_m)
+
+
+def weigh(belief: AnyBelief, factors: NDArray[np.float64], *, searched: bool) -> None:
+    """Multiply the probability of each place of a belief by a factor, and scale it to 1.
+
+    Args:
+        belief: The belief.
+        factors: One by place, or by class and place; of a search its 1 - POD.
+        searched: Whether a search was made, which counts in the POS.
+    """
+    rows = belief.density.reshape(len(belief.examples), -1, belief.density.shape[-1])
+    totals = rows.sum(axis=(1, 2))
+    weighed = rows * factors
+    after = weighed.sum(axis=(1, 2))
+    if searched:
+        hazard = 1.0 - after / totals
+        belief.unfound *= 1.0 - hazard[belief.class_of]
+        belief.pos = float((1.0 - belief.unfound).mean())
+    # If nothing is left, the factors contradict all that is known: nothing is learned.
+    kept = after >= NOTHING_LEFT * totals
+    scale = np.where(kept, totals / np.where(kept, after, 1.0), 1.0)
+    rows[:] = np.where(kept[:, None, None], weighed * scale[:, None, None], rows)

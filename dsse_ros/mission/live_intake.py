@@ -1,0 +1,232 @@
+# Copyright 2026 dsse_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""Intake of the inputs of a live search, without ROS: each gets an answer."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+from collections import Counter
+from collections.abc import Callable, Mapping
+from typing import Any, Protocol
+
+import numpy as np
+
+from dsse_ros.live.admission import Admission, Clocks
+from dsse_ros.live.beliefs import LiveBeliefs
+from dsse_ros.live.clock import StepClock
+from dsse_ros.live.inputs import Input, parse, read
+from dsse_ros.live.keeper import Entry
+from dsse_ros.mission.mission import Mission
+from dsse_ros.result import Accepted, Rejected, Result
+
+_LONGEST_ID = 100
+
+
+class Journal(Protocol):
+    """Where accepted inputs are kept."""
+
+    def write(self, entry: Entry) -> None:
+        """Append an entry, or leave the journal as it is.
+
+        Raises:
+            OSError: If it cannot be written.
+        """
+        ...
+
+    def sync(self) -> None:
+        """Have all of it outlast a loss of power.
+
+        Raises:
+            OSError: If it cannot be written.
+        """
+        ...
+
+
+@dataclasses.dataclass(frozen=True)
+class Answer:
+    """The answer to an input.
+
+    Attributes:
+        id: That of the input, "" if it has none.
+        kind: One of `inputs.KINDS`.
+        ok: Whether it was accepted.
+        code: Why not, "" if it was; `again` if it was known already.
+        reason: The same in one line.
+        contact: Name of the contact that it is about.
+        pos_before: POS before the inputs that came with this one.
+        pos_after: POS after them.
+        poc_moved: Share of the probability of the cells that they have moved.
+    """
+
+    id: str
+    kind: str
+    ok: bool = True
+    code: str = ""
+    reason: str = ""
+    contact: str | None = None
+    pos_before: float | None = None
+    pos_after: float | None = None
+    poc_moved: float | None = None
+
+    def to_json(self) -> str:
+        """Return the answer as JSON."""
+        return json.dumps(dataclasses.asdict(self), allow_nan=False)
+
+
+class LiveIntake:
+    """Passes inputs to the keeper of a mission, and the keeper's entries to a journal.
+
+    `take` puts an input in line, `decide` answers all that are.
+
+    Args:
+        mission: The mission; its scenario has no truth, and a belief follows it.
+        warn: Logs a line of a kind.
+        rejected: Counts the refused inputs by code.
+
+    Attributes:
+        clock: Stamps of the steps.
+        journal: Where entries are kept; None for nowhere.
+    """
+
+    def __init__(
+        self, mission: Mission, warn: Callable[[str, str], None], rejected: Counter[str]
+    ) -> None:
+        assert isinstance(mission.beliefs, LiveBeliefs)
+        self._mission, self._beliefs, self._warn = mission, mission.beliefs, warn
+        self.clock = StepClock(mission.env.scenario.step_duration_s)
+        self.journal: Journal | None = None
+        self._rejected = rejected
+        self._line: list[tuple[str, str, Result[Input]]] = []
+
+    def take(self, kind: str, text: str) -> None:
+        """Put the JSON text of an input in line."""
+        parsed = parse(kind, text)
+        given = parsed.value.id if isinstance(parsed, Accepted) else _id_of(text)
+        self._line.append((kind, given, parsed))
+
+    def take_values(self, kind: str, values: Mapping[str, Any]) -> None:
+        """Put the fields of an input in line."""
+        self._line.append((kind, str(values.get("id", ""))[:_LONGEST_ID], read(kind, values)))
+
+    def refuse(self, kind: str, given: str, rejected: Rejected) -> None:
+        """Put an input in line that is refused already."""
+        self._line.append((kind, given[:_LONGEST_ID], rejected))
+
+    def decide(self, stamp_s: float) -> list[Answer]:
+        """Decide about the inputs in line; return the answers.
+
+        Args:
+            stamp_s: The node's clock.
+        """
+        line, self._line = self._line, []
+        if not line:
+            return []
+        keeper = self._beliefs.keeper
+        pos, poc = keeper.pos, keeper.belief.poc()
+        clocks = Clocks(self.clock.now_s, stamp_s, self.clock.of_stamp)
+        answers, entries = [], []
+        for kind, given, parsed in line:
+            answer, entry = self._decide_one(kind, given, parsed, clocks)
+            answers.append(answer)
+            if entry is not None:
+                entries.append(entry)
+        if entries and (failed := self._sync()):
+            self._beliefs.reset([one for one in keeper.history if one not in entries])
+            answers = [_refused(one, failed) if one.ok else one for one in answers]
+        keeper = self._beliefs.keeper
+        moved = 0.5 * float(np.abs(keeper.belief.poc() - poc).sum())
+        self._mission.belief_map = None
+        changes: dict[str, Any] = {
+            "pos_before": pos, "pos_after": keeper.pos, "poc_moved": moved,
+        }  # fmt: skip
+        if keeper.over and not self._mission.done:
+            self._end()
+        for answer in answers:
+            self._log(answer)
+        return [dataclasses.replace(one, **changes) if one.ok else one for one in answers]
+
+    def _decide_one(
+        self, kind: str, given: str, parsed: Result[Input], clocks: Clocks
+    ) -> tuple[Answer, Entry | None]:
+        """Decide about an input; return the answer, and the entry of a new one that is accepted."""
+        keeper, answer = self._beliefs.keeper, Answer(given, kind)
+        if isinstance(parsed, Rejected):
+            return _refused(answer, parsed), None
+        checked = Admission(keeper).check(parsed.value, clocks)
+        if isinstance(checked, Rejected):
+            return _refused(answer, checked), None
+        entry = checked.value
+        if entry is None:
+            return dataclasses.replace(answer, code="again"), None
+        if self._mission.done:
+            return _refused(answer, Rejected("mission_over", "the mission is over")), None
+        if failed := self._write(entry):
+            return _refused(answer, failed), None
+        keeper.apply(entry)
+        contact = entry.derived.get("contact", entry.values.get("contact"))
+        return dataclasses.replace(answer, contact=contact), entry
+
+    def _write(self, entry: Entry) -> Rejected | None:
+        try:
+            if self.journal is not None:
+                self.journal.write(entry)
+        except OSError as error:
+            return _not_recorded(error)
+        return None
+
+    def _sync(self) -> Rejected | None:
+        try:
+            if self.journal is not None:
+                self.journal.sync()
+        except OSError as error:
+            return _not_recorded(error)
+        return None
+
+    def _end(self) -> None:
+        """End the mission, because everybody was found."""
+        mission = self._mission
+        self._beliefs.end()
+        terminated, _ = mission.env.flags
+        terminated[mission.lost] = True
+        mission.result = dataclasses.replace(mission.result, terminated=terminated)
+
+    def _log(self, answer: Answer) -> None:
+        if not answer.ok:
+            self._rejected[answer.code] += 1
+            self._warn(answer.code, f"live/{answer.kind}: {answer.reason}")
+
+    def contacts(self) -> list[dict[str, Any]]:
+        """Return the contacts for JSON, where the sea has them now."""
+        keeper, names = self._beliefs.keeper, self._mission.env.possible_agents
+        shown = []
+        for contact in keeper.contacts.by_name.values():
+            last, x, y = keeper.contact_now(contact, self.clock.now_s)
+            lat, lon = keeper.lat_lon(x, y)
+            shown.append(
+                {
+                    "contact": contact.name, "state": contact.state, "lat": lat, "lon": lon,
+                    "x": x, "y": y, "radius": last.radius_m, "time": last.time_s,
+                    "utc": keeper.utc(last.time_s), "detections": len(contact.detections),
+                    "probability": keeper.probability(contact),
+                    "drones": [names[drone] for drone in contact.drones],
+                }
+            )  # fmt: skip
+        return shown
+
+
+def _refused(answer: Answer, rejected: Rejected) -> Answer:
+    return Answer(answer.id, answer.kind, ok=False, code=rejected.code, reason=rejected.reason)
+
+
+def _not_recorded(error: OSError) -> Rejected:
+    return Rejected("not_recorded", f"journal cannot be written: {error.strerror}")
+
+
+def _id_of(text: str) -> str:
+    """Return the id in a text that was refused, "" if it has none."""
+    try:
+        given = json.loads(text)["id"]
+    except (KeyError, RecursionError, TypeError, ValueError):
+        return ""
+    return given[:_LONGEST_ID] if isinstance(given, str) and given.isprintable() else ""
