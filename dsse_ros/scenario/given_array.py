@@ -36,7 +36,7 @@ class GivenArray:
     """An array of numbers; arrays with the same digest are equal.
 
     Attributes:
-        sha256: Digest of the values in C order, float64, little-endian.
+        sha256: Digest of the given values in C order, float64, little-endian.
         path: Path of the file, "" for an array.
         values: float64, read-only.
     """
@@ -119,8 +119,17 @@ class GivenArray:
         """Return the path and the digest."""
         return {"path": self.path, "sha256": self.sha256}
 
-    def check_place(self, grid_size: int, cell_size_m: float, origin: Origin) -> None:
-        """Raise unless the array has the size and, if georeferenced, the place of this grid.
+    @property
+    def side(self) -> int:
+        """Cells along a side of the grid that the array fits.
+
+        Raises:
+            FieldError: If there is no such grid.
+        """
+        return len(self.values)
+
+    def on_grid(self, grid_size: int, cell_size_m: float, origin: Origin) -> Self:
+        """Return the array on the cells of a grid.
 
         Args:
             grid_size: Cells along a side.
@@ -128,14 +137,14 @@ class GivenArray:
             origin: The grid's south-west corner.
 
         Raises:
-            FieldError: If it has not.
+            FieldError: If it has another number of cells.
         """
-        side = len(self.values)
-        if side != grid_size:
+        if self.side != grid_size:
             raise FieldError(
                 f"{self.NAME} must have {grid_size} x {grid_size} cells, as grid_size, got "
-                f"{self.source} of {side} x {side}"
+                f"{self.source} of {self.side} x {self.side}"
             )
+        return self
 
     @property
     def source(self) -> str:

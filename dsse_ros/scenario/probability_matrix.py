@@ -5,6 +5,8 @@
 from __future__ import annotations
 
 import csv
+import dataclasses
+import logging
 import math
 import os
 import warnings
@@ -18,11 +20,13 @@ from numpy.typing import NDArray
 from dsse_ros.extras import pip_install
 from dsse_ros.scenario.array_files import check_numbers, read_npy
 from dsse_ros.scenario.fields import FieldError, shown
-from dsse_ros.scenario.frames import cell_centre
 from dsse_ros.scenario.given_array import GivenArray, frozen
 from dsse_ros.scenario.limits import MAX_SIDE
+from dsse_ros.scenario.rasters import Raster, raster_of_grid
 
 if TYPE_CHECKING:
+    from typing_extensions import Self
+
     from dsse_ros.scenario.geodesy import Origin
 
 NAME = "probability_matrix"
@@ -34,64 +38,73 @@ ALLOWED = (
 _LONGEST_LINE = 32 * MAX_SIDE
 """Characters of a line in a CSV file; a float64 takes 25."""
 
-_M_PER_DEG = 111_320.0
-"""Metres per degree of latitude; precise enough to check the place of a cell."""
+OFF_GRID = 0.001
+"""Share of the probability off the grid from which on the log has it."""
+_LOGGER = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
 class ProbabilityMatrix(GivenArray):
-    """A matrix (G, G) [row, col] with row 0 in the north.
+    """A matrix (G, G) [row, col] with row 0 in the north; a raster on the Earth may be any (R, C).
 
     Attributes:
-        corners: Latitude and longitude in degrees of the centres of the north-west, north-east,
-            south-west and south-east cells; None without georeference.
+        raster: Where its cells lie; None for those of the grid.
     """
 
-    corners: tuple[tuple[float, float], ...] | None = field(compare=False)
+    raster: Raster | None = field(compare=False)
 
     NAME = NAME
     ALLOWED = ALLOWED
 
     @classmethod
-    def _made(
-        cls,
-        path: str,
-        array: NDArray[Any],
-        corners: tuple[tuple[float, float], ...] | None = None,
-    ) -> ProbabilityMatrix:
+    def _made(cls, path: str, array: NDArray[Any], raster: Raster | None = None) -> Self:
         check_numbers(array.dtype)
-        _check_shape(array.shape)
+        if raster is None:
+            _check_square(array.shape)
         if not np.isfinite(array).all() or not array.any() or array.min() < 0:
             raise ValueError
         digest, values = frozen(array)
-        return cls(digest, path, values, corners)
+        return cls(digest, path, values, raster)
 
-    def check_place(self, grid_size: int, cell_size_m: float, origin: Origin) -> None:
-        """Raise as `GivenArray.check_place` does; no corner may be off by more than half a cell."""
-        super().check_place(grid_size, cell_size_m, origin)
-        if self.corners is None:
-            return
-        from dsse_ros.scenario.geodesy import surface_to_geodetic
-
-        edge = grid_size - 1
-        col, row = np.array([0, edge, 0, edge]), np.array([0, 0, edge, edge])
-        lat, lon = surface_to_geodetic(origin, *cell_centre(grid_size, cell_size_m, col, row))
-        given_lat, given_lon = np.array(self.corners).T
-        north = (given_lat - lat) * _M_PER_DEG
-        # Take the difference the shorter way round the Earth.
-        degrees = (given_lon - lon + 180.0) % 360.0 - 180.0
-        off_m = float(np.hypot(north, degrees * _M_PER_DEG * np.cos(np.radians(lat))).max())
-        if not off_m <= cell_size_m / 2:
+    @property
+    def side(self) -> int:
+        """See `GivenArray`."""
+        rows, cols = self.values.shape
+        if rows != cols:
             raise FieldError(
-                f"{NAME} must be at most half a cell from the grid of origin_lat, origin_lon and "
-                f"cell_size, got {self.source} with a corner {off_m:.0f} m from that of the grid"
+                f"grid_size or zone_size must be given with {self.source} of {rows} x {cols} cells"
             )
+        return rows
+
+    def on_grid(self, grid_size: int, cell_size_m: float, origin: Origin) -> Self:
+        """See `GivenArray`; a raster with other cells is resampled, and its sum is kept.
+
+        Raises:
+            FieldError: If it has another number of cells, or nothing on the grid.
+        """
+        if self.raster is None:
+            return super().on_grid(grid_size, cell_size_m, origin)
+        grid, shape = raster_of_grid(grid_size, cell_size_m, origin), self.values.shape
+        if shape == (grid_size, grid_size) and self.raster.is_near(grid, grid_size):
+            return dataclasses.replace(self, raster=None)
+        values = self.raster.resampled(self.values, grid, grid_size)
+        if not values.any():
+            raise FieldError(
+                f"{NAME} must be on the grid of origin_lat, origin_lon and cell_size, got "
+                f"{self.source} elsewhere"
+            )
+        _LOGGER.info("%s: %s of %d x %d cells is resampled on the grid", NAME, self.source, *shape)
+        off = 1.0 - float(values.sum() / self.values.sum())
+        if off > OFF_GRID:
+            _LOGGER.warning("%s: %.1f %% of %s is off the grid", NAME, 100 * off, self.source)
+        values.flags.writeable = False
+        return dataclasses.replace(self, values=values, raster=None)
 
 
-_Read = tuple[NDArray[Any], tuple[tuple[float, float], ...] | None]
+_Read = tuple[NDArray[Any], Raster | None]
 
 
-def _check_shape(shape: tuple[int, ...]) -> None:
+def _check_square(shape: tuple[int, ...]) -> None:
     """Raise unless this shape is allowed, before any memory is allocated.
 
     Raises:
@@ -102,7 +115,7 @@ def _check_shape(shape: tuple[int, ...]) -> None:
 
 
 def _read_npy(path: str) -> _Read:
-    return read_npy(path, _check_shape), None
+    return read_npy(path, _check_square), None
 
 
 def _read_csv(path: str) -> _Read:
@@ -129,7 +142,7 @@ def _lines(file: TextIO) -> Iterator[str]:
 
 
 def _read_tiff(path: str) -> _Read:
-    """Return the first band, north up, 0 where it has no data, and the positions of its corners."""
+    """Return the first band, north up, 0 where it has no data, and where its cells lie."""
     try:
         import rasterio
     except ModuleNotFoundError:
@@ -144,46 +157,29 @@ def _read_tiff(path: str) -> _Read:
             warnings.simplefilter("ignore", rasterio.errors.NotGeoreferencedWarning)
             raster = rasterio.open(path)
         with raster:
-            _check_shape(raster.shape)
             # rasterio reads a block as a whole, even if it is larger than the image.
-            if math.prod(raster.block_shapes[0]) > MAX_SIDE**2:
+            if max(math.prod(raster.shape), math.prod(raster.block_shapes[0])) > MAX_SIDE**2:
                 raise ValueError
-            values = raster.read(1, masked=True).filled(0)
-            place = raster.transform
-            if place.b or place.d:
-                raise FieldError(f"{NAME} must have its rows from west to east, got {shown(path)}")
-            rows, cols = [0, raster.shape[0] - 1], [0, raster.shape[1] - 1]
-            # Rows from the south are those of a transform that is no mere numbering.
-            if place.e > 0 and not place.is_identity:
-                values, rows = values[::-1], rows[::-1]
-            if place.a < 0:
-                values, cols = values[:, ::-1], cols[::-1]
-            values = np.ascontiguousarray(values)
-            if raster.crs is None:
-                return values, None
-            x, y = rasterio.transform.xy(place, np.repeat(rows, 2), np.tile(cols, 2))
-            corners = _on_earth(path, raster.crs, x, y)
+            values, place = raster.read(1, masked=True).filled(0), raster.transform
+            crs = raster.crs
     except rasterio.errors.RasterioError:
         raise ValueError from None
-    return values, corners
-
-
-def _on_earth(path: str, crs: Any, x: Any, y: Any) -> tuple[tuple[float, float], ...]:
-    """Return latitudes and longitudes of points.
-
-    Raises:
-        FieldError: If one is off the Earth.
-    """
-    from rasterio.warp import transform
-
-    try:
-        lon, lat = transform(crs, "EPSG:4326", x, y)
-    # The errors of GDAL have no common base.
-    except Exception:
-        lon, lat = [math.nan], [math.nan]
-    if not np.isfinite([*lon, *lat]).all():
+    if crs is None and (place.b or place.d):
+        raise FieldError(f"{NAME} must have its rows from west to east, got {shown(path)}")
+    a, b, c, d, e, f = place[:6]
+    rows, cols = values.shape
+    # Rows from the south are those of a transform that is no mere numbering.
+    if e > 0 and not place.is_identity:
+        values, (b, c, e, f) = values[::-1], (-b, c + b * rows, -e, f + e * rows)
+    if a < 0:
+        values, (a, c, d, f) = values[:, ::-1], (-a, c + a * cols, -d, f + d * cols)
+    values = np.ascontiguousarray(values)
+    if crs is None:
+        return values, None
+    where = Raster(crs, rasterio.Affine(a, b, c, d, e, f))
+    if not where.is_on_earth((rows, cols)):
         raise FieldError(f"{NAME} must have its corners on the Earth, got {shown(path)}")
-    return tuple(zip(lat, lon, strict=True))
+    return values, where
 
 
 ProbabilityMatrix.READERS = {

@@ -229,8 +229,7 @@ class Scenario(
         lat = DEFAULT_ORIGIN_DEG[0] if self.origin_lat is None else self.origin_lat
         lon = DEFAULT_ORIGIN_DEG[1] if self.origin_lon is None else self.origin_lon
         origin = (lat, lon, self.origin_alt)
-        for array in arrays:
-            array.check_place(grid, cell, origin)
+        on_cells = {name: one.on_grid(grid, cell, origin) for name, one in arrays.items()}
         mask = area_mask(self.area, self.land, grid, cell, origin)
         positions = self._resolve_positions(grid, mask, rules.collisions)
         count, has_battery = len(positions), self.battery_move > 0
@@ -268,6 +267,7 @@ class Scenario(
             "sigma_y": self.sigma_y or sigma,
             "dispersion_inc": growth,
             "timestep_limit": self.timestep_limit or rules.timestep_limit,
+            **on_cells,
             **self.resolved_faults(count, slowest),
         }
         given = {name: getattr(self, name) for name in SPECS}
@@ -308,16 +308,17 @@ class Scenario(
         """
         arrays = self._arrays(rules)
         if self.zone_size is None:
-            side = len(arrays[0].values) if arrays else rules.grid_size
-            return SPECS["grid_size"].check("grid_size", self.grid_size or side)
+            side = self.grid_size
+            side = side or next((one.side for one in arrays.values()), rules.grid_size)
+            return SPECS["grid_size"].check("grid_size", side)
         # The tolerance keeps rounding from adding a cell to a zone of exactly n cells.
         grid = max(math.ceil(self.zone_size / cell - 1e-9), 1)
         if self.grid_size not in (None, grid):
             raise FieldError("grid_size and zone_size must agree; give only one")
         return specs(Scenario)["grid_size"].check("grid_size (of zone_size)", grid)
 
-    def _arrays(self, rules: Rules) -> list[GivenArray]:
-        """Return the given arrays.
+    def _arrays(self, rules: Rules) -> dict[str, GivenArray]:
+        """Return the given arrays by field.
 
         Raises:
             FieldError: If the rules have no use for one.
@@ -326,7 +327,7 @@ class Scenario(
         arrays = {name: one for name, one in given.items() if isinstance(one, GivenArray)}
         for name in arrays:
             check_use(name, rules)
-        return list(arrays.values())
+        return arrays
 
     def _resolve_positions(
         self, grid: int, mask: NDArray[np.bool_] | None, apart: bool

@@ -90,7 +90,8 @@ def test_a_scenario_takes_it_as_probability_matrix_of_its_grid(tmp_path: Path) -
         warnings.simplefilter("error")
         matrix = ProbabilityMatrix.of(path)
     assert np.array_equal(matrix.values, a_matrix(12))
-    matrix.check_place(12, 130.0, (-24.04, -46.17, 5.0))
+    on_grid = matrix.on_grid(12, 130.0, (-24.04, -46.17, 5.0))
+    assert np.array_equal(on_grid.values, matrix.values)
 
 
 def test_a_folder_that_is_not_there_is_an_os_error(tmp_path: Path) -> None:
