@@ -29,6 +29,8 @@ _BY_STANDARD_NAME: dict[str, Role] = {
     "projection_y_coordinate": "y", "grid_latitude": "y",
     "projection_x_coordinate": "x", "grid_longitude": "x",
     "height": "height", "height_above_mean_sea_level": "height", "altitude": "height",
+    # Over the sea, where the ground is at 0 m.
+    "atmosphere_hybrid_height_coordinate": "height",
     "depth": "depth", "height_above_sea_floor": "seabed", "air_pressure": "level",
 }  # fmt: skip
 _BY_UNITS: dict[str, Role] = {
@@ -58,11 +60,13 @@ def role(variable: Any) -> Role:
         return "sigma"
     if name.startswith("atmosphere_"):
         return "level"
-    if name and name != "unknown":
-        return ""
     units = " ".join(str(variable.attrs.get("units", "")).lower().split())
-    if units in _BY_UNITS:
-        return _BY_UNITS[units]
+    of_units = _BY_UNITS.get(units, "")
+    if name and name != "unknown":
+        # ROMS has latitudes with names of its own.
+        return of_units if of_units in ("lat", "lon") else ""
+    if of_units:
+        return of_units
     if " since " in units:
         return "time"
     by_name = _by_name(str(variable.name))

@@ -115,5 +115,6 @@ def part_of(
     first = max(int(np.searchsorted(values, low, "right")) - 1 - margin, 0)
     last = min(int(np.searchsorted(values, high, "left")) + 1 + margin, len(values))
     # Interpolation needs two values.
-    first = min(first, last - 2)
+    first = max(min(first, last - 2), 0)
+    last = max(last, first + 2)
     return Axis(dim, order[first:last], values[first:last])

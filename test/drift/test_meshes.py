@@ -14,6 +14,7 @@ from forecasts import HOURS, SPAN, START, START_S, axis, by_flow, written, xarra
 
 from dsse_ros.drift.flow_files import read_forecast
 from dsse_ros.drift.shore import Box
+from dsse_ros.drift.velocity_pairs import Choice
 
 PLACES = ((-24.1, -46.2, 1800.0), (-23.8, -45.8, 9000.0), (-24.24, -46.01, 17900.0))
 
@@ -53,6 +54,36 @@ def of_fvcom(count: int = 4000, *, land: float = np.inf, turn: float = 0.0) -> A
 def test_a_mesh_is_interpolated_in_its_triangles(tmp_path: Path, turn: float) -> None:
     pytest.importorskip("cf_xarray.units")
     flow = read_forecast("current", written(of_fvcom(turn=turn), tmp_path), SPAN)
+    for place in PLACES:
+        wanted = linear(*place[:2], place[2] / 3600)
+        assert by_flow(flow, place) == pytest.approx((wanted, -wanted), abs=1e-4)
+
+
+PRODUCTS: dict[str, tuple[tuple[str, str], Choice]] = {
+    # NOAA's STOFS-3D has the surface as fields of its own.
+    "fields of the surface": (("uvel_surface", "vvel_surface"), Choice(units="m/s")),
+    # SCHISM itself has layers from the bottom on, without a coordinate.
+    "layers": (
+        ("horizontalVelX", "horizontalVelY"),
+        Choice(units="m/s", select={"nSCHISM_vgrid_layers": 1}),
+    ),
+}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("product", PRODUCTS)
+def test_the_surface_of_schism_is_read_at_its_nodes(tmp_path: Path, product: str) -> None:
+    names, choice = PRODUCTS[product]
+    node, layers = "nSCHISM_hgrid_node", "nSCHISM_vgrid_layers"
+    dataset = of_fvcom().isel(siglay=[1, 0]).drop_vars("siglay")
+    dataset = dataset.rename(nele=node, siglay=layers, latc="SCHISM_hgrid_node_y",
+                             lonc="SCHISM_hgrid_node_x")  # fmt: skip
+    dataset = dataset.rename(dict(zip(("u", "v"), names, strict=True)))
+    if not choice.select:
+        dataset = dataset.isel({layers: 1})
+    for name in names:
+        dataset[name].attrs = {"mesh": "SCHISM_hgrid", "data_horizontal_center": "node"}
+    flow = read_forecast("current", written(dataset, tmp_path), SPAN, choice)
     for place in PLACES:
         wanted = linear(*place[:2], place[2] / 3600)
         assert by_flow(flow, place) == pytest.approx((wanted, -wanted), abs=1e-4)

@@ -190,6 +190,20 @@ def test_a_flow_on_its_own_grid_survives_a_message(tmp_path: Path) -> None:
     )
 
 
+def test_names_of_places_by_themselves_do_not_hide_their_units(tmp_path: Path) -> None:
+    """ROMS of NOAA: surface currents, and standard names of latitudes that CF does not know."""
+    dataset = of_roms().isel(s_rho=-1, drop=True).rename(u="u_sur", v="v_sur")
+    for name in ("lat_u", "lat_v", "lon_u", "lon_v"):
+        word = "latitude" if name.startswith("lat") else "longitude"
+        dataset[name].attrs = {
+            "standard_name": f"grid_{word}_at_cell_edges",
+            "units": "degree_north" if word == "latitude" else "degree_east",
+        }
+    flow = read_forecast("current", written(dataset, tmp_path), HERE)
+    for place in PLACES:
+        assert by_flow(flow, place) == pytest.approx(truth(*place[:2], place[2] / 3600), abs=3e-3)
+
+
 REFUSED: dict[str, tuple[Any, str]] = {
     "elsewhere": (
         lambda: projected(POLAR, **CURRENT, spacing=800.0, count=4),
