@@ -53,6 +53,9 @@ setup(
         "pyyaml>=6.0",
     ],
     extras_require={
+        # Batches on a GPU: `vector_env(..., device="cuda")`. CUDA itself comes with its extra cu12
+        # or cu13, or with the machine.
+        "cuda": ["numba-cuda>=0.30"],
         # The solver of the planner `route`.
         "routes": ["ortools>=9.10"],
         # What the planner `onnx` runs models with.

@@ -68,6 +68,15 @@ def little_memory() -> Callable[[], AbstractContextManager[None]]:
     return measured
 
 
+def pytest_runtest_setup(item: pytest.Item) -> None:
+    """Skip what needs a CUDA device where there is none."""
+    if item.get_closest_marker("gpu"):
+        from numba import cuda
+
+        if not cuda.is_available():
+            pytest.skip("needs a CUDA device")
+
+
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Begin with what takes long, and mix what waits with what computes, so that no core is idle.
 

@@ -5,7 +5,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
+from numpy.typing import NDArray
 
 from dsse_ros.compiled.jit import part
 
@@ -14,6 +17,31 @@ def word_of_seed(seed: int) -> np.uint64:
     """Return the state that a seed, an integer >= 0, gives the generator of a world."""
     word: np.uint64 = np.random.SeedSequence(seed).generate_state(1, np.uint64)[0]
     return word
+
+
+def words_of_seed(
+    seed: int | Sequence[int | None] | np.random.SeedSequence | None, count: int
+) -> tuple[NDArray[np.uint64], NDArray[np.bool_]]:
+    """Return the states that a seed gives the generators of B worlds.
+
+    Args:
+        seed: A number s seeds world b with s + b. A sequence has one number per world; a world
+            with None is not seeded. A `SeedSequence` gives every world one of its words. None
+            does so with the system's entropy.
+        count: B.
+
+    Returns:
+        The states (B,), and the worlds (B,) that are seeded.
+    """
+    every = np.ones(count, np.bool_)
+    if seed is None:
+        seed = np.random.SeedSequence()
+    if isinstance(seed, np.random.SeedSequence):
+        return np.asarray(seed.generate_state(count, np.uint64), np.uint64), every
+    if isinstance(seed, int | np.integer):
+        return np.array([word_of_seed(int(seed) + b) for b in range(count)], np.uint64), every
+    words = [0 if number is None else word_of_seed(number) for number in seed]
+    return np.array(words, np.uint64), np.array([number is not None for number in seed])
 
 
 @part

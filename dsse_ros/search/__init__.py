@@ -9,10 +9,11 @@ from dsse_ros.scenario.rules import PROFILES, Rules, profile
 from dsse_ros.scenario.scenario import Scenario
 from dsse_ros.search.aec import aec_env, env, raw_env
 from dsse_ros.search.environments import search_env
+from dsse_ros.search.joint_vector_env import JointVectorEnv
 from dsse_ros.search.observation import Observation
 from dsse_ros.search.parallel_env import SearchEnv, parallel_env
 from dsse_ros.search.snapshot import Snapshot, SnapshotError
-from dsse_ros.search.vector_env import JointVectorEnv, LazyMaps, VectorEnv, vector_env
+from dsse_ros.search.vector_env import LazyMaps, VectorEnv, vector_env
 from dsse_ros.search.world import HOLD, World
 
 __all__ = [

@@ -149,7 +149,7 @@ class Faults:
     def reset(self, world: World, which: NDArray[np.bool_]) -> None:
         """Begin the missions of the worlds with which[b], (B,) bool."""
         self.place(world)
-        fault_kernels.start_conditions(world.batch, self.fleet, which)
+        fault_kernels.start_conditions(world.batch, self.fleet, which, 0, len(which))
 
     def check(self, snapshot: Snapshot, grid_size: int) -> None:
         """Raise if a snapshot of this shape would make the kernels read beyond their arrays.

@@ -8,14 +8,13 @@ from collections.abc import Mapping, Sequence
 from functools import partial
 from typing import Any
 
-import gymnasium
 import numpy as np
 from gymnasium import spaces
 from gymnasium.error import ResetNeeded
-from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 
 from dsse_ros.compiled.overloads import Specialized
+from dsse_ros.extras import pip_install
 from dsse_ros.scenario.fields import FieldError, Spec, shown
 from dsse_ros.scenario.options import OBSERVED, check_mapping, check_options, check_seed
 from dsse_ros.scenario.rules import Rules
@@ -34,6 +33,8 @@ RESET_MASK = "reset_mask"
 
 FEW_ACTIONS = 4096
 """Up to this many actions, checking each byte is faster than NumPy's reductions."""
+
+DEVICES = Spec("str", "Where a batch steps.", choices=("cpu", "cuda"))
 
 MAX_REACH = 10_000
 """Cells on each side of the centre of the largest window."""
@@ -133,6 +134,8 @@ class VectorEnv:
         FieldError: If the scenario does not fit the rules, or a value is not allowed.
     """
 
+    device = "cpu"
+
     def __init__(
         self,
         num_envs: int,
@@ -201,7 +204,7 @@ class VectorEnv:
         """
         start, which = self._check_options(options)
         if seed is not None:
-            seeds, going_on = _check_seeds(seed, self.num_envs), self.world.worlds["rng"][~which]
+            seeds, going_on = check_seeds(seed, self.num_envs), self.world.worlds["rng"][~which]
             self.world.seed(seeds)
             self.world.worlds["rng"][~which] = going_on
         if start is not None:
@@ -377,7 +380,7 @@ class VectorEnv:
         return infos | {f"_{name}": np.ones(self.num_envs, np.bool_) for name in infos}
 
 
-def _check_seeds(seed: Any, count: int) -> Any:
+def check_seeds(seed: Any, count: int) -> Any:
     """Return a seed for this number of worlds in its canonical form.
 
     Raises:
@@ -420,14 +423,28 @@ def vector_env(
     copy: bool = True,
     threads: int = 1,
     observe: str = "map",
+    device: str = "cpu",
     **fields: Any,
 ) -> VectorEnv:
     """Return many searches at once, in metres a `FlightVectorEnv`; fields as in `parallel_env`.
 
+    Args:
+        num_envs: B.
+        scenario: As in `parallel_env`.
+        rules: As in `parallel_env`.
+        lazy: As in `VectorEnv`.
+        copy: As in `VectorEnv`.
+        threads: As in `VectorEnv`.
+        observe: As in `VectorEnv`.
+        device: `cpu`, or `cuda` for a `DeviceVectorEnv` on the current CUDA device.
+        fields: As in `parallel_env`.
+
     Raises:
-        FieldError: If a field is unknown or a value is not allowed.
+        FieldError: If a field is unknown or a value is not allowed, or there is no such device.
     """
     chosen = scenario_and_rules(scenario, rules, **fields)
+    if DEVICES.check("device", device) == "cuda":
+        return _on_cuda(num_envs, *chosen, lazy=lazy, copy=copy, threads=threads, observe=observe)
     kind: type[VectorEnv] = VectorEnv
     if chosen[1].in_metres:
         # It extends this module.
@@ -435,43 +452,29 @@ def vector_env(
     return kind(num_envs, *chosen, lazy=lazy, copy=copy, threads=threads, observe=observe)
 
 
-class JointVectorEnv(gymnasium.vector.VectorEnv[Any, Any, Any]):
-    """A `VectorEnv` with Gymnasium's interface: one agent per world commands all its drones.
-
-    The action is (N,) numbers and the reward is the sum over the drones. A world is truncated at
-    the time limit, and terminated if its search ends otherwise.
-
-    Args:
-        env: A `VectorEnv` with dense maps.
+def _on_cuda(
+    num_envs: int, scenario: Scenario, rules: Rules, *, threads: int, observe: str, **options: bool
+) -> VectorEnv:
+    """Return a `DeviceVectorEnv`.
 
     Raises:
-        FieldError: If the environment is lazy.
+        FieldError: If there is no CUDA device, or a value is not allowed there.
     """
+    try:
+        from numba import cuda
 
-    metadata = {"autoreset_mode": AutoresetMode.NEXT_STEP}
+        found = cuda.is_available()
+    except ImportError:
+        found = False
+    if not found:
+        raise FieldError(
+            f"device must be cpu, as Numba finds no GPU or no CUDA ({pip_install('cuda')}), got "
+            "'cuda'"
+        )
+    if threads != 1:
+        raise FieldError(f"threads must be 1 with device cuda, got {shown(threads)}")
+    if OBSERVED.check("observe", observe) != "map":
+        raise FieldError(f"observe must be map with device cuda, got {shown(observe)}")
+    from dsse_ros.search.device_vector_env import DeviceVectorEnv
 
-    def __init__(self, env: VectorEnv) -> None:
-        # Set before any check: Gymnasium also closes environments whose `__init__` failed.
-        self.env = env
-        if env.lazy:
-            raise FieldError("lazy must be false, so that observations are arrays, got true")
-        self.num_envs = env.num_envs
-        self.single_observation_space, self.single_action_space = env.single_spaces()
-        batch = gymnasium.vector.utils.batch_space
-        self.observation_space = batch(self.single_observation_space, self.num_envs)
-        self.action_space = batch(self.single_action_space, self.num_envs)
-
-    def reset(self, *, seed: Any = None, options: Any = None) -> tuple[Any, dict[str, Any]]:
-        """Start a new mission in every world; arguments as in `VectorEnv.reset`."""
-        return self.env.reset(seed, options)
-
-    def step(self, actions: Any) -> tuple[Any, Any, Any, Any, dict[str, Any]]:
-        """Advance every world by one step."""
-        observations, rewards, _, _, infos = self.env.step(actions)
-        done = infos["over"]
-        out_of_time = self.env.out_of_time(infos)
-        return observations, rewards.sum(axis=1), done & ~out_of_time, out_of_time, infos
-
-    def close_extras(self, **kwargs: Any) -> None:
-        """End the threads."""
-        self.env.close()
+    return DeviceVectorEnv(num_envs, scenario, rules, **options)

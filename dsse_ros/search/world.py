@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dsse_ros.compiled.draws import word_of_seed
+from dsse_ros.compiled.draws import words_of_seed
 from dsse_ros.compiled.overloads import overload_of
 from dsse_ros.scenario.identity import identity_of
 from dsse_ros.scenario.rules import Rules
@@ -150,23 +150,9 @@ class World(Rebound):
         self._process = os.getpid()
 
     def seed(self, seed: int | Sequence[int | None] | np.random.SeedSequence | None = None) -> None:
-        """Seed the worlds' generators.
-
-        Args:
-            seed: A number s seeds world b with s + b. A sequence has one number per world; a world
-                with None is not seeded. A `SeedSequence` gives every world one of its words. None
-                does so with the system's entropy.
-        """
-        if seed is None:
-            seed = np.random.SeedSequence()
-        if isinstance(seed, np.random.SeedSequence):
-            self.worlds["rng"] = seed.generate_state(self.num_worlds, np.uint64)
-        elif isinstance(seed, int | np.integer):
-            seed = int(seed)
-            self.worlds["rng"] = [word_of_seed(seed + b) for b in range(self.num_worlds)]
-        else:
-            seeded = [b for b, number in enumerate(seed) if number is not None]
-            self.worlds["rng"][seeded] = [word_of_seed(n) for n in seed if n is not None]
+        """Seed the worlds' generators, see `draws.words_of_seed`."""
+        words, seeded = words_of_seed(seed, self.num_worlds)
+        self.worlds["rng"][seeded] = words[seeded]
 
     def place(
         self,
@@ -236,7 +222,7 @@ class World(Rebound):
         if not which.all():
             self._refresh(maps)
         self.maps = maps
-        kernels.reset_worlds(self.batch, self._scratch[0], self.maps, which)
+        kernels.reset_worlds(self.batch, self._scratch[0], self.maps, which, 0, self.num_worlds)
         if self.faults is not None:
             self.faults.reset(self, which)
 

@@ -16,7 +16,7 @@ Arguments with the same names mean the same everywhere: `constants` is an elemen
 
 from __future__ import annotations
 
-from math import ceil, cos, log, pi, sin, sqrt
+from math import ceil, cos, floor, log, pi, sin, sqrt
 
 import numpy as np
 
@@ -362,10 +362,10 @@ def observe(constants, faults, world, flyer):
         turn = 2.0 * pi * draw_unit(world)
         edge = constants.grid_size - 1
         # Cut the error to the size of the grid: the cast of a larger one is undefined.
-        error_x = min(max(np.floor(reach * cos(turn) + 0.5), -edge), edge)
-        error_y = min(max(np.floor(reach * sin(turn) + 0.5), -edge), edge)
-        condition.seen_x = min(max(drone.x + np.int64(error_x), 0), edge)
-        condition.seen_y = min(max(drone.y + np.int64(error_y), 0), edge)
+        error_x = floor(min(max(reach * cos(turn) + 0.5, -edge), edge))
+        error_y = floor(min(max(reach * sin(turn) + 0.5, -edge), edge))
+        condition.seen_x = min(max(drone.x + error_x, 0), edge)
+        condition.seen_y = min(max(drone.y + error_y, 0), edge)
 
 
 @part
@@ -438,11 +438,11 @@ def after_step(batch, fleet, first, last):
 
 
 @kernel
-def start_conditions(batch, fleet, which):
-    """Begin the missions of the worlds with which[b], (B,) bool."""
+def start_conditions(batch, fleet, which, first, last):
+    """Begin the missions of those of the worlds first..last - 1 with which[b], (B,) bool."""
     constants, faults, area = batch.constants[0], fleet.faults[0], batch.sea.area
     drones = batch.crew.drones
-    for b in range(len(which)):
+    for b in range(first, last):
         if which[b]:
             fleet.applied[b, :] = HELD
             for n in range(drones.shape[1]):

@@ -161,6 +161,8 @@ STREAMED_BYTES = 1 << 25
 @part
 def is_streamed(maps):
     """Return whether maps (B, G, G) are large and aligned enough to be written past the caches."""
+    if maps is None:
+        return False
     large = maps.size * maps.itemsize > STREAMED_BYTES
     return large and maps.shape[1] % LANES == 0 and maps.ctypes.data % ALIGNMENT == 0
 
@@ -190,8 +192,11 @@ def task_of(task, b):
 
 
 @inlined
-def write_observed(constants, world, sea, scratch, stream, out, coverage, ensemble):
-    """Write the observed map of a world, or its probability left to cover; (0, 0) for neither."""
+def write_observed(constants, world, sea, scratch, stream, maps, b, coverage, ensemble):
+    """Write the observed map of world b, or its probability left to cover, to `maps`."""
+    if maps is None:
+        return
+    out = maps[b]
     if len(out) == 0:
         return
     if ensemble is not None:
@@ -210,7 +215,7 @@ def step_worlds(batch, scratch, actions, maps, first, last):
         batch: The worlds.
         scratch: Of the thread.
         actions: (B, N) int8; a number that is not an action does nothing.
-        maps: (B, G, G) float32 out as [y, x], C-contiguous, or (B, 0, 0) to write none.
+        maps: (B, G, G) float32 out as [y, x], C-contiguous; (B, 0, 0) or None to write none.
         first: Number of the first world.
         last: Number of the last world, plus one.
     """
@@ -226,21 +231,21 @@ def step_worlds(batch, scratch, actions, maps, first, last):
                 constants, world, sea, crew, task, scratch, actions[b], task.coverage, task.flight
             )
         write_observed(
-            constants, world, sea, scratch, stream, maps[b], task.coverage, task.ensemble
+            constants, world, sea, scratch, stream, maps, b, task.coverage, task.ensemble
         )
 
 
 @kernel
-def reset_worlds(batch, scratch, maps, which):
-    """Reset the worlds with which[b], (B,) bool, and write their maps, see `step_worlds`."""
+def reset_worlds(batch, scratch, maps, which, first, last):
+    """Reset those of the worlds first..last - 1 with which[b], (B,) bool; see `step_worlds`."""
     constants, stream = batch.constants[0], is_streamed(maps)
-    for b in range(len(batch.worlds)):
+    for b in range(first, last):
         if which[b]:
             world, sea = batch.worlds[b], sea_of(batch.sea, b)
             crew, task = crew_of(batch.crew, b), task_of(batch.task, b)
             start_world(constants, world, sea, crew, task, scratch)
             write_observed(
-                constants, world, sea, scratch, stream, maps[b], task.coverage, task.ensemble
+                constants, world, sea, scratch, stream, maps, b, task.coverage, task.ensemble
             )
 
 
@@ -254,7 +259,7 @@ def refresh_worlds(batch, scratch, maps):
     for b in range(len(worlds)):
         sea, task = sea_of(batch.sea, b), task_of(batch.task, b)
         write_observed(
-            constants, worlds[b], sea, scratch, stream, maps[b], task.coverage, task.ensemble
+            constants, worlds[b], sea, scratch, stream, maps, b, task.coverage, task.ensemble
         )
 
 

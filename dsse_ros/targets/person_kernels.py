@@ -8,11 +8,10 @@ Arguments with the same names mean the same as in `sea_map`.
 
 from __future__ import annotations
 
+import math
 from collections import namedtuple
 from collections.abc import Iterable
 from typing import Any
-
-import numpy as np
 
 from dsse_ros.compiled.draws import draw_below, draw_unit
 from dsse_ros.compiled.jit import inlined, kernel, part
@@ -76,11 +75,16 @@ def gathered_step(person):
     person.remainder_y += person.drift_y
     if not reached:
         return STAND_STILL
-    # np.round rounds halves to even.
-    dx, dy = np.sign(np.round(person.remainder_x)), np.sign(np.round(person.remainder_y))
+    dx, dy = step_along(person.remainder_x), step_along(person.remainder_y)
     person.remainder_x = less_one(person.remainder_x)
     person.remainder_y = less_one(person.remainder_y)
-    return 3 * (int(dy) + 1) + int(dx) + 1
+    return 3 * (dy + 1) + dx + 1
+
+
+@part
+def step_along(remainder):
+    """Return the sign of a remainder rounded to a whole number, halves to even."""
+    return int(remainder > 0.5) - int(remainder < -0.5)
 
 
 DRIFT_RANGES = 4
@@ -96,10 +100,10 @@ def own_drift(constants, world, k, share):
     """
     low = (0.0, 20.0, 300.0, 315.0)[k]
     high = (45.0, 55.0, 360.0, 360.0)[k]
-    angle = np.radians(low + share * (high - low))
-    scale = 0.5 + np.exp(-abs(angle - np.pi / 2) / np.pi)
-    turned_x = scale * (np.cos(angle) * world.vector_x - np.sin(angle) * world.vector_y)
-    turned_y = scale * (np.sin(angle) * world.vector_x + np.cos(angle) * world.vector_y)
+    angle = math.radians(low + share * (high - low))
+    scale = 0.5 + math.exp(-abs(angle - math.pi / 2) / math.pi)
+    turned_x = scale * (math.cos(angle) * world.vector_x - math.sin(angle) * world.vector_y)
+    turned_y = scale * (math.sin(angle) * world.vector_x + math.cos(angle) * world.vector_y)
     return drift_per_step(
         constants, (world.vector_x + turned_x) / 2, (world.vector_y + turned_y) / 2
     )

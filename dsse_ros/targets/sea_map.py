@@ -14,6 +14,7 @@ where the field is an argument of its own.
 
 from __future__ import annotations
 
+import math
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -45,7 +46,7 @@ class Sea(NamedTuple):
 def fill_axis(gauss, tails, grid_size, sigma):
     """Write exp(-d^2 / (2 sigma^2)) at gauss[G + d] and its sums over d' >= d at tails[d]."""
     for d in range(grid_size + 1):
-        e = np.exp(-(d * d) / (2.0 * sigma * sigma))
+        e = math.exp(-(d * d) / (2.0 * sigma * sigma))
         gauss[grid_size + d] = e
         gauss[grid_size - d] = e
     tails[grid_size + 1] = 0.0
@@ -149,7 +150,7 @@ def rows_covered(world, g, d2):
     rest = d2 - (2 * far + 1) * (2 * far + 1)
     if rest < 0:
         return -1
-    rows = min(np.int64(np.sqrt(rest) / 2), max(world.circle_y, g - 1 - world.circle_y))
+    rows = min(np.int64(math.sqrt(rest) / 2), max(world.circle_y, g - 1 - world.circle_y))
     while rows >= 0 and not inside_circle(far, rows, d2):
         rows -= 1
     return rows
@@ -173,8 +174,8 @@ def update_circle(world, circle):
     for ady in range(rows):
         # The largest adx of `inside_circle`; the truncated root of such an integer is exact.
         by_column, by_row = d2 - 4 * ady * ady, d2 - (2 * ady + 1) * (2 * ady + 1)
-        across = (np.int64(np.sqrt(np.float64(max(by_column, 0)))) - 1) >> 1
-        down = np.int64(np.sqrt(np.float64(max(by_row, 0)))) >> 1
+        across = (np.int64(math.sqrt(np.float64(max(by_column, 0)))) - 1) >> 1
+        down = np.int64(math.sqrt(np.float64(max(by_row, 0)))) >> 1
         circle[ady] = min(across, down, rows) if by_row >= 0 else -1
 
 
@@ -303,7 +304,7 @@ def cut_map(area, out):
 @part
 def less_one(remainder):
     """Return the remainder, reduced by one cell if it has reached one."""
-    return remainder - np.sign(remainder) if abs(remainder) >= 1 else remainder
+    return remainder - math.copysign(1.0, remainder) if abs(remainder) >= 1 else remainder
 
 
 @part
@@ -366,7 +367,7 @@ def map_step(constants, world, sea, circle):
 @kernel
 def drift_per_step(constants, x, y):
     """Return the drift (x, y) in cells per step of a vector."""
-    norm = np.sqrt(x * x + y * y)
+    norm = math.sqrt(x * x + y * y)
     if not constants.drift_by_speed or norm == 0.0:
         return x, y
     # Keep the order of operations of DSSE 1.1.9: the last bit can decide when a cell is reached.

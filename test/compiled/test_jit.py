@@ -32,7 +32,7 @@ import numpy as np
 from dsse_ros.search import Scenario, World, profile
 from dsse_ros.step.fault_kernels import start_conditions
 world = World(Scenario(num_drones=1, battery_move=1.0), profile("paper"), 1)
-start_conditions(world.batch, world.faults.fleet, np.ones(1, np.bool_))
+start_conditions(world.batch, world.faults.fleet, np.ones(1, np.bool_), 0, 1)
 print(world.faults.fleet.conditions["battery"][0])
 """
 TWICE = """

@@ -569,6 +569,7 @@ def test_every_dependency_is_explained() -> None:
             for extra in (
                 "area",
                 "campaign",
+                "cuda",
                 "dashboard",
                 "drift",
                 "geotiff",

@@ -1,0 +1,270 @@
+# Copyright 2026 dsse_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+# mypy: disable-error-code="no-untyped-def"
+"""The steps of B worlds on a CUDA device: each thread calls the compiled functions for one world.
+
+Numba compiles the functions of `kernels` and `fault_kernels` for the device as they are. Maps are
+computed cell by cell, so that the threads of a block write neighbours.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import numpy as np
+from numba import cuda, types
+from numpy.typing import NDArray
+
+from dsse_ros.compiled.jit import inlined, kernel
+from dsse_ros.step.fault_kernels import HELD, after_step, before_step, restrict_masks
+from dsse_ros.step.kernels import Report, Scratch, report_worlds, sea_of, step_worlds, task_of
+from dsse_ros.step.recipe import probability_of
+
+THREADS = 64
+"""Threads of a block."""
+
+
+class Infos(NamedTuple):
+    """Further values that a step reports of B worlds; None for those that they do not have.
+
+    Attributes:
+        found: (B,) bool, whether every person is found, or every cell covered.
+        step: (B,) int64, steps done.
+        over: (B,) bool, whether the search has ended.
+        status: (B, N) int8 of `fault_kernels.CONDITIONS`.
+        action: (B, N) int8, the action that the drone did, `HELD` for nothing.
+        battery: (B, N) float64, percent; without batteries it is not reported.
+        coverage_rate: (B,) float64, see `coverage.Coverage.metrics`.
+        repeated_coverage: (B,) float64, see there.
+        pos: (B,) float64, see there.
+    """
+
+    found: NDArray[np.bool_]
+    step: NDArray[np.int64]
+    over: NDArray[np.bool_]
+    status: NDArray[np.int8] | None = None
+    action: NDArray[np.int8] | None = None
+    battery: NDArray[np.float64] | None = None
+    coverage_rate: NDArray[np.float64] | None = None
+    repeated_coverage: NDArray[np.float64] | None = None
+    pos: NDArray[np.float64] | None = None
+
+
+class Exchange(NamedTuple):
+    """What a step reads and reports.
+
+    Attributes:
+        actions: (B, N) int8, or commands of drones with faults.
+        steps: (B,) bool, the worlds that step; the others are only reported.
+        maps: Of `kernels.step_worlds`: None, because `write_maps` writes them.
+        report: Out.
+        infos: Out.
+    """
+
+    actions: NDArray[np.int8]
+    steps: NDArray[np.bool_]
+    maps: None
+    report: Report
+    infos: Infos
+
+
+class Restart(NamedTuple):
+    """New missions for some of B worlds.
+
+    Attributes:
+        which: (B,) bool, the worlds that restart.
+        seeded: (B,) bool, those among them whose generator gets a new state.
+        words: (B,) uint64, these states.
+        worlds: (1,) of `kernels.WORLDS`, with the vector and the person's cell at the start.
+        starts: (1, N, 2) int64, cells of the drones at the start.
+        persons: (1, P) of `motion.PERSONS`, with the POD multipliers.
+    """
+
+    which: NDArray[np.bool_]
+    seeded: NDArray[np.bool_]
+    words: NDArray[np.uint64]
+    worlds: NDArray[np.void]
+    starts: NDArray[np.int64]
+    persons: NDArray[np.void]
+
+
+class _Nothing:
+    """Passes None to a kernel as a null pointer; Numba's CUDA target passes no argument for it."""
+
+    @staticmethod
+    def prepare_args(kind: Any, value: Any, **_: Any) -> tuple[Any, Any]:
+        """Return the type and the value to pass."""
+        return (types.uint64, 0) if kind == types.none else (kind, value)
+
+
+def device_kernel(function: Callable[..., None]) -> Any:
+    """Compile a kernel whose arguments may be tuples with None."""
+    dispatcher = cuda.jit(function)
+    dispatcher.extensions.append(_Nothing())
+    return dispatcher
+
+
+@device_kernel
+def step(batch, fleet, scratch, exchange):
+    """Advance those of B worlds that step, and report all of them; a thread for each world.
+
+    Args:
+        batch: A `kernels.Batch`.
+        fleet: A `fleet.Fleet`; None without faults.
+        scratch: A `kernels.Scratch` with a first axis of B worlds, but for `span`.
+        exchange: An `Exchange`.
+    """
+    b = cuda.grid(1)
+    if b >= len(batch.worlds):
+        return
+    if exchange.steps[b]:
+        own = Scratch(scratch.occupied[b], scratch.circle[b], scratch.cells[b], scratch.span)
+        if fleet is None:
+            step_worlds(batch, own, exchange.actions, exchange.maps, b, b + 1)
+        else:
+            before_step(batch, fleet, exchange.actions, b, b + 1)
+            step_worlds(batch, own, fleet.applied, exchange.maps, b, b + 1)
+            after_step(batch, fleet, b, b + 1)
+    report, infos = exchange.report, exchange.infos
+    report_worlds(batch.constants, batch.sea.area, batch.crew.drones, report, b, b + 1)
+    write_progress(batch.worlds, infos.found, infos.step, infos.over, b)
+    if fleet is not None:
+        restrict_masks(batch, fleet, report.action_masks, b, b + 1)
+        write_conditions(
+            fleet.conditions, report.positions, infos.status, infos.action, infos.battery, b
+        )
+    write_metrics(
+        batch.worlds, batch.task.coverage, infos.coverage_rate, infos.repeated_coverage,
+        infos.pos, b,
+    )  # fmt: skip
+
+
+@kernel
+def write_progress(worlds, found, step, over, b):
+    """Write the infos that every world has."""
+    world = worlds[b]
+    found[b] = world.num_missing == 0
+    step[b] = world.t
+    over[b] = world.done
+
+
+@kernel
+def write_conditions(conditions, positions, status, action, battery, b):
+    """Write the infos of drones with faults, and the positions that they report."""
+    for n in range(conditions.shape[1]):
+        condition = conditions[b, n]
+        positions[b, n, 0], positions[b, n, 1] = condition.seen_x, condition.seen_y
+        status[b, n] = condition.status
+        action[b, n] = condition.applied
+        if battery is not None:
+            battery[b, n] = condition.battery
+
+
+@kernel
+def write_metrics(worlds, coverage, coverage_rate, repeated_coverage, pos, b):
+    """Write the metrics of the coverage task."""
+    if coverage is not None:
+        record = coverage.records[b]
+        coverage_rate[b] = (record.cells - worlds[b].num_missing) / record.cells
+        repeated_coverage[b] = record.repeated / record.cells
+        pos[b] = record.pos
+
+
+@device_kernel
+def restart(batch, new):
+    """Let the next step of those of B worlds that restart begin a mission; a thread for each."""
+    b = cuda.grid(1)
+    if b < len(batch.worlds) and new.which[b]:
+        place(batch, new, b)
+
+
+@kernel
+def place(batch, new, b):
+    """Write the values of a `Restart` to world b."""
+    world, placed = batch.worlds[b], new.worlds[0]
+    if new.seeded[b]:
+        world.rng = new.words[b]
+    world.vector_x, world.vector_y = placed.vector_x, placed.vector_y
+    world.start_x, world.start_y = placed.start_x, placed.start_y
+    world.done = True
+    for n in range(new.starts.shape[1]):
+        for axis in range(2):
+            batch.crew.starts[b, n, axis] = new.starts[0, n, axis]
+    for p in range(new.persons.shape[1]):
+        batch.crew.persons[b, p].pod_multiplier = new.persons[0, p].pod_multiplier
+
+
+@cuda.jit
+def take_actions(given, count, noop, worlds, drones, actions, wrong):
+    """Write given actions, and `HELD` for numbers that are no action; a thread for each world.
+
+    Args:
+        given: (B, N) integers.
+        count: Number of actions.
+        noop: Whether the rules count a number that is no action as nothing.
+        worlds: (B,) of `kernels.WORLDS`.
+        drones: (B, N) of `kernels.DRONES`.
+        actions: (B, N) int8 out.
+        wrong: (2,) int64 out: if the rules do not, 1 and such a number of a drone in the search.
+    """
+    b = cuda.grid(1)
+    if b < len(worlds):
+        for n in range(given.shape[1]):
+            action = given[b, n]
+            known = action >= 0 and action < count
+            actions[b, n] = action if known else HELD
+            acts = drones[b, n].alive and not worlds[b].done
+            if acts and not known and action != HELD and not noop:
+                wrong[1] = action
+                wrong[0] = 1
+
+
+@inlined
+def observed_in(constants, world, sea, x, y, coverage, ensemble):
+    """Return what the map of a world shows in the cell (x, y), 0 outside the grid and the area."""
+    if coverage is None:
+        return probability_of(constants, world, sea, x, y, ensemble)
+    size = constants.grid_size
+    inside = x >= 0 and x < size and y >= 0 and y < size
+    return coverage.left[y, x] if inside else 0.0
+
+
+@kernel
+def observed(batch, b, x, y):
+    """Return what the map of world b shows in the cell (x, y), 0 outside the grid and the area."""
+    task = task_of(batch.task, b)
+    return observed_in(
+        batch.constants[0], batch.worlds[b], sea_of(batch.sea, b), x, y, task.coverage,
+        task.ensemble,
+    )  # fmt: skip
+
+
+@device_kernel
+def write_maps(batch, out):
+    """Write the maps of B worlds; a block for each world.
+
+    Args:
+        batch: A `kernels.Batch`.
+        out: ((B, G, G) float32 out as [y, x],).
+    """
+    b, size = cuda.blockIdx.x, out[0].shape[1]
+    for i in range(cuda.threadIdx.x, size * size, cuda.blockDim.x):
+        out[0][b, i // size, i % size] = observed(batch, b, i % size, i // size)
+
+
+@device_kernel
+def write_windows(batch, windows):
+    """Write windows of the maps of B worlds; a block for each world.
+
+    Args:
+        batch: A `kernels.Batch`.
+        windows: ((B, K, 2) int64 centres as (x, y), (B, K, W, W) float32 out as [y, x]), with W
+            odd.
+    """
+    b, (centres, out) = cuda.blockIdx.x, windows
+    side = out.shape[2]
+    for i in range(cuda.threadIdx.x, out.shape[1] * side * side, cuda.blockDim.x):
+        k, row, col = i // (side * side), i // side % side, i % side
+        x, y = centres[b, k, 0] + col - side // 2, centres[b, k, 1] + row - side // 2
+        out[b, k, row, col] = observed(batch, b, x, y)
