@@ -20,10 +20,11 @@ from numba import cuda
 
 from dsse_ros.search import VectorEnv, vector_env
 from dsse_ros.search.device_vector_env import DeviceVectorEnv
+from dsse_ros.targets.motion import STAND_STILL
 
 WARM_UP, AT_ONCE = 5, 10
 """Steps before the measurement, and between looks at the clock."""
-CPU_WORLDS = 1024
+CPU_WORLDS = {"nothing": 1024, "map": 1024, "belief": 64}
 COPIED_BYTES = 1 << 30
 
 
@@ -60,6 +61,7 @@ CASES = (
     Case("v2", 40, 4, "nothing", 1 << 14),
     Case("v2", 40, 4, "nothing", 1 << 18),
     Case("v2", 40, 4, "map", 1 << 18),
+    Case("v2", 40, 4, "belief", 1 << 12),
     Case("v2", 40, 50, "nothing", 1 << 16),
     Case("v2", 100, 4, "nothing", 1 << 17),
     Case("v2", 100, 4, "map", 1 << 17),
@@ -71,7 +73,7 @@ CASES = (
 
 def rate(env: VectorEnv, seconds: float) -> float:
     """Return the world steps per second of a batch with random actions."""
-    env.reset(seed=0)
+    env.reset(seed=np.random.SeedSequence(0))
     batch, drones = env.num_envs, env.world.num_drones
     generator = np.random.default_rng(0)
     actions: list[Any] = [
@@ -97,7 +99,8 @@ def rate(env: VectorEnv, seconds: float) -> float:
 def bytes_of(env: DeviceVectorEnv, observed: str) -> int:
     """Return the bytes that a step of one world must read or write.
 
-    They are the records, read and written, the tables of a growing spread, the report and the map.
+    They are the records, read and written, the tables of a growing spread, the report and the map,
+    and of a belief the layers that move.
     """
     world, batch = env.world, env.worlds.batch
     records = world.worlds.nbytes + world.drones.nbytes + world.persons.nbytes
@@ -108,7 +111,13 @@ def bytes_of(env: DeviceVectorEnv, observed: str) -> int:
     # Actions, positions, rewards, two flags and masks of the drones; three infos.
     report = drones * (1 + 16 + 8 + 2 + actions) + 10
     shown = 0 if observed == "nothing" else 4 * world.grid_size**2
-    return 2 * records + tables + report + shown
+    belief = 0
+    if env.beliefs is not None:
+        # The layers that move in a mean step, and their sum.
+        given = env.beliefs.tables
+        moved = (np.asarray(given.directions) != STAND_STILL).sum(axis=1).mean()
+        belief = int((moved + 1) * 2 * 8 * given.chances.shape[1])
+    return 2 * records + tables + report + shown + belief
 
 
 def copy_speed() -> float:
@@ -142,7 +151,7 @@ def main() -> None:
         try:
             env = case.env("cuda", case.num_worlds)
             assert isinstance(env, DeviceVectorEnv)
-            env.reset(seed=0)
+            env.reset()
             env.synchronize()
             begun = time.perf_counter() - start
             there = rate(env, options.seconds)
@@ -154,7 +163,7 @@ def main() -> None:
             )
             continue
         del env
-        core = rate(case.env("cpu", CPU_WORLDS), options.seconds)
+        core = rate(case.env("cpu", CPU_WORLDS[case.observed]), options.seconds)
         print(
             f"| {case.rules} | {case.grid_size} | {case.num_drones} | {case.observed} "
             f"| {case.num_worlds} | {there / 1e6:.3g} M | {there / bound:.0%} "

@@ -16,6 +16,7 @@ from dsse_ros.compiled.draws import words_of_seed
 from dsse_ros.scenario.fields import FieldError, Spec
 from dsse_ros.scenario.rules import Rules
 from dsse_ros.scenario.scenario import Scenario
+from dsse_ros.search.device_beliefs import DeviceBeliefs
 from dsse_ros.search.device_worlds import DeviceArray, DeviceRecycler, DeviceWorlds
 from dsse_ros.search.observation import RESET_FIRST
 from dsse_ros.search.vector_env import (
@@ -24,6 +25,7 @@ from dsse_ros.search.vector_env import (
     VectorEnv,
     check_integers,
     check_seeds,
+    check_shown,
 )
 from dsse_ros.search.world import HOLD
 from dsse_ros.step.device_kernels import Infos
@@ -89,9 +91,12 @@ class DeviceVectorEnv(VectorEnv):
         rules: The rules of all worlds.
         lazy: As in `VectorEnv`.
         copy: As in `VectorEnv`.
+        observe: As in `VectorEnv`; a belief is about a single person, in a search for it on cells
+            step by step.
 
     Attributes:
         worlds: The worlds on the device.
+        beliefs: What drones observe with `observe="belief"`, else None.
 
     Raises:
         FieldError: If the scenario does not fit the rules, a value is not allowed, or drones fly in
@@ -108,9 +113,9 @@ class DeviceVectorEnv(VectorEnv):
         *,
         lazy: bool = False,
         copy: bool = True,
+        observe: str = "map",
     ) -> None:
-        flag = Spec("bool", "")
-        self.lazy, copy = flag.check("lazy", lazy), flag.check("copy", copy)
+        of_belief, self.lazy, copy = check_shown(observe, lazy, copy)
         self.num_envs = Spec("int", "", low=1).check("num_envs", num_envs)
         self.rules = rules
         if rules.in_metres:
@@ -118,6 +123,7 @@ class DeviceVectorEnv(VectorEnv):
         self.worlds = DeviceWorlds(scenario, rules, self.num_envs, copy=copy)
         self.world = self.worlds.template
         self.scenario = self.world.scenario
+        self.beliefs = DeviceBeliefs(self.worlds) if of_belief else None
         self._lazy_maps = DeviceMaps(self.worlds)
         g = self.world.grid_size
         self._dense = DeviceRecycler((self.num_envs, g, g), np.float32, overwrite=not copy)
@@ -142,7 +148,11 @@ class DeviceVectorEnv(VectorEnv):
         words, seeded = words_of_seed(seeds, self.num_envs)
         if start is not None:
             self.worlds.place(**start)
-        report, infos = self.worlds.restart(which, words, seeded)
+            if self.beliefs is not None:
+                self.beliefs.place()
+        report, infos, restarted = self.worlds.restart(which, words, seeded)
+        if self.beliefs is not None:
+            self.beliefs.follow(restarted)
         self._was_reset = True
         return self._observed(report.positions), self._named(infos, report.action_masks)
 
@@ -164,6 +174,8 @@ class DeviceVectorEnv(VectorEnv):
             raise ResetNeeded(RESET_FIRST)
         self._check_actions()
         report, infos = self.worlds.step(on_device("actions", actions, self.worlds.shape))
+        if self.beliefs is not None:
+            self.beliefs.follow(self.worlds.every)
         return (
             self._observed(report.positions), report.rewards, report.terminated, report.truncated,
             self._named(infos, report.action_masks),
@@ -193,7 +205,7 @@ class DeviceVectorEnv(VectorEnv):
         if self.lazy:
             return {"positions": positions, "probability": self._lazy_maps}
         maps = self._dense.take()
-        self.worlds.write_maps(maps)
+        (self.worlds.write_maps if self.beliefs is None else self.beliefs.write)(maps)
         return {"positions": positions, "probability": maps}
 
     def _named(self, infos: Infos, masks: DeviceArray) -> dict[str, DeviceArray]:
@@ -201,6 +213,8 @@ class DeviceVectorEnv(VectorEnv):
         given = {name: array for name, array in infos._asdict().items() if array is not None}
         named = {NAMES.get(name, name): array for name, array in given.items()}
         named["action_mask"] = masks
+        if self.beliefs is not None:
+            named["pos"] = self.beliefs.pos()
         return named | {f"_{name}": self._valid for name in named}
 
 

@@ -19,7 +19,7 @@ from dsse_ros.search.recycling import KEPT
 from dsse_ros.search.snapshot import Snapshot
 from dsse_ros.search.world import World
 from dsse_ros.step import device_kernels
-from dsse_ros.step.device_kernels import Exchange, Infos, Restart
+from dsse_ros.step.device_kernels import Before, Exchange, Infos, Restart
 from dsse_ros.step.kernels import Report, Scratch
 
 DeviceArray = Any
@@ -82,6 +82,9 @@ class DeviceWorlds:
             for their next missions.
         batch: The `kernels.Batch` on the device.
         fleet: The `fleet.Fleet` on the device; None without faults.
+        actions: (B, N) int8 of the last step.
+        before: The state before it.
+        every: (B,) bool, all true.
 
     Raises:
         FieldError: If the scenario does not fit the rules.
@@ -98,8 +101,11 @@ class DeviceWorlds:
         self._scratch = self._make_scratch()
         self._tables = self._make_tables()
         self._share()
-        self._every = cuda.to_device(np.ones(num_worlds, np.bool_))
-        self._actions = cuda.device_array(self.shape, np.int8)
+        self.every = cuda.to_device(np.ones(num_worlds, np.bool_))
+        self.actions = cuda.device_array(self.shape, np.int8)
+        self.before = Before(
+            cuda.device_array(self.shape, np.bool_), cuda.device_array(num_worlds, np.bool_)
+        )
         self._wrong = cuda.mapped_array(2, np.int64)
         self._wrong[0] = 0
         self._report, self._infos = (
@@ -126,7 +132,7 @@ class DeviceWorlds:
 
     def restart(
         self, which: NDArray[np.bool_], words: NDArray[np.uint64], seeded: NDArray[np.bool_]
-    ) -> tuple[Report, Infos]:
+    ) -> tuple[Report, Infos, DeviceArray]:
         """Begin new missions.
 
         Args:
@@ -135,13 +141,13 @@ class DeviceWorlds:
             seeded: (B,), the worlds whose generators get these states.
 
         Returns:
-            The report on all worlds.
+            The report on all worlds; and `which` on the device.
         """
         world = self.template
         new = Restart(which, seeded & which, words, world.worlds, world.starts, world.persons)
         new = Restart(*map(cuda.to_device, new))
         device_kernels.restart[self.num_blocks, device_kernels.THREADS](self.batch, new)
-        return self._advance(new.which)
+        return *self._advance(new.which), new.which
 
     def step(self, actions: DeviceArray) -> tuple[Report, Infos]:
         """Advance every world by one step; return the report on all worlds.
@@ -152,10 +158,10 @@ class DeviceWorlds:
         """
         count, noop = len(self.template.rules.actions), self.template.rules.noop_actions
         device_kernels.take_actions[self.num_blocks, device_kernels.THREADS](
-            actions, count, noop, self._state["worlds"], self._state["drones"], self._actions,
+            actions, count, noop, self._state["worlds"], self._state["drones"], self.actions,
             self._wrong,
         )  # fmt: skip
-        return self._advance(self._every)
+        return self._advance(self.every)
 
     def wrong_action(self) -> int | None:
         """Return a number that the rules do not allow as an action, and forget it.
@@ -170,7 +176,7 @@ class DeviceWorlds:
     def _advance(self, steps: DeviceArray) -> tuple[Report, Infos]:
         report = Report(**{name: kind.take() for name, kind in self._report.items()})
         infos = Infos(**{name: self._infos[name].take() for name in self._infos})
-        exchange = Exchange(self._actions, steps, None, report, infos)
+        exchange = Exchange(self.actions, steps, None, self.before, report, infos)
         arguments = self.batch, self.fleet, self._scratch, exchange
         if self._step is None:
             self._step = device_kernels.step.specialize(*arguments)

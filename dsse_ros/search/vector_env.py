@@ -147,12 +147,7 @@ class VectorEnv:
         threads: int = 1,
         observe: str = "map",
     ) -> None:
-        of_belief = OBSERVED.check("observe", observe) == "belief"
-        lazy, copy = (
-            Spec("bool", "").check(name, value) for name, value in (("lazy", lazy), ("copy", copy))
-        )
-        if of_belief and lazy:
-            raise FieldError("lazy must be false with observe belief, got true")
+        of_belief, lazy, copy = check_shown(observe, lazy, copy)
         self.num_envs = Spec("int", "", low=1).check("num_envs", num_envs)
         threads = Spec("int", "", low=1, high=1024).check("threads", threads)
         self.rules = rules
@@ -380,6 +375,21 @@ class VectorEnv:
         return infos | {f"_{name}": np.ones(self.num_envs, np.bool_) for name in infos}
 
 
+def check_shown(observe: str, lazy: bool, copy: bool) -> tuple[bool, bool, bool]:
+    """Return whether a belief is observed, and the two flags, see `VectorEnv`.
+
+    Raises:
+        FieldError: If a value is not allowed.
+    """
+    of_belief = OBSERVED.check("observe", observe) == "belief"
+    lazy, copy = (
+        Spec("bool", "").check(name, value) for name, value in (("lazy", lazy), ("copy", copy))
+    )
+    if of_belief and lazy:
+        raise FieldError("lazy must be false with observe belief, got true")
+    return of_belief, lazy, copy
+
+
 def check_seeds(seed: Any, count: int) -> Any:
     """Return a seed for this number of worlds in its canonical form.
 
@@ -453,7 +463,7 @@ def vector_env(
 
 
 def _on_cuda(
-    num_envs: int, scenario: Scenario, rules: Rules, *, threads: int, observe: str, **options: bool
+    num_envs: int, scenario: Scenario, rules: Rules, *, threads: int, **options: Any
 ) -> VectorEnv:
     """Return a `DeviceVectorEnv`.
 
@@ -473,8 +483,6 @@ def _on_cuda(
         )
     if threads != 1:
         raise FieldError(f"threads must be 1 with device cuda, got {shown(threads)}")
-    if OBSERVED.check("observe", observe) != "map":
-        raise FieldError(f"observe must be map with device cuda, got {shown(observe)}")
     from dsse_ros.search.device_vector_env import DeviceVectorEnv
 
     return DeviceVectorEnv(num_envs, scenario, rules, **options)

@@ -19,7 +19,7 @@ from dsse_ros.compiled.draws import words_of_seed
 from dsse_ros.compiled.overloads import overload_of
 from dsse_ros.scenario.identity import identity_of
 from dsse_ros.scenario.rules import Rules
-from dsse_ros.scenario.scenario import Scenario
+from dsse_ros.scenario.scenario import ResolvedScenario, Scenario
 from dsse_ros.search.coverage import Coverage
 from dsse_ros.search.ensemble import WorldEnsemble
 from dsse_ros.search.faults import Faults
@@ -203,6 +203,12 @@ class World(Rebound):
             }
         )
         return {name: value for name, value in values.items() if value != getattr(scenario, name)}
+
+    def placed_scenario(self) -> ResolvedScenario:
+        """Return the scenario with the values for persons that `place` replaced."""
+        # What is made for persons is slow to make and does not depend on the drones.
+        replaced = {n: value for n, value in self.placed().items() if n != "drones_positions"}
+        return self.scenario.override(**replaced).resolve(self.rules) if replaced else self.scenario
 
     def reset(
         self,

@@ -51,6 +51,18 @@ class Infos(NamedTuple):
     pos: NDArray[np.float64] | None = None
 
 
+class Before(NamedTuple):
+    """What a belief needs of B worlds as they were before a step.
+
+    Attributes:
+        alive: (B, N) bool, the drones in the search.
+        done: (B,) bool, the worlds whose search had ended.
+    """
+
+    alive: NDArray[np.bool_]
+    done: NDArray[np.bool_]
+
+
 class Exchange(NamedTuple):
     """What a step reads and reports.
 
@@ -58,6 +70,7 @@ class Exchange(NamedTuple):
         actions: (B, N) int8, or commands of drones with faults.
         steps: (B,) bool, the worlds that step; the others are only reported.
         maps: Of `kernels.step_worlds`: None, because `write_maps` writes them.
+        before: Out, of the worlds that step.
         report: Out.
         infos: Out.
     """
@@ -65,6 +78,7 @@ class Exchange(NamedTuple):
     actions: NDArray[np.int8]
     steps: NDArray[np.bool_]
     maps: None
+    before: Before
     report: Report
     infos: Infos
 
@@ -119,6 +133,7 @@ def step(batch, fleet, scratch, exchange):
     if b >= len(batch.worlds):
         return
     if exchange.steps[b]:
+        note(batch.worlds, batch.crew.drones, exchange.before, b)
         own = Scratch(scratch.occupied[b], scratch.circle[b], scratch.cells[b], scratch.span)
         if fleet is None:
             step_worlds(batch, own, exchange.actions, exchange.maps, b, b + 1)
@@ -138,6 +153,14 @@ def step(batch, fleet, scratch, exchange):
         batch.worlds, batch.task.coverage, infos.coverage_rate, infos.repeated_coverage,
         infos.pos, b,
     )  # fmt: skip
+
+
+@kernel
+def note(worlds, drones, before, b):
+    """Write the state before a step."""
+    before.done[b] = worlds[b].done
+    for n in range(drones.shape[1]):
+        before.alive[b, n] = drones[b, n].alive
 
 
 @kernel

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from areas import scenario_of
 
-from dsse_ros.search import World, device_worlds, vector_env
+from dsse_ros.search import World, device_belief_kernels, device_worlds, vector_env
 from dsse_ros.step import device_kernels
 
 CELLS: dict[str, Any] = {
@@ -36,6 +36,14 @@ CASES: dict[str, dict[str, Any]] = {
 }  # fmt: skip
 """Arguments of `vector_env`."""
 
+BELIEFS: dict[str, dict[str, Any]] = {
+    f"belief-{rules}": {
+        "rules": rules, "observe": "belief", "probability_of_detection": 0.8, **CELLS
+    }
+    for rules in ("paper", "v1", "v2")
+}  # fmt: skip
+CASES |= BELIEFS
+
 CLOSE: dict[str, float] = {"rtol": 1e-12, "atol": 1e-12}
 
 
@@ -48,7 +56,7 @@ def compare(name: str, num_envs: int, steps: int, *, exact: bool) -> None:
         steps: Steps to play.
         exact: Whether floats must be equal bit for bit.
     """
-    there = vector_env(num_envs, lazy=True, device="cuda", **CASES[name])
+    there = vector_env(num_envs, lazy=name not in BELIEFS, device="cuda", **CASES[name])
     here = vector_env(num_envs, **CASES[name])
     count = len(here.rules.actions)
     generator = np.random.default_rng(1)
@@ -98,9 +106,11 @@ def alike(there: Any, here: Any, exact: bool) -> None:
 def simulate() -> None:
     """Let the simulator's threads call the functions as they are compiled for the CPU."""
     device_worlds.ORDER = "C"
+    device_belief_kernels.THREADS = 4
     for kernel in (
         device_kernels.step, device_kernels.restart, device_kernels.write_maps,
-        device_kernels.write_windows,
+        device_kernels.write_windows, device_belief_kernels.follow,
+        device_belief_kernels.write_beliefs,
     ):  # fmt: skip
         kernel.extensions.append(_PlainArrays())
 
@@ -126,5 +136,5 @@ def _plain(value: Any) -> Any:
 if __name__ == "__main__":
     simulate()
     for case in sys.argv[1:]:
-        compare(case, 3, 40, exact=True)
+        compare(case, 3, 6 if case in BELIEFS else 40, exact=case not in BELIEFS)
         print(case)

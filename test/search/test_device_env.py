@@ -20,6 +20,7 @@ from dsse_ros.search import FieldError, JointVectorEnv, vector_env
 # A few worlds leave most of a GPU idle.
 pytestmark = pytest.mark.filterwarnings("ignore:.*under-utilization")
 
+BELIEF = {"observe": "belief"}
 HERE = Path(__file__).parent
 SIMULATED = ("v2", "coverage", "faults")
 """The others have the same types of arguments."""
@@ -59,10 +60,14 @@ def test_a_device_plays_the_missions_of_the_cpu(name: str) -> None:
 
 @pytest.mark.gpu
 def test_what_a_device_does_not_do_is_refused_in_one_line() -> None:
-    for refused, fields in (
+    refusals: tuple[tuple[str, dict[str, Any]], ...] = (
         ("device must be cpu where drones fly in metres, got 'cuda'", {"rules": "flight"}),
         ("threads must be 1 with device cuda, got 2", {"threads": 2}),
-    ):
+        ("observe must be map with device cuda with rules sea", {"rules": "sea", **BELIEF}),
+        ("observe must be map with device cuda with 2 persons", {"person_amount": 2, **BELIEF}),
+        ("grid_size must be smaller, or the steps fewer", {"grid_size": 100, **BELIEF}),
+    )
+    for refused, fields in refusals:
         with pytest.raises(FieldError, match=refused):
             vector_env(2, device="cuda", **fields)
     with pytest.raises(FieldError, match="device must be cpu with Gymnasium's interface"):

@@ -1,0 +1,273 @@
+# Copyright 2026 dsse_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+# mypy: disable-error-code="no-untyped-def"
+"""The beliefs of B worlds about a single person on a CUDA device: a block for each world.
+
+The filter is that of `belief_kernels`, from the same tables of steps. The threads of a block share
+the cells. Nothing is normalised: a world keeps the sum of its belief, and that of its layers in
+each cell, which its map shows.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import cuda, float64
+from numpy.typing import NDArray
+
+from dsse_ros.belief.belief_kernels import (
+    MARGIN,
+    NEGLIGIBLE,
+    NOTHING_LEFT,
+    complete,
+    index_of,
+    step_at,
+    step_of_drift,
+)
+from dsse_ros.belief.look_kernels import list_looks
+from dsse_ros.compiled.jit import kernel
+from dsse_ros.step.device_kernels import device_kernel
+from dsse_ros.step.recipe import acts_at
+from dsse_ros.targets.motion import STAND_STILL, STEPS
+
+THREADS = 256
+"""Threads of a block."""
+
+
+class DeviceMass(NamedTuple):
+    """The beliefs of B worlds, up to a factor for each.
+
+    Attributes:
+        layers: (B, K, S S) float64, see `belief_kernels`; a row for each drift.
+        cells: (B, S S) float64, the sums of the layers.
+        totals: (B,) float64, the sums of the cells.
+        pos: (B,) float64, the POS of all searches of each mission.
+    """
+
+    layers: NDArray[np.float64]
+    cells: NDArray[np.float64]
+    totals: NDArray[np.float64]
+    pos: NDArray[np.float64]
+
+
+class DeviceTables(NamedTuple):
+    """Tables for all missions of a scenario: T steps of the sea.
+
+    Attributes:
+        start: (K, S S) float64, the belief at a mission's first observation.
+        chances: (T, S S) float64, of `belief_kernels.Steps`.
+        tables: (T, `CHANCES`, S S) float64, of `belief_kernels.Steps`, without gaps.
+        directions: (T, K) int64, of `belief_kernels.Steps`.
+        drift_steps: (9, S S) int8, the step that a drift in each direction does in each cell, -1
+            off the grid; (1, 0) if persons have no drift of their own.
+        pods: (L,) float64, POD of each look.
+        first_step: (1,) int64, steps of the sea before a mission's first observation.
+    """
+
+    start: NDArray[np.float64]
+    chances: NDArray[np.float64]
+    tables: NDArray[np.float64]
+    directions: NDArray[np.int64]
+    drift_steps: NDArray[np.int8]
+    pods: NDArray[np.float64]
+    first_step: NDArray[np.int64]
+
+
+class StepLooks(NamedTuple):
+    """The looks of the last step of B worlds, at most Q each; first those that found nobody.
+
+    Attributes:
+        seen: (B, Q, 2) int64, cells as (x, y), on the grid or off it.
+        rows: (B, Q) int64, numbers of the looks.
+        counts: (B, 3) int64: looks that found nobody, looks, and the step's number in the tables.
+    """
+
+    seen: NDArray[np.int64]
+    rows: NDArray[np.int64]
+    counts: NDArray[np.int64]
+
+
+@kernel
+def list_step(followed, first_step, looks, b):
+    """Write the looks of the step of world b."""
+    counts, t = looks.counts[b], followed.batch.worlds[b].t - 1
+    counts[0] = counts[1] = 0
+    counts[2] = first_step[0] + t
+    if acts_at(followed.batch.constants[0], t):
+        counts[0], counts[1] = list_looks(followed, b, looks.seen[b], looks.rows[b])
+
+
+@cuda.jit(device=True)
+def sum_of_block(values, shared):
+    """Return the sum of an array to all threads of a block; `shared` has room for a number each."""
+    thread, threads = cuda.threadIdx.x, cuda.blockDim.x
+    cuda.syncthreads()
+    part = 0.0
+    for i in range(thread, len(values), threads):
+        part += values[i]
+    shared[thread] = part
+    cuda.syncthreads()
+    total = 0.0
+    for k in range(threads):
+        total += shared[k]
+    cuda.syncthreads()
+    return total
+
+
+@cuda.jit(device=True)
+def learn(mass, tables, looks, one_find, side, b, shared):
+    """Update the belief of world b with its looks, see `follow_kernels.learn_of_one`."""
+    thread, threads = cuda.threadIdx.x, cuda.blockDim.x
+    layers, cells, size = mass.layers[b], mass.cells[b], side - 2 * MARGIN
+    total = mass.totals[b]
+    failed, number, slot = looks.counts[b, 0], looks.counts[b, 1], looks.counts[b, 2]
+    for turn in range(2):
+        taken = 0.0
+        for q in range(failed if turn == 1 else 0, number if turn == 1 else failed):
+            x, y, pod = looks.seen[b, q, 0], looks.seen[b, q, 1], tables.pods[looks.rows[b, q]]
+            if x < 0 or y < 0 or x >= size or y >= size:
+                continue
+            i = (y + MARGIN) * side + x + MARGIN
+            if turn == 1 and one_find:
+                if thread == 0:
+                    mass.pos[b] += (1.0 - mass.pos[b]) * cells[i] * pod / total
+                continue
+            for k in range(thread, len(layers), threads):
+                layers[k, i] -= layers[k, i] * pod
+            if thread == 0:
+                taken += cells[i] * pod
+                cells[i] -= cells[i] * pod
+        if turn == 1 and one_find or failed == (0 if turn == 0 else number):
+            continue
+        left = sum_of_block(cells, shared)
+        if thread == 0:
+            mass.pos[b] += (1.0 - mass.pos[b]) * min(taken / total, 1.0)
+        if left < NOTHING_LEFT * total:
+            for i in range(thread, len(cells), threads):
+                for k in range(len(layers)):
+                    layers[k, i] = tables.chances[slot, i]
+                cells[i] = len(layers) * tables.chances[slot, i]
+            left = sum_of_block(cells, shared)
+        total = left
+    if thread == 0:
+        mass.totals[b] = total
+    cuda.syncthreads()
+
+
+@cuda.jit(device=True)
+def move_layer(layer, cells, table, drift_step, negligible, side, own_drift, shared):
+    """Advance a layer by the persons' step, see `belief_kernels.predict`.
+
+    Args:
+        layer: (S S,) float64.
+        cells: (S S,) float64.
+        table: (`CHANCES`, S S) float64.
+        drift_step: (S S,) int8 of the layer's direction.
+        negligible: Probability up to which a cell counts as empty.
+        side: S.
+        own_drift: Whether persons have drifts of their own.
+        shared: (S S,) float64.
+    """
+    thread, threads = cuda.threadIdx.x, cuda.blockDim.x
+    for i in range(thread, len(layer), threads):
+        shared[i] = layer[i] if layer[i] > negligible else 0.0
+    cuda.syncthreads()
+    # The outermost cells are always empty.
+    for i in range(thread + side + 1, len(layer) - side - 1, threads):
+        after = 0.0
+        for step in range(STEPS):
+            start = i - (step // 3 - 1) * side - step % 3 + 1
+            after += shared[start] * table[step, start]
+            if own_drift and drift_step[start] == step:
+                after += shared[start] * table[STEPS, start]
+        cells[i] += after - layer[i]
+        layer[i] = after
+    cuda.syncthreads()
+
+
+@device_kernel
+def follow(followed, mass, tables, looks, steps, side, one_find, own_drift):
+    """Update the beliefs of B worlds after a step, see `follow_kernels.follow_worlds`.
+
+    Args:
+        followed: A `look_kernels.Followed`.
+        mass: A `DeviceMass`, in and out.
+        tables: A `DeviceTables`.
+        looks: A `StepLooks`: scratch.
+        steps: (B,) bool, the worlds that stepped; the others stay as they are.
+        side: S.
+        one_find: Whether a search finds at most one person.
+        own_drift: Whether persons have drifts of their own.
+    """
+    b, thread, threads = cuda.blockIdx.x, cuda.threadIdx.x, cuda.blockDim.x
+    shared = cuda.shared.array(0, float64)
+    if not steps[b]:
+        return
+    layers, cells = mass.layers[b], mass.cells[b]
+    if followed.done[b]:
+        for i in range(thread, len(cells), threads):
+            total = 0.0
+            for k in range(len(layers)):
+                layers[k, i] = tables.start[k, i]
+                total += layers[k, i]
+            cells[i] = total
+        if thread == 0:
+            mass.totals[b], mass.pos[b] = 1.0, 0.0
+        return
+    if thread == 0:
+        list_step(followed, tables.first_step, looks, b)
+    cuda.syncthreads()
+    learn(mass, tables, looks, one_find, side, b, shared)
+    slot, negligible = looks.counts[b, 2], NEGLIGIBLE * mass.totals[b]
+    for k in range(len(layers)):
+        direction = tables.directions[slot, k]
+        if direction != STAND_STILL:
+            drift_step = tables.drift_steps[direction if own_drift else 0]
+            move_layer(
+                layers[k], cells, tables.tables[slot], drift_step, negligible, side, own_drift,
+                shared,
+            )  # fmt: skip
+
+
+@device_kernel
+def write_beliefs(mass, out):
+    """Write the probability of every cell; a block for each world.
+
+    Args:
+        mass: A `DeviceMass`.
+        out: ((B, G, G) float32 out as [y, x],).
+    """
+    b, size = cuda.blockIdx.x, out[0].shape[1]
+    cells, total = mass.cells[b], mass.totals[b]
+    for i in range(cuda.threadIdx.x, size * size, cuda.blockDim.x):
+        y, x = i // size, i % size
+        here = cells[(y + MARGIN) * (size + 2 * MARGIN) + x + MARGIN] / total
+        # Rounding may put a sum of shares below 0 or above 1.
+        out[0][b, y, x] = min(max(here, 0.0), 1.0)
+
+
+@kernel
+def complete_steps(constants, sea, steps, row):
+    """Compute the columns of all cells in the tables of all steps.
+
+    Args:
+        constants: (1,) of `constants.CONSTANTS`.
+        sea: Of the scenario.
+        steps: A `belief_kernels.Steps`.
+        row: (`ROW`,) float64 scratch.
+    """
+    for slot in range(len(steps.directions)):
+        step = step_at(steps, slot)
+        for i in range(steps.chances.shape[1]):
+            complete(constants[0], sea, step, i, row)
+
+
+@kernel
+def write_drift_steps(constants, area, out):
+    """Write the steps of drifts in the cells of the grid, see `DeviceTables`."""
+    for direction in range(len(out)):
+        for y in range(constants[0].grid_size):
+            for x in range(constants[0].grid_size):
+                i = index_of(constants[0], x, y)
+                out[direction, i] = step_of_drift(constants[0], area, x, y, direction)

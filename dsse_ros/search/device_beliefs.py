@@ -1,0 +1,145 @@
+# Copyright 2026 dsse_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""The beliefs of B worlds on a CUDA device, each after the searches of its world."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numba import cuda
+
+from dsse_ros.belief.belief import Belief, Forecast
+from dsse_ros.belief.belief_kernels import ROW
+from dsse_ros.belief.beliefs import is_ensemble
+from dsse_ros.belief.followers import DRIFT_SAMPLES
+from dsse_ros.belief.look_kernels import Followed
+from dsse_ros.scenario.fields import FieldError
+from dsse_ros.scenario.scenario import ResolvedScenario
+from dsse_ros.search import device_belief_kernels
+from dsse_ros.search.device_belief_kernels import DeviceMass, DeviceTables, StepLooks
+from dsse_ros.search.device_worlds import DeviceArray, DeviceWorlds
+from dsse_ros.search.world import World
+from dsse_ros.targets.motion import STEPS
+
+SHARED_BYTES = 48 << 10
+"""Shared memory of a block, which holds a layer of a belief."""
+
+
+def check_belief(world: World) -> None:
+    """Raise unless a device can follow what drones observe of this search.
+
+    Raises:
+        FieldError: If it cannot.
+    """
+    rules, scenario = world.rules, world.scenario
+    noisy = world.faults is not None and world.faults.is_noisy
+    reason = None
+    if rules.covers or is_ensemble(rules):
+        reason = f"with rules {rules.profile}"
+    elif scenario.person_amount > 1:
+        reason = f"with {scenario.person_amount} persons"
+    elif noisy:
+        reason = "with position_noise"
+    if reason is not None:
+        raise FieldError(f"observe must be map with device cuda {reason}, got 'belief'")
+
+
+class DeviceBeliefs:
+    """The posterior of each world after its searches, as `WorldBeliefs`, for a single person.
+
+    Args:
+        worlds: The worlds to follow.
+
+    Attributes:
+        tables: The tables for their missions, on the device.
+
+    Raises:
+        FieldError: If the device cannot follow them, see `check_belief`, or grid or forecast are
+            too large.
+    """
+
+    def __init__(self, worlds: DeviceWorlds) -> None:
+        check_belief(worlds.template)
+        self._worlds = worlds
+        self._scenario: ResolvedScenario | None = None
+        self.place()
+        crew = worlds.template.batch.crew
+        most = worlds.template.num_drones * int(np.diff(crew.looks, axis=1).max(initial=0))
+        batch = worlds.num_worlds
+        self._looks = StepLooks(
+            cuda.device_array((batch, most, 2), np.int64),
+            cuda.device_array((batch, most), np.int64),
+            cuda.device_array((batch, 3), np.int64),
+        )
+        drifts, cells = self.tables.start.shape
+        self._mass = DeviceMass(
+            cuda.device_array((batch, drifts, cells)),
+            cuda.device_array((batch, cells)),
+            cuda.to_device(np.ones(batch)),
+            cuda.to_device(np.zeros(batch)),
+        )
+
+    def place(self) -> None:
+        """Compute the tables for the placed values of the worlds, if they have changed.
+
+        Raises:
+            FieldError: As the class.
+        """
+        world = self._worlds.template
+        scenario = world.placed_scenario()
+        if scenario == self._scenario:
+            return
+        forecast = Forecast(scenario, world.rules, drift_samples=DRIFT_SAMPLES)
+        last = forecast.first_step + world.rules.last_step(scenario.timestep_limit)
+        shared = 8 * forecast.side**2
+        if len(forecast.steps.directions) <= last or shared > SHARED_BYTES:
+            raise FieldError(
+                "grid_size must be smaller, or the steps fewer, with observe belief and device "
+                f"cuda, got {scenario.grid_size} and {scenario.timestep_limit}"
+            )
+        self._scenario = scenario
+        self._side = forecast.side
+        self.tables = self._make_tables(forecast, last)
+
+    def _make_tables(self, forecast: Forecast, last: int) -> DeviceTables:
+        forecast.look(last)
+        device_belief_kernels.complete_steps(
+            forecast.constants, forecast.sea, forecast.steps, np.empty(ROW)
+        )
+        drift_steps = np.full((1, 0), -1, np.int8)
+        if forecast.constants["own_drift"][0]:
+            drift_steps = np.full((STEPS, forecast.side**2), -1, np.int8)
+            device_belief_kernels.write_drift_steps(forecast.constants, forecast.area, drift_steps)
+        arrays = DeviceTables(
+            Belief(forecast).of_missing(), forecast.steps.chances, forecast.steps.tables,
+            forecast.steps.directions, drift_steps,
+            np.ascontiguousarray(self._worlds.template.looks.pods[:, 0]),
+            np.array([forecast.first_step]),
+        )  # fmt: skip
+        return DeviceTables(*map(cuda.to_device, arrays))
+
+    def follow(self, steps: DeviceArray) -> None:
+        """Update the beliefs of the worlds that stepped, (B,) bool."""
+        worlds = self._worlds
+        rules, fleet = worlds.template.rules, worlds.fleet
+        # Faults can make drones deviate from commands; the actions that they did count.
+        actions = worlds.actions if fleet is None else fleet.applied
+        followed = Followed(worlds.batch, actions, worlds.before.alive, worlds.before.done)
+        threads = device_belief_kernels.THREADS
+        shared = 8 * max(self._side**2, threads)
+        device_belief_kernels.follow[worlds.num_worlds, threads, 0, shared](
+            followed, self._mass, self.tables, self._looks, steps, self._side,
+            bool(rules.one_find_per_search), self.tables.drift_steps.size > 0,
+        )  # fmt: skip
+
+    def write(self, out: DeviceArray) -> None:
+        """Write the probability of every cell to (B, G, G) float32, as [y, x]."""
+        threads = device_belief_kernels.THREADS
+        device_belief_kernels.write_beliefs[self._worlds.num_worlds, threads](self._mass, (out,))
+
+    def pos(self) -> DeviceArray:
+        """Return the POS of each mission, (B,) float64, a copy."""
+        out: Any = cuda.device_array(self._worlds.num_worlds)
+        out.copy_to_device(self._mass.pos)
+        return out
