@@ -106,7 +106,7 @@ def alike(there: Any, here: Any, exact: bool) -> None:
 def simulate() -> None:
     """Let the simulator's threads call the functions as they are compiled for the CPU."""
     device_worlds.ORDER = "C"
-    device_belief_kernels.THREADS = 4
+    device_kernels.THREADS = device_belief_kernels.THREADS = 4
     for kernel in (
         device_kernels.step, device_kernels.restart, device_kernels.write_maps,
         device_kernels.write_windows, device_belief_kernels.follow,

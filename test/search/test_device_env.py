@@ -22,7 +22,7 @@ pytestmark = pytest.mark.filterwarnings("ignore:.*under-utilization")
 
 BELIEF = {"observe": "belief"}
 HERE = Path(__file__).parent
-SIMULATED = ("v2", "coverage", "faults")
+SIMULATED = ("v2", "coverage", "faults", "belief-v2")
 """The others have the same types of arguments."""
 
 
