@@ -191,12 +191,19 @@ def task_of(task, b):
     )
 
 
-@inlined
-def write_observed(constants, world, sea, scratch, stream, maps, b, coverage, ensemble):
-    """Write the observed map of world b, or its probability left to cover, to `maps`."""
+@part
+def map_of(maps, b):
+    """Return the map of world b; None without maps, and (0, 0) if none are written."""
     if maps is None:
+        return None
+    return maps[b]
+
+
+@inlined
+def write_observed(constants, world, sea, scratch, stream, out, coverage, ensemble):
+    """Write the observed map of a world, or its probability left to cover, to `out` of `map_of`."""
+    if out is None:
         return
-    out = maps[b]
     if len(out) == 0:
         return
     if ensemble is not None:
@@ -231,7 +238,7 @@ def step_worlds(batch, scratch, actions, maps, first, last):
                 constants, world, sea, crew, task, scratch, actions[b], task.coverage, task.flight
             )
         write_observed(
-            constants, world, sea, scratch, stream, maps, b, task.coverage, task.ensemble
+            constants, world, sea, scratch, stream, map_of(maps, b), task.coverage, task.ensemble
         )
 
 
@@ -245,7 +252,14 @@ def reset_worlds(batch, scratch, maps, which, first, last):
             crew, task = crew_of(batch.crew, b), task_of(batch.task, b)
             start_world(constants, world, sea, crew, task, scratch)
             write_observed(
-                constants, world, sea, scratch, stream, maps, b, task.coverage, task.ensemble
+                constants,
+                world,
+                sea,
+                scratch,
+                stream,
+                map_of(maps, b),
+                task.coverage,
+                task.ensemble,
             )
 
 
@@ -259,7 +273,7 @@ def refresh_worlds(batch, scratch, maps):
     for b in range(len(worlds)):
         sea, task = sea_of(batch.sea, b), task_of(batch.task, b)
         write_observed(
-            constants, worlds[b], sea, scratch, stream, maps, b, task.coverage, task.ensemble
+            constants, worlds[b], sea, scratch, stream, maps[b], task.coverage, task.ensemble
         )
 
 

@@ -98,7 +98,7 @@ LAYERS: dict[str, tuple[set[str], set[str]]] = {
         {"dsse_ros.view", "dsse_ros.scenario", "dsse_ros.progress", "dsse_ros.extras"},
         {"ros", "messages", "mavlink"},
     ),
-    "dsse_ros.search": (WORLD, {"ros", "messages", "mavlink"}),
+    "dsse_ros.search": (WORLD | {"dsse_ros.extras"}, {"ros", "messages", "mavlink"}),
     "dsse_ros.conformance": (
         WORLD | {"dsse_ros.conformance", "dsse_ros.planners"},
         {"ros", "messages", "mavlink"},
