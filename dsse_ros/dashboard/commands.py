@@ -24,10 +24,12 @@ class Command(NamedTuple):
 
     Attributes:
         namespace: Of the simulation, or of the bridge.
-        name: pause, resume, step or reset; of vehicles arm, ground, hold, return or land.
+        name: pause, resume, step or reset; of vehicles arm, ground, hold, return or land; the kind
+            of an input of a live search.
         clicked_s: When it was clicked, on the steady clock of this process.
         vehicle: Name of the drone whose vehicle is meant; empty for all vehicles.
         seed: Seed of the mission that a reset starts; None for that of the simulation's parameter.
+        input: The input as JSON; empty for other commands.
     """
 
     namespace: str
@@ -35,6 +37,7 @@ class Command(NamedTuple):
     clicked_s: float
     vehicle: str = ""
     seed: int | None = None
+    input: str = ""
 
 
 def clicked_at(stated: Any, now_s: float) -> float:

@@ -7,10 +7,12 @@ const THEMES = {
   light: {
     sea: "#ffffff", line: "#00000018", ink: "#14171a", halo: "#ffffffcc", land: "#d8cba8a0",
     edge: "#6b5f3f", wind: "#5b2a86", current: "#00606b", lkp: "#a0007a",
+    open: "#9a3412", confirmed: "#166534", dismissed: "#6b7280",
   },
   dark: {
     sea: "#0d1117", line: "#ffffff16", ink: "#f3f4f6", halo: "#0d1117cc", land: "#6b5f3f80",
     edge: "#b9a878", wind: "#d4b3f5", current: "#6fdbe6", lkp: "#ff8ade",
+    open: "#fdba74", confirmed: "#86efac", dismissed: "#9ca3af",
   },
 };
 // A drone in flight, to the right and back of where it points; an arrow where its heading is known.
@@ -20,11 +22,14 @@ const STRIP_ALPHA = 0.2;
 const FLYING = 0, FINDER = 1, LOST = 3, OUT_OF_TIME = 4;
 const STATE = 7, FOUND = 16;
 const KEYS = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] };
+const PICK_KEYS = ["Enter", " "];
 const ZOOM_KEYS = { "+": 1.5, "=": 1.5, "-": 1 / 1.5, _: 1 / 1.5, 0: 0 };
 // Cells along the side of the map when it is zoomed in as far as it goes.
 const FEWEST_CELLS = 5;
 // More drones than this have their numbers only where cells are large, as in the pictures.
 const MAX_NUMBERED = 24;
+// Share of the map's side up to which a pointer that moved has clicked.
+const CLICK = 0.01;
 // Milliseconds without a change of the window after which tracks are drawn for it.
 const STILL_MS = 150;
 
@@ -33,7 +38,7 @@ export default {
     <div class="chart">
       <canvas ref="canvas" class="mission-map" tabindex="0" role="application"
         aria-roledescription="map" :aria-label="label"
-        @pointermove="onPointer" @pointerdown="onPress" @pointerup="drag = null"
+        @pointermove="onPointer" @pointerdown="onPress" @pointerup="drag = null" @click="onClick"
         @pointercancel="drag = null" @pointerleave="point(null)"
         @wheel="onWheel" @touchstart="onTouch" @touchmove="onTouch" @touchend="pinch = null"
         @keydown="onKey" @blur="point(null)"></canvas>
@@ -48,12 +53,12 @@ export default {
     </div>`,
   props: { label: String },
   mounted() {
-    this.frame = { grid: 0, names: [], strips: [], vehicles: [], corner: [] };
+    this.frame = { grid: 0, names: [], strips: [], vehicles: [], corner: [], live: null };
     this.chart = { shore: [], sightings: [], colours: ["#000"] };
     this.edges = { marks: [[[], []], [[], []]], scale: [0, ""] };
     // What is shown of the map: its west and north edge as shares of the side, and how often larger.
     this.window = { west: 0, north: 0, zoom: 1 };
-    this.drag = this.pinch = this.pending = this.moving = null;
+    this.drag = this.pressed = this.pinch = this.pending = this.moving = null;
     this.rows = [];
     this.past = null;
     this.image = null;
@@ -96,7 +101,10 @@ export default {
       this.nameMarks();
       this.paint();
       const canvas = this.$refs.canvas;
-      const labels = [...frame.corner.map((row) => row[3]), ...this.chart.sightings.map((s) => s[2])];
+      const contacts = (frame.live?.contacts || []).map(([, , name, state]) => `${name} ${state}`);
+      const labels = [
+        ...frame.corner.map((row) => row[3]), ...this.chart.sightings.map((s) => s[2]), ...contacts,
+      ];
       canvas.setAttribute("aria-description", labels.join("; "));
       canvas.dataset.step = frame.shown ?? "";
       canvas.dataset.mapped = frame.mapped ?? "";
@@ -117,8 +125,17 @@ export default {
       return inside ? [col, row] : null;
     },
     onPress(event) {
-      if (event.isPrimary && event.button === 0) this.drag = this.shareAt(event);
+      if (event.isPrimary && event.button === 0) this.drag = this.pressed = this.shareAt(event);
       this.onPointer(event);
+    },
+    // A click without a drag, or a key, picks a place for a form.
+    onClick(event) {
+      const [x, y] = this.shareAt(event), [from_x, from_y] = this.pressed || [x, y];
+      if (Math.hypot(x - from_x, y - from_y) < CLICK) this.pick([x, y]);
+    },
+    pick([x, y]) {
+      const { west, north, zoom } = this.window;
+      if (this.frame.grid) this.$emit("pick", { east: west + x / zoom, south: north + y / zoom });
     },
     onPointer(event) {
       if (this.drag && event.buttons && !this.pinch && this.window.zoom > 1) {
@@ -156,6 +173,11 @@ export default {
       if (event.key in ZOOM_KEYS) {
         event.preventDefault();
         this.zoomBy(ZOOM_KEYS[event.key], this.pointed ? this.shareOf(this.pointed) : [0.5, 0.5]);
+        return;
+      }
+      if (PICK_KEYS.includes(event.key) && this.pointed) {
+        event.preventDefault();
+        this.pick(this.shareOf(this.pointed));
         return;
       }
       const move = KEYS[event.key];
@@ -250,6 +272,7 @@ export default {
       }
       c.globalAlpha = 1;
       this.paintSightings(c, whole, theme, unit);
+      if (this.frame.live) this.paintLive(c, whole, theme, unit);
       if (last) this.paintDrones(c, box, cell, last - 1, theme, unit);
       this.paintVehicles(c, cell, theme, unit);
       if (this.pointed) this.paintPointed(c, box, cell, theme, unit);
@@ -300,6 +323,49 @@ export default {
         c.textAlign = to[0] > 0 ? "left" : "right";
         this.write(c, label, x + 9 * unit * to[0], y - 9 * unit * to[1], theme.lkp, theme, unit, 600);
       });
+    },
+    // Contacts as diamonds in the circle of their uncertainty, crossed out if they are dismissed, and
+    // what is being entered.
+    paintLive(c, side, theme, unit) {
+      const { contacts, sketch, closed } = this.frame.live;
+      c.textBaseline = "middle";
+      c.textAlign = "left";
+      for (const [[east, south], radius, name, state] of contacts) {
+        const [x, y] = [east * side, south * side], half = 7 * unit;
+        c.strokeStyle = c.fillStyle = theme[state];
+        c.lineWidth = 1.2 * unit;
+        c.beginPath();
+        if (state !== "dismissed") c.arc(x, y, radius * side, 0, 2 * Math.PI);
+        c.stroke();
+        c.lineWidth = 2 * unit;
+        c.beginPath();
+        c.moveTo(x, y - half);
+        c.lineTo(x + half, y);
+        c.lineTo(x, y + half);
+        c.lineTo(x - half, y);
+        c.closePath();
+        if (state === "confirmed") c.fill();
+        if (state === "dismissed") {
+          c.moveTo(x - half, y - half);
+          c.lineTo(x + half, y + half);
+        }
+        c.stroke();
+        this.write(c, name, x + half + 3 * unit, y, theme[state], theme, unit, 600);
+      }
+      if (!sketch.length) return;
+      const line = new Path2D();
+      for (const [east, south] of sketch) line.lineTo(east * side, south * side);
+      if (closed) line.closePath();
+      c.strokeStyle = c.fillStyle = theme.ink;
+      c.lineWidth = 2 * unit;
+      c.setLineDash([6 * unit, 4 * unit]);
+      c.stroke(line);
+      c.setLineDash([]);
+      for (const [east, south] of sketch) {
+        c.beginPath();
+        c.arc(east * side, south * side, 4 * unit, 0, 2 * Math.PI);
+        c.fill();
+      }
     },
     // The marks in sight of longitude and latitude: shares of the sides, and labels.
     marksInSight() {

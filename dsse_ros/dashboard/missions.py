@@ -16,9 +16,11 @@ from dsse_ros.dashboard.history import EXACT_LAYERS, LAYERS, MapImage, SearchHis
 from dsse_ros.dashboard.inbox import Received
 from dsse_ros.dashboard.map_image import map_png
 from dsse_ros.defects import reason_of
+from dsse_ros.drift.flow import utc
 from dsse_ros.scenario.agents import AgentsInfo
-from dsse_ros.scenario.agents_inbox import AgentsInbox
+from dsse_ros.scenario.agents_inbox import AgentsInbox, Latest
 from dsse_ros.scenario.frames import map_to_places
+from dsse_ros.scenario.live_texts import Answer, Contact, answer_from_json, contacts_from_json
 from dsse_ros.scenario.scenario import ResolvedScenario
 from dsse_ros.scenario.sea_state import SeaState, sea_state
 from dsse_ros.search.strips import strips_of
@@ -31,7 +33,7 @@ from msg_adapters.poses import pose_from_message
 from msg_adapters.stamps import to_nanoseconds
 from msg_adapters.step_report import step_report_from_message
 
-_VALUES = ("paused", "publishers", "planner", "answer", "vehicle_answer")
+_VALUES = ("paused", "publishers", "planner", "answer", "vehicle_answer", "live_answer")
 """Attributes of a mission that the node sets."""
 _EARLY = 1000
 """Number of POS values that are kept until the first report of their search."""
@@ -40,6 +42,8 @@ MAX_MISSIONS = 20
 MAX_BYTES = 256 * 2**20
 """Size of the maps and steps of all missions. Above it, the page drops the mission that has been
 gone for longest and, if that is not enough, every second map of the others."""
+_MAX_INPUTS = 200
+"""Inputs of a live search that are kept, the last ones."""
 _MAX_VEHICLES = 1000
 """Largest number of vehicles of one mission."""
 
@@ -104,6 +108,9 @@ class ShownMission:
         bridge: Names of the drones whose vehicles a bridge flies; empty without a bridge.
         had_bridge: Whether there is or was a bridge.
         vehicle_answer: Result of the last command for vehicles.
+        contacts: Contacts of a live search.
+        inputs: The last answers to inputs of a live search, by the identity of the input.
+        live_answer: Result of the last input from a page.
         trouble: Why the last message could not be read, by topic.
         heard: Number of messages of all missions up to the last one of this mission.
     """
@@ -122,8 +129,12 @@ class ShownMission:
         self.bridge: tuple[str, ...] = ()
         self.had_bridge = False
         self.vehicle_answer = ""
+        self.contacts: tuple[Contact, ...] = ()
+        self.inputs: Latest[str, Answer] = Latest(_MAX_INPUTS)
+        self.live_answer = ""
         self.trouble: dict[str, str] = {}
         self.heard = 0
+        self._has_door = False
         self._former_run: int | None = None
         self._arrived: dict[str, _Map] = {}
         self._reported_ns: int | None = None  # Wall time of publication of the last report.
@@ -137,6 +148,8 @@ class ShownMission:
             "probability_of_success": self._on_pos,
             "diagnostics": self._on_diagnostics,
             "bridge": self._on_bridge,
+            "live/contacts": self._on_contacts,
+            "live/answers": self._on_input,
         }
 
     @property
@@ -183,6 +196,23 @@ class ShownMission:
             return None
         info = self._infos.get(self.history.key[0])
         return info if info and len(info.agents) == self.history.num_drones else None
+
+    @property
+    def is_live(self) -> bool:
+        """Whether nobody simulates its truth, and its node takes contacts and other inputs."""
+        info = self.info
+        scenario = None if info is None or info.definition is None else info.definition.scenario
+        return self._has_door and scenario is not None and scenario.truth == "none"
+
+    @property
+    def utc(self) -> str:
+        """Time of the last step in UTC; "" if unknown."""
+        info = self.info
+        scenario = None if info is None or info.definition is None else info.definition.scenario
+        incident = None if scenario is None else scenario.incident
+        if info is None or incident is None or incident.laid is None or self.history is None:
+            return ""
+        return utc(incident.laid.begins_s + self.history.steps[-1] * info.step_duration_s)
 
     def sea(self, step: int) -> SeaState:
         """Return wind, current, shore and sightings after a step, as far as they are known."""
@@ -274,6 +304,9 @@ class ShownMission:
             self._former_run = before.key[0]
             for vehicle in self.vehicles.values():
                 vehicle.place = None
+        if before is not None:
+            self.inputs.clear()
+            self.live_answer = ""
         history = self.history = SearchHistory(*_key(report), len(report))
         for *key, step, pos in self._early_pos:
             if tuple(key) == history.key:
@@ -318,6 +351,15 @@ class ShownMission:
 
     def _on_bridge(self, drones: tuple[str, ...]) -> None:
         self.bridge, self.had_bridge = drones, self.had_bridge or bool(drones)
+
+    def _on_contacts(self, message: Any) -> None:
+        self.contacts, self._has_door = contacts_from_json(message.data), True
+
+    def _on_input(self, message: Any) -> None:
+        answer = answer_from_json(message.data)
+        # A repeated input must not hide what it has changed.
+        if answer.id not in self.inputs or (answer.ok and answer.code != "again"):
+            self.inputs.put(answer.id, answer)
 
     def _on_vehicle_state(self, drone: str, message: Any) -> None:
         for status in message.status:

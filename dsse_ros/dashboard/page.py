@@ -16,6 +16,8 @@ from nicegui.element import Element
 from dsse_ros.dashboard.clicks import BUTTON, Clicks
 from dsse_ros.dashboard.commands import Command
 from dsse_ros.dashboard.inbox import Inbox
+from dsse_ros.dashboard.live_card import LiveCard
+from dsse_ros.dashboard.live_marks import place_at
 from dsse_ros.dashboard.map_chart import Window
 from dsse_ros.dashboard.missions import ShownMissions
 from dsse_ros.dashboard.vehicles_card import VehiclesCard
@@ -36,7 +38,8 @@ class MissionMap(Element, component="mission_map.js"):
     def __init__(self) -> None:
         super().__init__()
         self._props["label"] = (
-            "Map of the mission. Arrow keys move the cell that is read out; plus, minus and 0 zoom."
+            "Map of the mission. Arrow keys move the cell that is read out; Enter picks it for a "
+            "form; plus, minus and 0 zoom."
         )
 
     def draw(self, frame: dict[str, Any]) -> None:
@@ -124,6 +127,7 @@ class MissionPage:
             self._map.on("ready", self._view_again)
             self._map.on("drawn", self._on_drawn)
             self._map.on("point", self._on_point, throttle=0.05)
+            self._map.on("pick", self._on_pick)
             self._place = ui.label().classes("place").props("role=status")
             with ui.element("div").classes("timeline"):
                 # The browser's own element has the expected keys and name for screen readers.
@@ -161,6 +165,9 @@ class MissionPage:
     def _build_side(self) -> None:
         with ui.element("section").classes("side").props("aria-label='Figures'"):
             self._vehicles = VehiclesCard(
+                self._clicks, lambda: self._view.mission, self._inbox.command
+            )
+            self._live_search = LiveCard(
                 self._clicks, lambda: self._view.mission, self._inbox.command
             )
             with ui.element("div").classes("card"):
@@ -218,6 +225,12 @@ class MissionPage:
         cell = event.args["cell"]
         text = "" if cell is None else self._view.place((int(cell[0]), int(cell[1])))
         self._place.set_text(text)
+
+    def _on_pick(self, event: Any) -> None:
+        mission = self._view.mission
+        if mission is not None and mission.info is not None:
+            east, south = float(event.args["east"]), float(event.args["south"])
+            self._live_search.pick(*place_at(mission.info.frame, east, south))
 
     def _on_window(self, event: Any) -> None:
         west, north, zoom = (float(event.args[name]) for name in Window._fields)
@@ -308,6 +321,7 @@ class MissionPage:
         now_s = time.monotonic()
         self._view.advance(now_s - self._updated_s)
         self._updated_s = now_s
+        self._view.sketch = self._live_search.sketch
         number, sent_s = self._sent
         # The next frame has all changes since the last: a slow browser skips frames.
         if number <= self._drawn or now_s - sent_s > _LOST_S:
@@ -363,6 +377,7 @@ class MissionPage:
         self._play.set_text("Stop" if view.playing else "Play")
         self._play.set_icon("stop" if view.playing else "play_arrow")
         self._vehicles.update()
+        self._live_search.update()
         self._trouble.set_text(view.trouble())
         self._state.set_text(view.state())
         title, about = view.about()

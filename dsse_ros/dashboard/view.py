@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from dsse_ros.dashboard.drone_states import battery_of, collided_with, flight_of, state_of
 from dsse_ros.dashboard.history import LAYERS, DroneState, MapImage, SearchHistory, has_field
+from dsse_ros.dashboard.live_marks import NO_SKETCH, live_marks
 from dsse_ros.dashboard.map_chart import Window, chart_of, edges_of
 from dsse_ros.dashboard.map_image import level_at
 from dsse_ros.dashboard.missions import ShownMission, ShownMissions
@@ -76,6 +77,7 @@ class PageView:
         window: The part of the map that is shown.
         playing: Whether the page replays the steps it has, up to the last one.
         rate: Speed of the replay in steps per second.
+        sketch: Places of a form, which the map shows.
     """
 
     def __init__(self, missions: ShownMissions) -> None:
@@ -89,6 +91,7 @@ class PageView:
         self.window = Window()
         self.playing = False
         self.rate = RATES[1]
+        self.sketch = NO_SKETCH
         self._played = 0.0
         self._sent = Sent()
         self._number = 0
@@ -167,14 +170,14 @@ class PageView:
         `ShownMission.strips`), first index and rows of the new steps (see `SearchHistory.paths`
         and, in metres, `flights`), the shown step, mapped (the step of the map, which may be
         older), image (a data URL, only if it has changed), vehicles (drone, column, row), corner
-        (see `CornerRow`), edges (see `edges_of`), and chart (see `chart_of`, only if it has
-        changed).
+        (see `CornerRow`), edges (see `edges_of`), live (see `live_marks`), and chart (see
+        `chart_of`, only if it has changed).
         """
         mission, history = self.mission, self.history
         if mission is None or history is None:
             empty: dict[str, Any] = {"search": "", "grid": 0, "names": [], "first": 0, "rows": []}
             empty |= {"shown": None, "mapped": None, "vehicles": [], "corner": [], "image": None}
-            empty |= {"strips": []}
+            empty |= {"strips": [], "live": None}
             return None if self._is_sent(Sent()) else self._numbered(Sent(), empty)
         info = mission.info
         assert info is not None
@@ -188,7 +191,8 @@ class PageView:
             if vehicle.place is not None and name in info.agents
         ]  # fmt: skip
         image = None if found is None else (found.stamp_ns, found.top)
-        sent, state = self._sent, (history.steps[i], vehicles, self.window)
+        live = live_marks(info.frame, mission.contacts, self.sketch)
+        sent, state = self._sent, (history.steps[i], vehicles, self.window, live)
         now = Sent(key, len(history), image, state)
         if self._is_sent(now):
             return None
@@ -205,6 +209,7 @@ class PageView:
             "vehicles": vehicles,
             "corner": [*map(list, corner_rows(self.sea, info.frame.side_m))],
             "edges": edges_of(info, self.window),
+            "live": live,
         }
         if key != sent.key:
             frame["chart"] = chart_of(info, self.sea)

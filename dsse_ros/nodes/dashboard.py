@@ -22,9 +22,11 @@ from std_srvs.srv import SetBool, Trigger
 from dsse_ros.dashboard.commands import Command, ServiceCalls
 from dsse_ros.dashboard.history import EXACT_LAYERS, LAYERS
 from dsse_ros.dashboard.inbox import Inbox, Received
+from dsse_ros.dashboard.live_inputs import change_of
 from dsse_ros.dashboard.missions import MAX_MISSIONS
 from dsse_ros.dashboard.server import PageServer
 from dsse_ros.dashboard.settings import DashboardSettings
+from dsse_ros.nodes.live_door import ANSWERS, Awaited, InputDoor, take_answer
 from dsse_ros.nodes.operator_services import (
     OPERATOR_SERVICES,
     FoundBridge,
@@ -57,7 +59,11 @@ _MAX_TOPICS = 2000
 """Limit of subscriptions for one simulation with its vehicles."""
 
 _SUBSCRIBED = tuple(subscribed_by("dashboard"))
-TOPICS = tuple(name for name in _SUBSCRIBED if "/" not in name and name not in EXACT_LAYERS)
+TOPICS = tuple(
+    name
+    for name in _SUBSCRIBED
+    if not name.startswith(("/", EACH_DRONE)) and name not in EXACT_LAYERS
+)
 """Topics of each simulation, relative to its namespace; those of `EXACT_LAYERS` only if the maps
 are small."""
 _MAX_EXACT_BYTES = 10_500
@@ -67,7 +73,7 @@ OF_VEHICLE = tuple(
     name.removeprefix(EACH_DRONE) for name in _SUBSCRIBED if name.startswith(EACH_DRONE)
 )
 """Topics of each vehicle, relative to the name of its drone."""
-_EVERY_MESSAGE = ("agents", "step_report", "probability_of_success", "answer")
+_EVERY_MESSAGE = ("agents", "step_report", "probability_of_success", "answer", ANSWERS)
 """Topics whose every message the page needs, not only the last."""
 _COMMANDS = ("joint_action", "drone0/cmd_action_name")
 """Topics whose publishers are the planners of a simulation, relative to its namespace."""
@@ -108,6 +114,7 @@ class Shown:
         bridge_heard_s: When the last message of the bridge came, on a steady clock.
         topics: Subscriptions by topic, relative to the namespace.
         callers: Clients by name of the service.
+        doors: Publishers of inputs by kind.
     """
 
     node: str = ""
@@ -121,6 +128,7 @@ class Shown:
     bridge_heard_s: float = field(default_factory=time.monotonic)
     topics: dict[str, Subscription] = field(default_factory=dict)
     callers: dict[str, Any] = field(default_factory=dict)
+    doors: dict[str, InputDoor] = field(default_factory=dict)
 
 
 class DashboardNode(AlarmNode):
@@ -142,6 +150,7 @@ class DashboardNode(AlarmNode):
         self._arrivals = Arrivals()
         # Namespace, topic and type by the topic's whole name.
         self._topics: dict[str, tuple[str, str, Any]] = {}
+        self._awaited: Awaited = {}
         self._calls = ServiceCalls(self._client, self._request, self._on_answer, self._answer)
         kind, qos = requested("/diagnostics", self.program)
         self.create_subscription(kind, "/diagnostics", self._on_diagnostics, qos)
@@ -222,6 +231,8 @@ class DashboardNode(AlarmNode):
             self._listener.destroy_subscription(subscription)
         for caller in shown.callers.values():
             self.destroy_client(caller)
+        for door in shown.doors.values():
+            self.destroy_publisher(door.publisher)
         if shown.publishers:
             self._put(namespace, "publishers", 0)
         self.get_logger().info(f"the simulation in {namespace or '/'} is gone")
@@ -284,6 +295,9 @@ class DashboardNode(AlarmNode):
                 taken = list(take_all(subscription))
                 came += taken
                 self._topics[subscription.topic_name] = namespace, topic, subscription.msg_type
+                if topic == ANSWERS:
+                    for one in taken:
+                        take_answer(self._awaited, namespace, one.data)
                 if taken and topic in LAYERS:
                     shown.exact = len(taken[-1].data) <= _MAX_EXACT_BYTES
                 if taken and (topic in TOPICS or topic in EXACT_LAYERS):
@@ -320,7 +334,9 @@ class DashboardNode(AlarmNode):
         self._calls.turn(time.monotonic())
 
     def _request(self, command: Command) -> Any:
-        """Return the request of the service for a command."""
+        """Return the request of the service for a command, or the text of an input."""
+        if command.input:
+            return command.input
         if command.name in _OPERATIONS:
             what, values = _OPERATIONS[command.name]
             return OPERATOR_SERVICES[what].Request(**values)
@@ -337,6 +353,10 @@ class DashboardNode(AlarmNode):
         shown = self._shown.get(namespace)
         if shown is None:
             return None
+        if command.input:
+            if command.name not in shown.doors:
+                shown.doors[command.name] = InputDoor(self, namespace, command.name, self._awaited)
+            return shown.doors[command.name]
         if command.name in _OPERATIONS:
             what = _OPERATIONS[command.name][0]
             if shown.bridge is None or not shown.drones:
@@ -353,6 +373,9 @@ class DashboardNode(AlarmNode):
         return shown.callers[name]
 
     def _on_answer(self, command: Command, response: Any) -> None:
+        if command.input:
+            self._answer(command, change_of(response))
+            return
         if command.name == "seed":
             refusals = [result.reason for result in response.results if not result.successful]
             if refusals:
@@ -372,6 +395,7 @@ class DashboardNode(AlarmNode):
             name += f" {command.vehicle or 'all'}"
         self.get_logger().info(f"{name} in {command.namespace or '/'}: {text}")
         topic = "vehicle_answer" if command.name in _OPERATIONS else "answer"
+        topic = "live_answer" if command.input else topic
         self._put(command.namespace, topic, f"{name}: {text}")
 
 

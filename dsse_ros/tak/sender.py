@@ -12,7 +12,7 @@ from typing import Any
 
 import pytak
 
-from dsse_ros.tak.settings import reason_of
+from dsse_ros.tak.settings import reason_of_pytak
 
 _PATIENCE_S = 5.0
 """Time to connect, or to send an event."""
@@ -69,7 +69,7 @@ class CotSender:
                 await self._send(events)
             except (OSError, ValueError, SyntaxError, asyncio.TimeoutError) as error:
                 self._close_writer()
-                self._say(reason_of(error))
+                self._say(reason_of_pytak(error))
             else:
                 self._say("")
         self._close_writer()

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from ipaddress import ip_address
 from urllib.parse import urlsplit
 
+from dsse_ros.defects import reason_of
 from dsse_ros.private_files import read_private
 from dsse_ros.scenario.fields import FieldError, check_all, field, shown
 
@@ -94,14 +95,13 @@ class CotSettings:
             get_ssl_ctx(get_tls_config(self.of_pytak))
         except Exception as error:
             # pytak raises whatever it met: of files, of OpenSSL, its own.
-            reason = reason_of(error)
+            reason = reason_of_pytak(error)
             raise FieldError(f"certificate, key or ca_file cannot be used: {reason}") from None
 
 
-def reason_of(error: BaseException) -> str:
+def reason_of_pytak(error: Exception) -> str:
     """Return on one line why pytak has failed, which it often hides behind an error of its own."""
-    cause = error.__cause__ or error
-    return " ".join(str(cause).split()) or type(cause).__name__
+    return reason_of(error.__cause__ if isinstance(error.__cause__, Exception) else error)
 
 
 def _is_allowed(url: str) -> bool:

@@ -209,7 +209,7 @@ LAYERS: dict[str, tuple[set[str], set[str]]] = {
         {"ros", "messages", "mavlink"},
     ),
     "dsse_ros.tak": (
-        WORLD | {"dsse_ros.tak", "dsse_ros.private_files"},
+        WORLD | {"dsse_ros.tak", "dsse_ros.defects", "dsse_ros.private_files"},
         {"ros", "messages", "mavlink"},
     ),
     "dsse_ros.runtime": (

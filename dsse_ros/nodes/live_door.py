@@ -1,0 +1,73 @@
+# Copyright 2026 dsse_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""Inputs of a live search from the page: sent once, and answered like a call of a service."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+from typing import Any
+
+from rclpy.node import Node
+from rclpy.serialization import deserialize_message
+from rclpy.task import Future
+from std_msgs.msg import String
+
+from dsse_ros.runtime.qos import offered
+from dsse_ros.scenario.live_texts import answer_from_json
+
+ANSWERS = "live/answers"
+"""Topic of the answers to inputs, relative to the namespace of the simulation."""
+Awaited = dict[tuple[str, str], list[Future]]
+"""Futures of answers, by namespace and identity of the input, in the order of sending."""
+
+
+class InputDoor:
+    """Publishes inputs of one kind; a client as `dsse_ros.dashboard.commands.Caller` has it.
+
+    Args:
+        node: Node of the publisher.
+        namespace: Of the simulation.
+        kind: Kind of the inputs.
+        awaited: Receives the futures of the answers.
+    """
+
+    def __init__(self, node: Node, namespace: str, kind: str, awaited: Awaited) -> None:
+        topic = f"live/{kind}"
+        message_type, qos = offered(topic, "dashboard")
+        self.publisher = node.create_publisher(message_type, f"{namespace}/{topic}", qos)
+        self._namespace, self._awaited = namespace, awaited
+
+    def service_is_ready(self) -> bool:
+        """Return whether somebody takes inputs."""
+        return self.publisher.get_subscription_count() > 0
+
+    def call_async(self, request: Any) -> Future:
+        """Send the text of an input; return the future of its answer."""
+        future: Future = Future()
+        key = self._namespace, str(json.loads(request)["id"])
+        self._awaited.setdefault(key, []).append(future)
+        self.publisher.publish(String(data=request))
+        return future
+
+    def remove_pending_request(self, future: Future) -> None:
+        """Await an answer no longer."""
+        for key, futures in list(self._awaited.items()):
+            if future in futures:
+                futures.remove(future)
+            if not futures:
+                del self._awaited[key]
+
+
+def take_answer(awaited: Awaited, namespace: str, data: bytes) -> None:
+    """Give an answer, a serialized message, to the one who awaits it for longest."""
+    if not awaited:
+        return
+    # The page shows what is wrong with a malformed answer.
+    with contextlib.suppress(Exception):
+        answer = answer_from_json(deserialize_message(data, String).data)
+        futures = awaited.get((namespace, answer.id), [])
+        if futures:
+            futures.pop(0).set_result(answer)
+        if not futures:
+            awaited.pop((namespace, answer.id), None)
