@@ -56,12 +56,12 @@ _PEOPLE = ("operator",)
 """Enclave of the SROS2 policy for ros2 on the command line and RViz."""
 
 
-def _input(content: str) -> Topic:
+def _input(content: str, publishers: tuple[str, ...] = ("dashboard", *_PEOPLE)) -> Topic:
     """Return the topic of a kind of input of a live search."""
     return Topic(
         type_name="std_msgs/msg/String",
         qos="queued",
-        publishers=_PEOPLE,
+        publishers=publishers,
         subscribers=_SIM,
         content=f"with truth none: JSON ([fields](live.md#inputs)), {content}",
         use="whoever keeps the search",
@@ -366,7 +366,7 @@ TOPICS = {
         "-1 to 1: all drones at once, only for that step",
         use="planners",
     ),
-    "live/detection": _input("somebody was detected"),
+    "live/detection": _input("somebody was detected", _PEOPLE),
     "live/sighting": _input("the object was seen"),
     "live/searched": _input("others have searched an area or along a line"),
     "live/weather": _input("wind or current"),
@@ -393,6 +393,7 @@ TOPICS = {
         type_name="std_msgs/msg/String",
         qos="queued",
         publishers=_SIM,
+        subscribers=("dashboard",),
         content="with truth none: JSON, the [answer](live.md#answers) to each input",
         use="whoever sends inputs",
     ),
@@ -400,6 +401,7 @@ TOPICS = {
         type_name="std_msgs/msg/String",
         qos="latched",
         publishers=_SIM,
+        subscribers=("dashboard", "cot_gateway"),
         content="with truth none: JSON, the [contacts](live.md#contacts)",
         use="whoever keeps the search",
     ),

@@ -265,7 +265,9 @@ class LiveCard:
         for kind, id_ in self._ids.items():
             if id_ in mission.inputs and mission.inputs[id_].ok:
                 self._empty(kind)
-        kept = [one.id for one in answers if one.ok and one.kind in (*_MAKE, "detection")]
+        kept = [
+            one.id for one in answers if one.ok and one.kind in (*_MAKE, "detection", "dismiss")
+        ]
         kept = [id_ for id_ in kept if id_ not in withdrawn][: -MAX_ROWS - 1 : -1]
         _offer(self._input, kept)
         self._withdraw.set_enabled(bool(kept))

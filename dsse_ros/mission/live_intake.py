@@ -54,6 +54,7 @@ class Answer:
         code: Why not, "" if it was; `again` if it was known already.
         reason: The same in one line.
         contact: Name of the contact that it is about.
+        input: Identity of the input that it withdraws.
         pos_before: POS before the inputs that came with this one.
         pos_after: POS after them.
         poc_moved: Share of the probability of the cells that they have moved.
@@ -65,6 +66,7 @@ class Answer:
     code: str = ""
     reason: str = ""
     contact: str | None = None
+    input: str | None = None
     pos_before: float | None = None
     pos_after: float | None = None
     poc_moved: float | None = None
@@ -165,7 +167,8 @@ class LiveIntake:
             return _refused(answer, failed), None
         keeper.apply(entry)
         contact = entry.derived.get("contact", entry.values.get("contact"))
-        return dataclasses.replace(answer, contact=contact), entry
+        about = {"contact": contact, "input": entry.values.get("input")}
+        return dataclasses.replace(answer, **about), entry
 
     def _write(self, entry: Entry) -> Rejected | None:
         try:

@@ -43,6 +43,7 @@ class CotNode(AlarmNode):
         takes: dict[str, Callable[[Any], None]] = {
             "agents": self._on_agents,
             "drones": self._on_drones,
+            "live/contacts": self._on_contacts,
             "belief": self._on_belief,
             "probability": self._on_probability,
         }

@@ -26,6 +26,7 @@ from dsse_ros.nodes.recorder import RecorderNode
 from dsse_ros.nodes.show import ShowNode
 from dsse_ros.nodes.sim_node import SimNode
 from dsse_ros.runtime.qos import offered, requested
+from msg_adapters.topics import published_by
 
 
 def name_of(node: Node, full: str) -> str:
@@ -131,4 +132,8 @@ if __name__ == "__main__":
     for topic in found:
         kind, qos = requested(topic, "dashboard")
         nodes["dashboard"]["subscribed"][topic] = (type_of(kind), quality(qos))
+    # Which it publishes once somebody enters an input.
+    for topic in published_by("dashboard"):
+        kind, qos = offered(topic, "dashboard")
+        nodes["dashboard"]["published"][topic] = (type_of(kind), quality(qos))
     print(json.dumps(nodes))

@@ -46,6 +46,10 @@ def test_nobody_but_planners_and_people_may_command_a_drone() -> None:
     assert {name: topics for name, topics in may.items() if topics} == {
         "planner_node": {"joint_action", "joint_command"},
         "ros_env": {"joint_action", "joint_command"},
+        "dashboard": {
+            f"live/{kind}"
+            for kind in ("confirm", "dismiss", "searched", "sighting", "weather", "withdraw")
+        },
         "operator": COMMANDS,
     }
 
