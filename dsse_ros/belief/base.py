@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dsse_ros.belief import search_outcomes
-from dsse_ros.belief.belief_kernels import MARGIN
+from dsse_ros.belief.belief_kernels import MARGIN, Mass
 from dsse_ros.belief.look_kernels import LooksDone
 from dsse_ros.belief.protocol import LooksToCome
 from dsse_ros.belief.search_outcomes import Persons
@@ -69,7 +69,6 @@ class BeliefBase:
 
     Args:
         alike: (n, k), the persons with equal rows are one detection class.
-        shape: Rows of the density per detection class, and its columns.
 
     Attributes:
         step: Steps done in the mission.
@@ -79,23 +78,26 @@ class BeliefBase:
         missing: (n,) float64, probability that a person is missing; 1 for a single person.
         unfound: (n,) float64, the same, regardless of the outcomes of the searches; for a single
             person see `pos`.
-        density: (C K, ...) float64; sums to 1, each class to its share of all persons.
+        mass: Where the persons of each class are.
     """
 
     step: int
     pos: float
 
-    def __init__(self, alike: NDArray[Any], shape: tuple[int, int]) -> None:
+    def __init__(self, alike: NDArray[Any]) -> None:
         classes, self.examples, class_of = np.unique(
             alike, axis=0, return_index=True, return_inverse=True
         )
         self.class_of = class_of.ravel()
         self.missing, self.unfound = np.ones((2, len(alike)))
-        self._weights = np.zeros(len(classes))
         self._numbers = np.zeros((search_outcomes.OF_CLASS, len(classes)))
-        self._drifts, columns = shape
-        self.density = np.zeros((len(classes) * self._drifts, columns))
+        self.mass = self._new_mass(len(classes))
+        self._drifts = len(self.mass.layers) // len(classes)
         self.reset()
+
+    @abstractmethod
+    def _new_mass(self, classes: int) -> Mass:
+        """Return memory for the mass of C classes."""
 
     def reset(self) -> None:
         """Start a new mission with the prior at its first observation."""
@@ -105,7 +107,7 @@ class BeliefBase:
     def copy(self) -> Self:
         """Return an independent copy; the forecast is shared."""
         twin = copy.copy(self)
-        twin.density = self.density.copy()
+        twin.mass = self.mass.copy()
         twin.missing, twin.unfound = self.missing.copy(), self.unfound.copy()
         return twin
 
@@ -113,12 +115,15 @@ class BeliefBase:
         """Return the mean of these PODs, (n,) by person, over the persons who are missing."""
         return float(self.missing @ pods / self.missing.sum())
 
+    def _weigh(self) -> NDArray[np.float64]:
+        """Return the factors, (C,), that make the mass that of the missing persons."""
+        weights = np.empty(len(self.examples))
+        search_outcomes.weigh_classes(self.class_of, self.missing, self.mass.totals, weights)
+        return weights
+
     def of_missing(self) -> NDArray[np.float64]:
-        """Return the density of the persons who are missing; it sums to 1."""
-        if len(self.examples) == 1:
-            return self.density
-        search_outcomes.weigh_classes(self.class_of, self.missing, self._weights)
-        return self.density * np.repeat(self._weights, self._drifts)[:, None]
+        """Return the layers of the persons who are missing; they sum to 1."""
+        return self.mass.layers * np.repeat(self._weigh(), self._drifts)[:, None]
 
     def update(self, looks: Sequence[Looked]) -> None:
         """Update with looks that found nobody.
@@ -156,4 +161,4 @@ class BeliefBase:
 
     @abstractmethod
     def _updated(self, looks: LooksDone) -> float:
-        """Update the density with looks, and return the POS."""
+        """Update the mass with looks, and return the POS."""

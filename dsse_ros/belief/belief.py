@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from dsse_ros.belief import belief_kernels, follow_kernels, future_kernels
 from dsse_ros.belief.base import BeliefBase, ForecastBase
-from dsse_ros.belief.belief_kernels import Steps
+from dsse_ros.belief.belief_kernels import MARGIN, Mass, Steps
 from dsse_ros.belief.look_kernels import LooksDone
 from dsse_ros.belief.protocol import Expected, Futures, LooksToCome, TargetChain
 from dsse_ros.scenario.actions import Cell
@@ -136,7 +136,7 @@ class Forecast(ForecastBase):
         # If persons move first, they look at the map of the previous step.
         drawn = steps if self.rules.person_first else steps - 1
         chances = self.steps.chances[self.look(drawn)].reshape(self.side, self.side)
-        inner = slice(belief_kernels.MARGIN, -belief_kernels.MARGIN)
+        inner = slice(MARGIN, -MARGIN)
         return most_probable(chances[inner, inner].astype(np.float32), 1)[0]
 
 
@@ -150,7 +150,7 @@ class Belief(BeliefBase):
             step apart.
 
     Attributes:
-        density: (C K, S S) float64, see `belief_kernels` and `BeliefBase`.
+        mass: See `BeliefBase`.
     """
 
     def __init__(self, forecast: Forecast) -> None:
@@ -161,13 +161,19 @@ class Belief(BeliefBase):
         scattered = np.zeros(scenario.person_amount, np.bool_)
         scattered[1:] = forecast.rules.person_scatter > 0
         alike = np.stack([scattered, scenario.person_pod_multipliers], axis=1)
-        super().__init__(alike, (forecast.steps.directions.shape[1], cells))
+        super().__init__(alike)
+
+    def _new_mass(self, classes: int) -> Mass:
+        drifts, cells = self.forecast.steps.directions.shape[1], self.forecast.side**2
+        return Mass(
+            np.empty((classes * drifts, cells)), np.empty((classes * drifts, 2), np.int64),
+            np.empty((classes, cells)), np.empty(classes),
+        )  # fmt: skip
 
     def reset(self) -> None:
         """Start a new mission with the prior of the rules at its first observation."""
         super().reset()
         self.step = -self.forecast.first_step
-        self.density[:] = 0.0
         self._put_persons()
         while self.step < 0:
             self.advance()
@@ -177,6 +183,8 @@ class Belief(BeliefBase):
         scenario, rules = self.forecast.scenario, self.forecast.rules
         g, reach, area = scenario.grid_size, rules.person_scatter, self.forecast.area
         x0, y0 = scenario.person_initial_position
+        layers, spans, cells, totals = self.mass
+        layers[:] = cells[:] = totals[:] = 0.0
         around = [
             (x, y)
             for y in range(max(y0 - reach, 0), min(y0 + reach, g - 1) + 1)
@@ -185,18 +193,22 @@ class Belief(BeliefBase):
         ] or [(x0, y0)]
         persons = scenario.person_amount
         for person, of_class in enumerate(self.class_of.tolist()):
-            rows = slice(of_class * self._drifts, (of_class + 1) * self._drifts)
-            cells = around if person else [(x0, y0)]
-            for cell in cells:
-                column = self.forecast.column(cell)
-                self.density[rows, column] += 1.0 / (persons * self._drifts * len(cells))
+            of_rows = slice(of_class * self._drifts, (of_class + 1) * self._drifts)
+            places = around if person else [(x0, y0)]
+            for place in places:
+                column, share = self.forecast.column(place), 1.0 / (persons * len(places))
+                layers[of_rows, column] += share / self._drifts
+                cells[of_class, column] += share
+                totals[of_class] += share
+        rows = np.array([y for _, y in (*around, (x0, y0))]) + MARGIN
+        spans[:] = np.array([rows.min(), rows.max() + 1]) * self.forecast.side
 
     def advance(self) -> None:
         """Advance the sea by one step, after the update with this step's searches."""
         forecast = self.forecast
         slot = forecast.look(self.step + forecast.first_step)
         belief_kernels.predict(
-            forecast.constants, forecast.sea, self.density, forecast.steps.at(slot), self._scratch
+            forecast.constants, forecast.sea, self.mass, forecast.steps.at(slot), self._scratch
         )
         self.step += 1
 
@@ -204,7 +216,7 @@ class Belief(BeliefBase):
         forecast = self.forecast
         step = forecast.steps.at(forecast.look(self.step + forecast.first_step))
         pos: float = follow_kernels.learn(
-            forecast.constants, self.density, step, self._persons(), looks, self.pos
+            forecast.constants, self.mass, step, self._persons(), looks, self.pos
         )
         return pos
 
@@ -224,7 +236,7 @@ class Belief(BeliefBase):
         offset, *offsets = rng.random(horizon + 1)
         rows = np.empty(count, np.int64)
         cells = np.empty((horizon + 1, count), np.int64)
-        future_kernels.sample(self.of_missing(), count, offset, rows, cells[0])
+        future_kernels.sample(self.mass, self._weigh(), count, offset, rows, cells[0])
         future_kernels.roll(
             forecast.constants, forecast.sea, forecast.steps, slots, np.array(offsets), rows, cells
         )
@@ -239,12 +251,17 @@ class Belief(BeliefBase):
             gamma: Discount of a find per step.
         """
         forecast, slots = self.forecast, self._slots(horizon)
-        left = self.of_missing().copy()
+        left = self._mass_of_missing()
         finds = future_kernels.expect(
             forecast.constants, forecast.sea, left, forecast.steps, slots, self._by_class(looks),
             gamma, self._scratch,
         )  # fmt: skip
-        return Expected(float(finds), left.sum(axis=0))
+        return Expected(float(finds), left.cells.sum(axis=0))
+
+    def _mass_of_missing(self) -> Mass:
+        """Return a copy of the mass for the persons who are missing; it sums to 1."""
+        weights, (_, spans, cells, totals) = self._weigh(), self.mass
+        return Mass(self.of_missing(), spans.copy(), cells * weights[:, None], totals * weights)
 
     def chain(self, horizon: int) -> TargetChain:
         """Return the missing persons' motion as a Markov chain, without negligible cells.
@@ -252,7 +269,8 @@ class Belief(BeliefBase):
         Args:
             horizon: H, at most that of the forecast.
         """
-        forecast, density = self.forecast, self.of_missing().copy()
+        forecast, left = self.forecast, self._mass_of_missing()
+        density = left.layers
         density[density <= belief_kernels.NEGLIGIBLE] = 0.0
         starts = np.zeros((horizon + 1, density.shape[1] + 1), np.int64)
         prior = density.T[density.T > 0.0]
@@ -260,7 +278,7 @@ class Belief(BeliefBase):
         layers = []
         for h, slot in enumerate(self._slots(horizon)):
             step = forecast.steps.at(slot)
-            belief_kernels.predict(forecast.constants, forecast.sea, density, step, self._scratch)
+            belief_kernels.predict(forecast.constants, forecast.sea, left, step, self._scratch)
             density[density <= belief_kernels.NEGLIGIBLE] = 0.0
             before, starts[h + 1, 0] = rows, starts[h, -1]
             numbers, rows = future_kernels.number_states(density, starts[h + 1])
@@ -295,6 +313,7 @@ class Belief(BeliefBase):
         g = self.forecast.scenario.grid_size
         out = np.empty((g, g))
         follow_kernels.write_cells(
-            self.forecast.constants, self.density, self.class_of, self.missing, self._weights, out
-        )
+            self.forecast.constants, self.mass, self.class_of, self.missing,
+            np.empty(len(self.examples)), out,
+        )  # fmt: skip
         return out

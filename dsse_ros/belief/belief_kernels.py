@@ -3,9 +3,13 @@
 # mypy: disable-error-code="no-untyped-def"
 """The compiled filter: motion of a belief about persons, and its update after a failed search.
 
-A belief is (C K, S S) float64. Row m K + k is for the persons of detection class m and drift k;
-columns are the cells row by row, S = G + 2 `MARGIN` along a side. Persons who walked off the grid
-(`person_walks_blind`) are in its margin. Steps to neighbours are numbered as in `targets.motion`.
+A belief is a `Mass`. Columns are the cells row by row, S = G + 2 `MARGIN` along a side. Persons who
+walked off the grid (`person_walks_blind`) are in its margin. Steps to neighbours are numbered as in
+`targets.motion`.
+
+Only what changes is touched: a search takes from one column, a step moves the layers of the drifts
+that have accumulated a cell, within their spans, and the sums follow. A belief is scaled where it
+is read, see `search_outcomes.weigh_classes`.
 
 The sea is that of `sea_map`; the motions in `targets` set the probabilities of a person's steps.
 See `search_outcomes` for searches for several persons, and `follow_kernels` for the step of many
@@ -38,6 +42,37 @@ over the whole grid, and every cell would need a table."""
 
 NOTHING_LEFT = 1e-9
 """Remaining share of a belief below which it is impossible: nobody can be in its cells."""
+
+FADED = 1 / 128
+"""Total below which a class is scaled up and summed anew: the rounding errors of its sums stay."""
+
+
+class Mass(NamedTuple):
+    """The probability of where the persons are, up to a factor for each detection class.
+
+    Attributes:
+        layers: (C K, S S) float64, row m K + k is for the persons of detection class m and drift k;
+            of an ensemble, (C, M), the weights of its particles, see `particle_kernels`.
+        spans: (C K, 2) int64, the first column of whole rows of cells outside of which a layer is
+            empty, and the last one plus one; of an ensemble, (0, 2).
+        cells: (C, S S) float64, the sums of the layers of each class; of an ensemble, (0, 0).
+        totals: (C,) float64, the sum of each class.
+    """
+
+    layers: NDArray[np.float64]
+    spans: NDArray[np.int64]
+    cells: NDArray[np.float64]
+    totals: NDArray[np.float64]
+
+    def copy(self) -> Mass:
+        """Return an independent copy."""
+        return Mass(self.layers.copy(), self.spans.copy(), self.cells.copy(), self.totals.copy())
+
+
+@expanded
+def mass_of(masses, b):
+    """Return the mass of world b; those of B worlds have a first axis more."""
+    return Mass(masses.layers[b], masses.spans[b], masses.cells[b], masses.totals[b])
 
 
 class Steps(NamedTuple):
@@ -213,20 +248,25 @@ def look_up(constants, sea, step, i, direction, row):
 
 
 @inlined
-def add_products(out, a, b):
-    """Write the sum of nine products of equally long arrays; the compiler vectorizes this form."""
+def add_products(out, sums, a, b):
+    """Write the sum of nine products of equally long arrays, and add what changes to the sums.
+
+    The compiler vectorizes this form.
+    """
     a0, a1, a2, a3, a4, a5, a6, a7, a8 = a
     b0, b1, b2, b3, b4, b5, b6, b7, b8 = b
     for j in range(len(out)):
-        out[j] = (
+        after = (
             a0[j] * b0[j] + a1[j] * b1[j] + a2[j] * b2[j]
             + a3[j] * b3[j] + a4[j] * b4[j] + a5[j] * b5[j]
             + a6[j] * b6[j] + a7[j] * b7[j] + a8[j] * b8[j]
         )  # fmt: skip
+        sums[j] += after - out[j]
+        out[j] = after
 
 
 @part
-def gather(now, table, after, low, high, side):
+def gather(before, table, layer, cells, low, high, side):
     """Write the probability that steps from all cells bring to the cells low..high - 1."""
     # The cells where the steps 8 to 0 start.
     a, b, c = low - side - 1, low - side, low - side + 1
@@ -234,32 +274,43 @@ def gather(now, table, after, low, high, side):
     g, h, i = low + side - 1, low + side, low + side + 1
     n = high - low
     add_products(
-        after[low:high],
+        layer[low:high],
+        cells[low:high],
         (
-            now[a : a + n], now[b : b + n], now[c : c + n], now[d : d + n], now[e : e + n],
-            now[f : f + n], now[g : g + n], now[h : h + n], now[i : i + n],
+            before[a : a + n], before[b : b + n], before[c : c + n],
+            before[d : d + n], before[e : e + n], before[f : f + n],
+            before[g : g + n], before[h : h + n], before[i : i + n],
         ),
         (
-            table[8, a : a + n], table[7, b : b + n], table[6, c : c + n], table[5, d : d + n],
-            table[4, e : e + n], table[3, f : f + n], table[2, g : g + n], table[1, h : h + n],
-            table[0, i : i + n],
+            table[8, a : a + n], table[7, b : b + n], table[6, c : c + n],
+            table[5, d : d + n], table[4, e : e + n], table[3, f : f + n],
+            table[2, g : g + n], table[1, h : h + n], table[0, i : i + n],
         ),
     )  # fmt: skip
 
 
-@part
-def drop_negligible(now, known):
-    """Empty the negligible cells of a row; return how many other cells the table lacks."""
+@inlined
+def copy_but_negligible(layer, negligible, before, known):
+    """Copy cells, the negligible ones as empty; return how many others the table lacks."""
     unknown = 0
-    for i in range(len(now)):
-        here = now[i] if now[i] > NEGLIGIBLE else 0.0
-        now[i] = here
+    for i in range(len(layer)):
+        here = layer[i] if layer[i] > negligible else 0.0
+        before[i] = here
         unknown += (here > 0.0) & (known[i] < 0.0)
     return unknown
 
 
+@inlined
+def add_shifted(layer, cells, before, added):
+    """Add the drift's contribution to equally many cells."""
+    for j in range(len(layer)):
+        share = before[j] * added[j]
+        layer[j] += share
+        cells[j] += share
+
+
 @part
-def add_drift(constants, area, y, now, added, direction, after):
+def add_drift(constants, area, y, before, added, direction, layer, cells):
     """Add the drift's contribution to a step from the cells of grid row y, see `complete`."""
     start, end = index_of(constants, 0, y), index_of(constants, constants.grid_size, y)
     inner = 0
@@ -267,78 +318,123 @@ def add_drift(constants, area, y, now, added, direction, after):
         # All cells but the first and the last allow the drift's step.
         inner = constants.grid_size - 2
         low = start + offset_of(constants, direction) + 1
-        out, shares = after[low : low + inner], now[start + 1 : end - 1]
-        chances = added[start + 1 : end - 1]
-        for j in range(inner):
-            out[j] += shares[j] * chances[j]
+        high = low + inner
+        add_shifted(
+            layer[low:high],
+            cells[low:high],
+            before[start + 1 : end - 1],
+            added[start + 1 : end - 1],
+        )
     for i in range(start, end, inner + 1):
-        if now[i] > 0.0:
+        if before[i] > 0.0:
             step = step_of_drift(constants, area, i - start, y, direction)
-            after[i + offset_of(constants, step)] += now[i] * added[i]
+            to, share = i + offset_of(constants, step), before[i] * added[i]
+            layer[to] += share
+            cells[to] += share
+
+
+@inlined
+def is_negligible(cells, negligible):
+    """Return whether all cells are."""
+    others = 0
+    for i in range(len(cells)):
+        others += cells[i] > negligible
+    return others == 0
 
 
 @part
-def move_row(constants, sea, now, step, direction, after, row):
-    """Advance one row of a belief by the persons' step, see `predict`."""
-    count, side = len(now), constants.grid_size + 2 * MARGIN
-    unknown = drop_negligible(now, step.tables[0])
-    first, last = 0, count
-    while first < count and now[first] == 0.0:
-        first += 1
-    while last > first and now[last - 1] == 0.0:
-        last -= 1
+def shrink(side, layer, span, cells, negligible):
+    """Empty the rows of cells at both ends of a layer's span that are negligible."""
+    for end in range(2):
+        while span[0] < span[1]:
+            first = span[0] if end == 0 else span[1] - side
+            if not is_negligible(layer[first : first + side], negligible):
+                break
+            for i in range(first, first + side):
+                cells[i] -= layer[i]
+                layer[i] = 0.0
+            span[end] += side if end == 0 else -side
+
+
+@part
+def move_layer(constants, sea, layer, span, cells, negligible, step, direction, scratch):
+    """Advance a layer by the persons' step.
+
+    Args:
+        constants: The constants.
+        sea: Of the scenario.
+        layer: (S S,) of a `Mass`.
+        span: (2,) of the layer.
+        cells: (S S,) of its class.
+        negligible: Probability up to which a cell counts as empty.
+        step: One of `belief_kernels.Steps`; its table is completed.
+        direction: The step accumulated by the drift.
+        scratch: (S S + `ROW`,) float64.
+    """
+    side = constants.grid_size + 2 * MARGIN
+    before, row = scratch[: len(layer)], scratch[len(layer) :]
+    shrink(side, layer, span, cells, negligible)
+    # The outermost cells are always empty.
+    first, last = max(span[0] - side, side), min(span[1] + side, len(layer) - side)
+    low, high = first - side, last + side
+    unknown = copy_but_negligible(
+        layer[low:high], negligible, before[low:high], step.tables[0, low:high]
+    )
     if unknown > 0:
-        for i in range(first, last):
-            if now[i] > 0.0:
+        for i in range(low, high):
+            if before[i] > 0.0:
                 complete(constants, sea, step, i, row)
-    low, high = max(first - side - 1, side + 1), min(last + side + 1, count - side - 1)
-    gather(now, step.tables, after, low, high, side)
+    gather(before, step.tables, layer, cells, first + 1, last - 1, side)
     if constants.own_drift:
-        for y in range(first // side - MARGIN, (last - 1) // side - MARGIN + 1):
-            add_drift(constants, sea.area, y, now, step.tables[STEPS], direction, after)
-    for i in range(low, high):
-        now[i] = after[i]
+        for y in range(span[0] // side - MARGIN, span[1] // side - MARGIN):
+            add_drift(constants, sea.area, y, before, step.tables[STEPS], direction, layer, cells)
+    span[0], span[1] = first, last
 
 
 @kernel
-def predict(constants, sea, belief, step, scratch):
-    """Advance a belief by the persons' step; its sum does not change.
+def predict(constants, sea, mass, step, scratch):
+    """Advance a belief by the persons' step; its totals do not change.
 
     Args:
         constants: (1,) of `constants.CONSTANTS`.
         sea: Of the scenario.
-        belief: (C K, S S) float64.
+        mass: The belief.
         step: One of `Steps`; its table is completed.
         scratch: (S S + `ROW`,) float64.
     """
-    count = belief.shape[1]
-    after, row = scratch[:count], scratch[count:]
-    for k in range(len(belief)):
-        direction = step.directions[k % len(step.directions)]
-        if direction != STAND_STILL:
-            move_row(constants[0], sea, belief[k], step, direction, after, row)
+    drifts = len(step.directions)
+    for k in range(len(mass.layers)):
+        direction, m = step.directions[k % drifts], k // drifts
+        if direction != STAND_STILL and mass.spans[k, 0] < mass.spans[k, 1]:
+            move_layer(
+                constants[0], sea, mass.layers[k], mass.spans[k], mass.cells[m],
+                NEGLIGIBLE * mass.totals[m], step, direction, scratch,
+            )  # fmt: skip
 
 
 @part
-def search(constants, belief, pods, x, y):
-    """Update a belief with a failed search of a cell; return the probability removed.
+def search(constants, mass, pods, x, y):
+    """Update a belief with a failed search of a cell, but for its totals; return what it removed.
 
     Args:
         constants: The constants.
-        belief: (C K, S S) float64.
+        mass: The belief.
         pods: (C,) float64, probability of detection.
         x: Column of the cell; a search off the grid has no effect.
         y: Row of the cell.
     """
     if not is_inside(constants.grid_size, x, y):
         return 0.0
-    i = index_of(constants, x, y)
-    drifts = len(belief) // len(pods)
-    taken = 0.0
-    for k in range(len(belief)):
-        part_taken = belief[k, i] * pods[k // drifts]
-        belief[k, i] -= part_taken
-        taken += part_taken
+    layers, i = mass.layers, index_of(constants, x, y)
+    drifts, taken = len(layers) // len(pods), 0.0
+    for m in range(len(pods)):
+        left = 0.0
+        for k in range(m * drifts, (m + 1) * drifts):
+            part_taken = layers[k, i] * pods[m]
+            layers[k, i] -= part_taken
+            taken += part_taken
+            left += layers[k, i]
+        mass.cells[m, i] = left
     return taken
 
 
@@ -362,28 +458,47 @@ def total_of(shares):
 
 
 @kernel
-def normalise(belief):
-    """Scale a belief so that it sums to 1; return its previous sum.
-
-    A belief with sum 0 is not scaled.
-    """
-    total = 0.0
-    for k in range(belief.shape[0]):
-        total += total_of(belief[k])
-    if total > 0.0:
-        scale = 1.0 / total
-        for k in range(belief.shape[0]):
-            for i in range(belief.shape[1]):
-                belief[k, i] *= scale
-    return total
+def scale_class(mass, m, factor):
+    """Scale the layers of class m, and sum them anew."""
+    cells = mass.cells[m]
+    drifts = len(mass.layers) // len(mass.totals)
+    cells[:] = 0.0
+    for k in range(m * drifts, (m + 1) * drifts):
+        layer = mass.layers[k]
+        for i in range(len(cells)):
+            layer[i] *= factor
+            cells[i] += layer[i]
+    mass.totals[m] = total_of(cells)
 
 
 @part
-def detectable(constants, belief, pods, x, y):
-    """Return the probability that `search` would remove, 0 off the grid."""
+def settle(constants, mass, chances):
+    """Sum up a belief after searches.
+
+    If no probability is left of a class, because its persons cannot be anywhere by the rules, the
+    class restarts from the present map, `chances` of `Steps`.
+    """
+    side, drifts = constants.grid_size + 2 * MARGIN, len(mass.layers) // len(mass.totals)
+    for m in range(len(mass.totals)):
+        total, left = total_of(mass.cells[m]), NOTHING_LEFT * mass.totals[m]
+        mass.totals[m] = total
+        if total < left:
+            for k in range(m * drifts, (m + 1) * drifts):
+                mass.spans[k, 0], mass.spans[k, 1] = MARGIN * side, (side - MARGIN) * side
+                for i in range(len(chances)):
+                    mass.layers[k, i] = chances[i]
+            total = drifts * total_of(chances)
+            scale_class(mass, m, 1.0 / total if total > 0.0 else 0.0)
+        elif total > 0.0 and not FADED < total < 1.0 / FADED:
+            scale_class(mass, m, 1.0 / total)
+
+
+@part
+def detectable(constants, mass, pods, x, y):
+    """Return what `search` would remove, 0 off the grid."""
     if not is_inside(constants.grid_size, x, y):
         return 0.0
-    i, drifts, share = index_of(constants, x, y), len(belief) // len(pods), 0.0
-    for k in range(len(belief)):
-        share += belief[k, i] * pods[k // drifts]
-    return share
+    i, share = index_of(constants, x, y), 0.0
+    for m in range(len(pods)):
+        share += mass.cells[m, i] * pods[m]
+    return max(share, 0.0)

@@ -17,10 +17,10 @@ from numpy.typing import NDArray
 
 from dsse_ros.belief import particle_kernels, passing_kernels
 from dsse_ros.belief.base import BeliefBase, ForecastBase
-from dsse_ros.belief.belief_kernels import MARGIN, NEGLIGIBLE
+from dsse_ros.belief.belief_kernels import MARGIN, NEGLIGIBLE, Mass
 from dsse_ros.belief.future_kernels import index
 from dsse_ros.belief.look_kernels import LooksDone
-from dsse_ros.belief.particle_kernels import Links, Particles
+from dsse_ros.belief.particle_kernels import Particles
 from dsse_ros.belief.passing_kernels import Passing, Places, moved_of, seen_of
 from dsse_ros.belief.protocol import Expected, Futures, LooksToCome, TargetChain
 from dsse_ros.scenario.actions import Cell
@@ -115,7 +115,7 @@ class EnsembleForecast(ForecastBase):
         return columns
 
     @cached_property
-    def by_column(self) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
+    def _by_column(self) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
         """The particles of each step sorted by column: starts and members, see `index`.
 
         A look finds its particles without a search through all of them.
@@ -127,7 +127,7 @@ class EnsembleForecast(ForecastBase):
 
     def particles(self) -> Particles:
         """Return the particles by step of the sea."""
-        return Particles(self.area, self.cells, self.weights)
+        return Particles(*self._by_column, self.weights)
 
     @cached_property
     def _moved(self) -> NDArray[np.float64]:
@@ -138,12 +138,10 @@ class EnsembleForecast(ForecastBase):
         """Return the particles in metres, with the classes of these persons; space metres only."""
         positions, multipliers = self.tracks.particles_m, self.scenario.person_pod_multipliers
         assert positions is not None
-        return Places(self.particles(), positions, self._moved, np.array(multipliers)[examples])
-
-    def links(self) -> Links:
-        """Return scratch memory for the particles that looks see."""
-        heads = np.zeros(self.scenario.grid_size**2 + 1, np.int32)
-        return Links(heads, np.empty(len(self.weights), np.int32))
+        return Places(
+            self.particles(), self.scenario.cell_size, positions, self._moved,
+            np.array(multipliers)[examples],
+        )  # fmt: skip
 
     def row(self, step: int) -> int:
         """Return the index of a step of the sea in the tracks."""
@@ -167,19 +165,24 @@ class EnsembleBelief(BeliefBase):
         forecast: The particles. Beliefs may share one.
 
     Attributes:
-        density: (C, M) float64, weights of the particles, see `particle_kernels` and `BeliefBase`.
+        mass: See `BeliefBase`; its layers are the weights of the particles.
     """
 
     def __init__(self, forecast: EnsembleForecast) -> None:
         self.forecast = forecast
         multipliers = np.array(forecast.scenario.person_pod_multipliers)
-        super().__init__(multipliers[:, None], (1, len(forecast.weights)))
+        super().__init__(multipliers[:, None])
+
+    def _new_mass(self, classes: int) -> Mass:
+        weights = np.empty((classes, len(self.forecast.weights)))
+        return Mass(weights, np.empty((0, 2), np.int64), np.empty((0, 0)), np.empty(classes))
 
     def reset(self) -> None:
         """Start a new mission with the weights of the ensemble."""
         super().reset()
         shares = np.bincount(self.class_of) / len(self.class_of)
-        self.density[:] = shares[:, None] * self.forecast.weights
+        self.mass.layers[:] = shares[:, None] * self.forecast.weights
+        self.mass.totals[:] = shares
 
     def update_in_passing(self, flights: PathsFlown) -> None:
         """Update with the paths of a step, in metres, before `advance`."""
@@ -192,7 +195,7 @@ class EnsembleBelief(BeliefBase):
             self.forecast.scenario.step_duration_s, flights.flown, flights.found,
         )  # fmt: skip
         self.pos = passing_kernels.learn_paths(
-            self.forecast.constants, places, self.forecast.row(self._sea_step), self.density,
+            self.forecast.constants, places, self.forecast.row(self._sea_step), self.mass,
             self._persons(), passing, seen_of(places, len(flights.paths)),
         )  # fmt: skip
 
@@ -223,9 +226,8 @@ class EnsembleBelief(BeliefBase):
 
     def _updated(self, looks: LooksDone) -> float:
         pos: float = particle_kernels.learn(
-            self.forecast.constants, self._particles(), self.forecast.links(), self.density,
-            self._persons(), looks, self.pos,
-        )  # fmt: skip
+            self.forecast.constants, self._particles(), self.mass, self._persons(), looks, self.pos
+        )
         return pos
 
     def poc(self) -> NDArray[np.float64]:
@@ -236,8 +238,8 @@ class EnsembleBelief(BeliefBase):
         g = self.forecast.scenario.grid_size
         out = np.empty((g, g))
         particle_kernels.write_poc(
-            self.forecast.constants, self._particles(), self.density, self.class_of,
-            self.missing, self._weights, out,
+            self.forecast.constants, self._particles(), self.mass, self.class_of, self.missing,
+            np.empty(len(self.examples)), out,
         )  # fmt: skip
         return out
 
@@ -284,7 +286,7 @@ class EnsembleBelief(BeliefBase):
         forecast = self.forecast
         left = np.empty(forecast.side**2)
         finds = particle_kernels.expect_particles(
-            forecast.by_column, self.of_missing(), self._by_class(looks), self._sea_step, horizon,
+            forecast.particles(), self.of_missing(), self._by_class(looks), self._sea_step, horizon,
             gamma, forecast.scenario.grid_size, left,
         )  # fmt: skip
         return Expected(float(finds), left)
@@ -298,7 +300,7 @@ class EnsembleBelief(BeliefBase):
             horizon: H; after the last step of the tracks nothing moves.
         """
         forecast, weights = self.forecast, self.of_missing()
-        _, members = forecast.by_column
+        members = forecast.particles().members
         kept = weights.max(axis=0) > NEGLIGIBLE
         rows = np.minimum(self._sea_step + np.arange(horizon + 1), len(members) - 1)
         # (H + 1, M), the particles of each layer; each has a state for every detection class.

@@ -14,19 +14,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dsse_ros.belief.belief_kernels import (
-    NOTHING_LEFT,
+    Mass,
     Steps,
     detectable,
     index_of,
-    normalise,
+    mass_of,
     predict,
     search,
+    settle,
     step_at,
 )
 from dsse_ros.belief.look_kernels import LooksDone, list_looks
 from dsse_ros.belief.search_outcomes import (
     Persons,
-    close_classes,
     learn_outcome,
     mean_found,
     open_classes,
@@ -38,52 +38,49 @@ from dsse_ros.targets.sea_map import Sea
 
 
 @kernel
-def learn(constants, belief, step, persons, looks, pos):
+def learn(constants, mass, step, persons, looks, pos):
     """Update a belief with the looks of a step; return the new POS.
 
     Args:
         constants: (1,) of `constants.CONSTANTS`.
-        belief: (C K, S S) float64, in and out.
+        mass: The belief, in and out.
         step: One of `belief_kernels.Steps`.
         persons: What is known of them, in and out.
         looks: A `look_kernels.LooksDone`.
         pos: The POS before the step.
     """
     if len(persons.missing) > 1:
-        return learn_of_several(constants[0], belief, step, persons, looks, pos)
-    return learn_of_one(constants[0], belief, step, looks, pos)
+        return learn_of_several(constants[0], mass, step, persons, looks, pos)
+    return learn_of_one(constants[0], mass, step, looks, pos)
 
 
 @part
-def learn_of_several(constants, belief, step, persons, looks, pos):
+def learn_of_several(constants, mass, step, persons, looks, pos):
     """Update the belief about several persons; see `learn`."""
     if looks.number == 0:
         return pos
-    open_classes(persons)
+    open_classes(persons, mass.totals)
     for q in range(looks.number):
-        learn_outcome(constants, belief, step.apart, persons, looks, q)
-    close_classes(belief, persons, step.chances)
+        learn_outcome(constants, mass, step.apart, persons, looks, q)
+    settle(constants, mass, step.chances)
     return mean_found(persons)
 
 
 @part
-def learn_of_one(constants, belief, step, looks, pos):
+def learn_of_one(constants, mass, step, looks, pos):
     """Update the belief about a single person; see `learn`."""
     for turn in range(2):
         taken, first = 0.0, looks.failed if turn == 1 else 0
         for q in range(first, looks.number if turn == 1 else looks.failed):
             x, y, pods = looks.seen[q, 0], looks.seen[q, 1], looks.pods[looks.rows[q]]
             if turn == 1 and constants.one_find_per_search:
-                pos += (1.0 - pos) * detectable(constants, belief, pods, x, y)
+                share = detectable(constants, mass, pods, x, y)
+                pos += (1.0 - pos) * share / mass.totals[0]
             else:
-                taken += search(constants, belief, pods, x, y)
+                taken += search(constants, mass, pods, x, y)
         if taken > 0.0:
-            pos += (1.0 - pos) * min(taken, 1.0)
-            if normalise(belief) < NOTHING_LEFT:
-                for k in range(len(belief)):
-                    for i in range(belief.shape[1]):
-                        belief[k, i] = step.chances[i]
-                normalise(belief)
+            pos += (1.0 - pos) * min(taken / mass.totals[0], 1.0)
+            settle(constants, mass, step.chances)
     return pos
 
 
@@ -91,7 +88,7 @@ class Tables(NamedTuple):
     """Tables computed once for all missions of a scenario.
 
     Attributes:
-        start: (C K, S S) float64, the belief at a mission's first observation.
+        start: The belief at a mission's first observation.
         pods: (L, C) float64, POD of each look by detection class.
         class_of: (n,) int64, see `search_outcomes`.
         sea: Of the scenario.
@@ -99,7 +96,7 @@ class Tables(NamedTuple):
         first_step: Steps of the sea before a mission's first observation.
     """
 
-    start: NDArray[np.float64]
+    start: Mass
     pods: NDArray[np.float64]
     class_of: NDArray[np.int64]
     sea: Sea
@@ -111,13 +108,13 @@ class Beliefs(NamedTuple):
     """The beliefs of B worlds.
 
     Attributes:
-        beliefs: (B, C K, S S) float64; of an ensemble, (B, C, M), see `particle_kernels`.
+        masses: Those of a `Mass`, with a first axis of B worlds.
         missing: (B, n) float64, see `search_outcomes`.
         unfound: (B, n) float64, see `search_outcomes`.
         pos: (B,) float64, the POS of all searches of the mission.
     """
 
-    beliefs: NDArray[np.float64]
+    masses: Mass
     missing: NDArray[np.float64]
     unfound: NDArray[np.float64]
     pos: NDArray[np.float64]
@@ -150,8 +147,22 @@ def persons_of(beliefs, class_of, scratch, b):
 
 
 @inlined
-def forget(beliefs, b):
-    """Set what is known of the persons of world b to the start of a mission."""
+def copy_rows(to, rows):
+    """Copy an array with two axes."""
+    for k in range(len(rows)):
+        for i in range(rows.shape[1]):
+            to[k, i] = rows[k, i]
+
+
+@part
+def restart(beliefs, start, b):
+    """Set the belief of world b, and what is known of its persons, to the start of a mission."""
+    mass = mass_of(beliefs.masses, b)
+    copy_rows(mass.layers, start.layers)
+    copy_rows(mass.spans, start.spans)
+    copy_rows(mass.cells, start.cells)
+    for m in range(len(start.totals)):
+        mass.totals[m] = start.totals[m]
     beliefs.missing[b, :] = 1.0
     beliefs.unfound[b, :] = 1.0
     beliefs.pos[b] = 0.0
@@ -169,57 +180,51 @@ def follow_worlds(followed, tables, beliefs, scratch, first, last):
         first: Number of the first world.
         last: Number of the last world, plus one.
     """
-    constants, start = followed.batch.constants, tables.start
+    constants = followed.batch.constants
     for b in range(first, last):
-        belief = beliefs.beliefs[b]
         if constants[0].auto_reset and followed.done[b]:
-            for k in range(len(start)):
-                for i in range(start.shape[1]):
-                    belief[k, i] = start[k, i]
-            forget(beliefs, b)
+            restart(beliefs, tables.start, b)
             continue
+        mass = mass_of(beliefs.masses, b)
         t = followed.batch.worlds[b].t - 1
         step = step_at(tables.steps, (tables.first_step + t) % len(tables.steps.directions))
         if acts_at(constants[0], t):
             failed, count = list_looks(followed, b, scratch.seen, scratch.rows)
             looks = LooksDone(scratch.seen, scratch.rows, tables.pods, failed, count)
             persons = persons_of(beliefs, tables.class_of, scratch, b)
-            beliefs.pos[b] = learn(constants, belief, step, persons, looks, beliefs.pos[b])
-        predict(constants, tables.sea, belief, step, scratch.motion)
+            beliefs.pos[b] = learn(constants, mass, step, persons, looks, beliefs.pos[b])
+        predict(constants, tables.sea, mass, step, scratch.motion)
 
 
 @kernel
-def write_cells(constants, belief, class_of, missing, weights, out):
-    """Write the probability of every cell, out (G, G) float64 as [y, x].
+def write_cells(constants, mass, class_of, missing, weights, out):
+    """Write the probability of every cell, out (G, G) as [y, x].
 
     Args:
         constants: (1,) of `constants.CONSTANTS`.
-        belief: (C K, S S) float64.
+        mass: The belief.
         class_of: (n,) int64, see `search_outcomes`.
         missing: (n,) float64, see `search_outcomes`.
         weights: (C,) float64 scratch.
         out: The probabilities of the missing persons.
     """
-    grid_size, drifts = constants[0].grid_size, len(belief) // len(weights)
-    weigh_classes(class_of, missing, weights)
-    for y in range(grid_size):
-        for x in range(grid_size):
-            out[y, x] = 0.0
-    for k in range(len(belief)):
-        for y in range(grid_size):
-            for x in range(grid_size):
-                out[y, x] += weights[k // drifts] * belief[k, index_of(constants[0], x, y)]
+    weigh_classes(class_of, missing, mass.totals, weights)
+    for y in range(constants[0].grid_size):
+        first = index_of(constants[0], 0, y)
+        for x in range(constants[0].grid_size):
+            here = 0.0
+            for m in range(len(weights)):
+                here += weights[m] * mass.cells[m, first + x]
+            # Rounding may put a sum of shares below 0 or above 1.
+            out[y, x] = min(max(here, 0.0), 1.0)
 
 
 @kernel
-def write_beliefs(constants, beliefs, class_of, weights, scratch, maps, first, last):
+def write_beliefs(constants, beliefs, class_of, weights, maps, first, last):
     """Write the probability of every cell of the worlds first..last - 1, (B, G, G) as [y, x].
 
-    `weights` (C,) and `scratch` (G, G) are float64 scratch.
+    `weights` (C,) are float64 scratch.
     """
     for b in range(first, last):
-        write_cells(constants, beliefs.beliefs[b], class_of, beliefs.missing[b], weights, scratch)
-        for y in range(len(scratch)):
-            for x in range(len(scratch)):
-                # Rounding may put a sum of shares above 1.
-                maps[b, y, x] = min(scratch[y, x], 1.0)
+        mass = mass_of(beliefs.masses, b)
+        write_cells(constants, mass, class_of, beliefs.missing[b], weights, maps[b])

@@ -17,6 +17,7 @@ from dsse_ros.belief import (
     passing_kernels,
 )
 from dsse_ros.belief.belief import Belief, Forecast
+from dsse_ros.belief.belief_kernels import Mass
 from dsse_ros.belief.beliefs import is_ensemble
 from dsse_ros.belief.ensemble_belief import EnsembleBelief, EnsembleForecast
 from dsse_ros.belief.follow_kernels import Beliefs, Scratch, Tables
@@ -37,13 +38,12 @@ class Follower(Protocol):
     """Advances and writes the beliefs of B worlds; threads may share it.
 
     Attributes:
-        start: (C K, S S) float64 of a motion or (C, M) of an ensemble: a belief at a mission's
-            first observation, see `belief_kernels` and `particle_kernels`.
+        start: The belief at a mission's first observation.
         class_of: (n,) int64, the detection class of each person.
         examples: (C,) int64, number of a person of each class.
     """
 
-    start: NDArray[np.float64]
+    start: Mass
     class_of: NDArray[np.int64]
     examples: NDArray[np.int64]
 
@@ -116,7 +116,7 @@ class MotionFollower:
         belief = Belief(forecast := self._new_forecast())
         # One forecast per thread: another thread would change its tables during a read.
         self._forecasts = deque([forecast])
-        self.start = belief.density
+        self.start = belief.mass
         self.class_of, self.examples = belief.class_of, belief.examples
 
     def __getstate__(self) -> dict[str, object]:
@@ -163,7 +163,7 @@ class MotionFollower:
         tables = Tables(
             self.start, pods, self.class_of, forecast.sea, forecast.steps, forecast.first_step
         )
-        scratch = _scratch(self, followed, self.start.shape[1] + belief_kernels.ROW)
+        scratch = _scratch(self, followed, self.start.layers.shape[1] + belief_kernels.ROW)
         self._follow(followed, tables, beliefs, scratch, first, last)
         self._forecasts.append(forecast)
 
@@ -172,8 +172,8 @@ class MotionFollower:
     ) -> None:
         """See `Follower`."""
         self._write(
-            followed.batch.constants, beliefs, self.class_of, np.empty(len(self.examples)),
-            np.empty(maps.shape[1:]), maps, first, last,
+            followed.batch.constants, beliefs, self.class_of, np.empty(len(self.examples)), maps,
+            first, last,
         )  # fmt: skip
 
 
@@ -191,7 +191,7 @@ class EnsembleFollower:
         self._forecast = belief.forecast
         self._follow = Specialized(particle_kernels.follow_particles)
         self._write = Specialized(particle_kernels.write_particles)
-        self.start = belief.density
+        self.start = belief.mass
         self.class_of, self.examples = belief.class_of, belief.examples
 
     def __reduce__(self) -> tuple[object, ...]:
@@ -201,19 +201,17 @@ class EnsembleFollower:
     def prepare(self) -> None:
         """Do nothing: the particles are already complete."""
 
-    def belief(
-        self, step: int, density: NDArray[np.float64], missing: NDArray[np.float64]
-    ) -> EnsembleBelief:
+    def belief(self, step: int, mass: Mass, missing: NDArray[np.float64]) -> EnsembleBelief:
         """Return the belief of a world.
 
         Args:
             step: Steps done in its mission.
-            density: (C, M) float64, see `WorldBeliefs`.
+            mass: Of the world; the belief gets a copy.
             missing: (n,) float64, see `WorldBeliefs`.
         """
         belief = self._forecast.belief()
-        belief.step = step
-        belief.density[:], belief.missing[:] = density, missing
+        belief.step, belief.mass = step, mass.copy()
+        belief.missing[:] = missing
         return belief
 
     def follow(
@@ -221,8 +219,7 @@ class EnsembleFollower:
     ) -> None:
         """See `Follower`."""
         scratch = _scratch(self, followed, 0)
-        links = self._forecast.links()
-        self._follow(followed, self._tables(pods), beliefs, scratch, links, first, last)
+        self._follow(followed, self._tables(pods), beliefs, scratch, first, last)
 
     def write(
         self, followed: Followed, beliefs: Beliefs, maps: NDArray[np.float32], first: int, last: int
@@ -235,7 +232,8 @@ class EnsembleFollower:
 
     def _tables(self, pods: NDArray[np.float64]) -> ParticleTables:
         particles = self._forecast.particles()
-        return ParticleTables(particles, pods, self.class_of, self._forecast.first_step)
+        first_step = self._forecast.first_step
+        return ParticleTables(self.start, particles, pods, self.class_of, first_step)
 
 
 class FlightFollower(EnsembleFollower):
@@ -250,6 +248,6 @@ class FlightFollower(EnsembleFollower):
     ) -> None:
         """See `Follower`."""
         places = self._forecast.places(self.examples)
-        tables = PassingTables(places, self.class_of, self._forecast.first_step)
+        tables = PassingTables(self.start, places, self.class_of, self._forecast.first_step)
         seen = seen_of(places, followed.live.shape[1])
         self._follow(followed, tables, beliefs, _scratch(self, followed, 0), seen, first, last)

@@ -39,22 +39,25 @@ def index(cells, starts, members):
 
 
 @compiled()
-def sample(density, count, offset, rows, cells):
+def sample(mass, weights, count, offset, rows, cells):
     """Draw scenarios systematically: each cell gets its share of them, rounded up or down.
 
     Args:
-        density: (C K, S S) float64, sums to about 1.
+        mass: The belief.
+        weights: (C,) float64, factors with which it sums to about 1.
         count: M.
         offset: In [0, 1).
         rows: (M,) int64 out, the row of the belief.
         cells: (M,) int64 out, the column.
     """
     drawn, total, last_row, last_cell = 0, 0.0, 0, 0
-    for k in range(density.shape[0]):
-        for i in range(density.shape[1]):
-            if density[k, i] <= 0.0:
+    drifts = len(mass.layers) // len(weights)
+    for k in range(len(mass.layers)):
+        for i in range(mass.spans[k, 0], mass.spans[k, 1]):
+            share = mass.layers[k, i] * weights[k // drifts]
+            if share <= 0.0:
                 continue
-            total += density[k, i]
+            total += share
             last_row, last_cell = k, i
             while drawn < count and drawn + offset < total * count:
                 rows[drawn], cells[drawn] = k, i
@@ -98,13 +101,13 @@ def roll(constants, sea, steps, slots, offsets, rows, cells):
 
 
 @compiled()
-def expect(constants, sea, belief, steps, slots, looks, gamma, scratch):
+def expect(constants, sea, mass, steps, slots, looks, gamma, scratch):
     """Return the discounted finds of future looks, by the exact filter.
 
     Args:
         constants: (1,) of `constants.CONSTANTS`.
         sea: Of a `Forecast`.
-        belief: (C K, S S) float64; afterwards the final distribution of the persons not found.
+        mass: The belief; afterwards the final distribution of the persons not found.
         steps: Of a `Forecast`.
         slots: (H,) int64, indices of the steps in the forecast.
         looks: A `LooksToCome` with PODs (Q, C) by detection class.
@@ -116,9 +119,9 @@ def expect(constants, sea, belief, steps, slots, looks, gamma, scratch):
     for h in range(len(slots)):
         while q < len(looks.steps) and looks.steps[q] == h:
             y, x = divmod(looks.columns[q], side)
-            value += worth * search(constants[0], belief, looks.pods[q], x - MARGIN, y - MARGIN)
+            value += worth * search(constants[0], mass, looks.pods[q], x - MARGIN, y - MARGIN)
             q += 1
-        predict(constants, sea, belief, step_at(steps, slots[h]), scratch)
+        predict(constants, sea, mass, step_at(steps, slots[h]), scratch)
         worth *= gamma
     return value
 

@@ -3,9 +3,8 @@
 # mypy: disable-error-code="no-untyped-def"
 """The compiled filter of an ensemble: searches change the weights of its particles.
 
-Weights are (C, M) float64: row m is for the persons of detection class m, and sums to their share
-of all persons. Persons move independently: nobody is `APART`. Other arguments are as in
-`search_outcomes`.
+The weights are the layers of a `Mass`, one for each detection class. Persons move independently:
+nobody is `APART`. Other arguments are as in `search_outcomes`.
 """
 
 from __future__ import annotations
@@ -15,8 +14,16 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from dsse_ros.belief.belief_kernels import MARGIN, NOTHING_LEFT, total_of
-from dsse_ros.belief.follow_kernels import forget, persons_of
+from dsse_ros.belief.belief_kernels import (
+    FADED,
+    MARGIN,
+    NOTHING_LEFT,
+    Mass,
+    index_of,
+    mass_of,
+    total_of,
+)
+from dsse_ros.belief.follow_kernels import persons_of, restart
 from dsse_ros.belief.look_kernels import LooksDone, list_looks
 from dsse_ros.belief.search_outcomes import (
     APART,
@@ -28,103 +35,67 @@ from dsse_ros.belief.search_outcomes import (
     open_classes,
     weigh_classes,
 )
-from dsse_ros.compiled.jit import compiled, inlined, kernel, part
+from dsse_ros.compiled.jit import compiled, expanded, kernel, part
 from dsse_ros.step.recipe import acts_at
-from dsse_ros.targets.sea_map import is_inside, is_open
+from dsse_ros.targets.sea_map import is_inside
 
 
 class Particles(NamedTuple):
     """The particles of an ensemble by step of the sea, or at one: then there is no axis T.
 
     Attributes:
-        area: Of `sea_map.Sea`.
-        cells: (T, M, 2) int16, (col, row); after the last step nothing moves.
+        starts: (T, S S + 1) int32; after the last step nothing moves.
+        members: (T, M) int32; those in column i are members[starts[i] : starts[i + 1]], in
+            increasing order. Those outside the area are in column 0.
         prior: (M,) float64, the weights of the ensemble, which sum to 1.
     """
 
-    area: NDArray[np.bool_] | None
-    cells: NDArray[np.int16]
+    starts: NDArray[np.int32]
+    members: NDArray[np.int32]
     prior: NDArray[np.float64]
 
     def at(self, row: int) -> Particles:
         """Return the particles at one step."""
-        return self._replace(cells=self.cells[row])
+        return self._replace(starts=self.starts[row], members=self.members[row])
 
 
-class Links(NamedTuple):
-    """Scratch memory for the particles of the cells that the looks of a step see.
-
-    A pass over the particles links them, so that a look visits no others.
-
-    Attributes:
-        heads: (G G + 1,) int32, zeros in and out: the first particle of each cell plus one, or -1.
-        after: (M,) int32: the next particle of the same cell plus one, or -1.
-    """
-
-    heads: NDArray[np.int32]
-    after: NDArray[np.int32]
-
-
-@inlined
+@expanded
 def particles_at(particles, step):
     """Return the particles at a step of the sea."""
-    cells = particles.cells[min(step, len(particles.cells) - 1)]
-    return Particles(particles.area, cells, particles.prior)
+    row = min(step, len(particles.starts) - 1)
+    return Particles(particles.starts[row], particles.members[row], particles.prior)
+
+
+@expanded
+def those_in(particles, i):
+    """Return the numbers of the particles in a column, at one step."""
+    return particles.members[particles.starts[i] : particles.starts[i + 1]]
 
 
 @part
-def link(constants, particles, links, looks):
-    """Link the particles of each cell that the looks see, in their order."""
-    g, area, seen = constants.grid_size, particles.area, looks.seen
-    heads, after, cells = links.heads, links.after, particles.cells
-    for q in range(looks.number):
-        if is_open(area, g, seen[q, 0], seen[q, 1]):
-            heads[seen[q, 1] * g + seen[q, 0]] = -1
-    for k in range(len(cells) - 1, -1, -1):
-        col, row = np.int64(cells[k, 0]), np.int64(cells[k, 1])
-        # Without a branch, which would often be predicted wrongly.
-        cell = row * g + col if is_inside(g, col, row) else g * g
-        head = heads[cell]
-        if head != 0:
-            after[k] = head
-            heads[cell] = k + 1
-
-
-@part
-def unlink(constants, particles, links, looks):
-    """Set `heads` to zeros again."""
-    g, seen = constants.grid_size, looks.seen
-    for q in range(looks.number):
-        if is_open(particles.area, g, seen[q, 0], seen[q, 1]):
-            links.heads[seen[q, 1] * g + seen[q, 0]] = 0
-
-
-@part
-def learn_look(constants, particles, links, weights, persons, looks, q):
+def learn_look(constants, particles, mass, persons, looks, q):
     """Update the weights with the outcome of look q.
 
-    Call it for all looks of a step between `open_classes` and `close_weights`. A look off the grid
+    Call it for all looks of a step between `open_classes` and `settle_weights`. A look off the grid
     or outside the area has no effect.
 
     Args:
         constants: As in `search_outcomes`.
         particles: Now.
-        links: Of `link`.
-        weights: (C, M) float64, in and out.
+        mass: The belief, in and out.
         persons: As in `search_outcomes`.
         looks: A `look_kernels.LooksDone`.
         q: Number of the look.
     """
     x, y, pods = looks.seen[q, 0], looks.seen[q, 1], looks.pods[looks.rows[q]]
-    if not is_open(particles.area, constants.grid_size, x, y):
+    if not is_inside(constants.grid_size, x, y):
         return
-    numbers, after = persons.numbers, links.after
-    first = links.heads[y * constants.grid_size + x]
+    numbers, weights = persons.numbers, mass.layers
+    seen = those_in(particles, index_of(constants, x, y))
     for m in range(len(pods)):
-        here, k = 0.0, first
-        while k > 0:
-            here += weights[m, k - 1]
-            k = after[k - 1]
+        here = 0.0
+        for k in seen:
+            here += weights[m, k]
         numbers[APART, m] = 0.0
         numbers[MIXED, m] = here / numbers[TOTAL, m] if numbers[TOTAL, m] > 0.0 else 0.0
     if not conclude(constants, pods, persons, q >= looks.failed):
@@ -133,96 +104,83 @@ def learn_look(constants, particles, links, weights, persons, looks, q):
         # A single person counts as missing until the mission is over.
         persons.missing[0] = 1.0
     for m in range(len(pods)):
-        k = first
-        while k > 0:
-            weights[m, k - 1] *= numbers[LEFT_MIXED, m]
-            k = after[k - 1]
+        for k in seen:
+            weights[m, k] *= numbers[LEFT_MIXED, m]
 
 
 @part
-def close_weights(weights, persons, prior):
-    """Scale each class to its share of all persons; an empty class restarts from `prior`."""
-    open_classes(persons)
-    for m in range(len(weights)):
-        share, total = persons.numbers[TOTAL, m], total_of(weights[m])
-        if total < NOTHING_LEFT * share:
+def settle_weights(mass, persons, prior):
+    """Take over the sums of the classes after looks; an empty class restarts from `prior`."""
+    for m in range(len(mass.totals)):
+        before, total, weights = mass.totals[m], persons.numbers[TOTAL, m], mass.layers[m]
+        mass.totals[m] = total
+        if total < NOTHING_LEFT * before:
             for k in range(len(prior)):
-                weights[m, k] = prior[k]
-            total = total_of(prior)
-        scale = share / total
-        for k in range(len(prior)):
-            weights[m, k] *= scale
-
-
-@part
-def restart(weights, persons, prior, beliefs, b):
-    """Set the weights of world b, and what is known of its persons, to the start of a mission."""
-    open_classes(persons)
-    for m in range(len(weights)):
-        for k in range(len(prior)):
-            weights[m, k] = persons.numbers[TOTAL, m] * prior[k]
-    forget(beliefs, b)
+                weights[k] = prior[k]
+            mass.totals[m] = total_of(prior)
+        elif not FADED < total < 1.0 / FADED:
+            for k in range(len(prior)):
+                weights[k] /= total
+            mass.totals[m] = total_of(weights)
 
 
 @kernel
-def learn(constants, particles, links, weights, persons, looks, pos):
+def learn(constants, particles, mass, persons, looks, pos):
     """Update the weights with the looks of a step; return the new POS.
 
     Args:
         constants: (1,) of `constants.CONSTANTS`.
         particles: At the step.
-        links: Scratch.
-        weights: (C, M) float64, in and out.
+        mass: The belief, in and out.
         persons: As in `search_outcomes`, in and out.
         looks: A `look_kernels.LooksDone`.
         pos: The POS before the step.
     """
     if looks.number == 0:
         return pos
-    open_classes(persons)
-    link(constants[0], particles, links, looks)
+    open_classes(persons, mass.totals)
     for q in range(looks.number):
-        learn_look(constants[0], particles, links, weights, persons, looks, q)
-    unlink(constants[0], particles, links, looks)
-    close_weights(weights, persons, particles.prior)
+        learn_look(constants[0], particles, mass, persons, looks, q)
+    settle_weights(mass, persons, particles.prior)
     return mean_found(persons)
 
 
 @kernel
-def write_poc(constants, particles, weights, class_of, missing, scale, out):
+def write_poc(constants, particles, mass, class_of, missing, scale, out):
     """Write the missing persons' probability of every cell, out (G, G) as [y, x].
 
     Args:
         constants: (1,) of `constants.CONSTANTS`.
         particles: At one step; outside the area nothing is written.
-        weights: (C, M) float64.
+        mass: The belief.
         class_of: (n,) int64.
         missing: (n,) float64.
         scale: (C,) float64 scratch.
         out: Out.
     """
-    g, cells = constants[0].grid_size, particles.cells
-    weigh_classes(class_of, missing, scale)
-    for y in range(g):
-        for x in range(g):
-            out[y, x] = 0.0
-    for m in range(len(weights)):
-        for k in range(len(cells)):
-            col, row = np.int64(cells[k, 0]), np.int64(cells[k, 1])
-            if is_open(particles.area, g, col, row):
-                out[row, col] += scale[m] * weights[m, k]
+    weigh_classes(class_of, missing, mass.totals, scale)
+    for y in range(constants[0].grid_size):
+        for x in range(constants[0].grid_size):
+            here = 0.0
+            for k in those_in(particles, index_of(constants[0], x, y)):
+                for m in range(len(scale)):
+                    here += scale[m] * mass.layers[m, k]
+            # Rounding may put a sum of shares above 1.
+            out[y, x] = min(here, 1.0)
 
 
 class ParticleTables(NamedTuple):
     """Tables computed once for all missions of a scenario.
 
     Attributes:
+        start: The belief at a mission's first observation.
         particles: By step of the sea.
         pods: (L, C) float64, POD of each look by detection class.
         class_of: (n,) int64, see `search_outcomes`.
         first_step: Steps of the sea before a mission's first observation.
     """
 
+    start: Mass
     particles: Particles
     pods: NDArray[np.float64]
     class_of: NDArray[np.int64]
@@ -230,7 +188,7 @@ class ParticleTables(NamedTuple):
 
 
 @kernel
-def follow_particles(followed, tables, beliefs, scratch, links, first, last):
+def follow_particles(followed, tables, beliefs, scratch, first, last):
     """Update the beliefs of the worlds first..last - 1 after a step.
 
     Args:
@@ -238,16 +196,13 @@ def follow_particles(followed, tables, beliefs, scratch, links, first, last):
         tables: Of the scenario.
         beliefs: A `follow_kernels.Beliefs`, in and out.
         scratch: A `follow_kernels.Scratch`.
-        links: Scratch.
         first: Number of the first world.
         last: Number of the last world, plus one.
     """
-    constants, prior = followed.batch.constants, tables.particles.prior
+    constants = followed.batch.constants
     for b in range(first, last):
-        weights = beliefs.beliefs[b]
-        persons = persons_of(beliefs, tables.class_of, scratch, b)
         if constants[0].auto_reset and followed.done[b]:
-            restart(weights, persons, prior, beliefs, b)
+            restart(beliefs, tables.start, b)
             continue
         t = followed.batch.worlds[b].t - 1
         if not acts_at(constants[0], t):
@@ -255,7 +210,8 @@ def follow_particles(followed, tables, beliefs, scratch, links, first, last):
         particles = particles_at(tables.particles, tables.first_step + t)
         failed, count = list_looks(followed, b, scratch.seen, scratch.rows)
         looks = LooksDone(scratch.seen, scratch.rows, tables.pods, failed, count)
-        beliefs.pos[b] = learn(constants, particles, links, weights, persons, looks, beliefs.pos[b])
+        mass, persons = mass_of(beliefs.masses, b), persons_of(beliefs, tables.class_of, scratch, b)
+        beliefs.pos[b] = learn(constants, particles, mass, persons, looks, beliefs.pos[b])
 
 
 @kernel
@@ -266,23 +222,17 @@ def write_particles(constants, worlds, tables, beliefs, scale, maps, first, last
     `write_poc`.
     """
     for b in range(first, last):
-        t = tables.first_step + worlds[b].t
-        particles = particles_at(tables.particles, t)
-        weights, missing = beliefs.beliefs[b], beliefs.missing[b]
-        write_poc(constants, particles, weights, tables.class_of, missing, scale, maps[b])
-        for y in range(constants[0].grid_size):
-            for x in range(constants[0].grid_size):
-                # Rounding may put a sum of shares above 1.
-                maps[b, y, x] = min(maps[b, y, x], 1.0)
+        particles = particles_at(tables.particles, tables.first_step + worlds[b].t)
+        mass, missing = mass_of(beliefs.masses, b), beliefs.missing[b]
+        write_poc(constants, particles, mass, tables.class_of, missing, scale, maps[b])
 
 
 @compiled()
-def expect_particles(by_column, weights, looks, first, horizon, gamma, grid_size, left):
+def expect_particles(particles, weights, looks, first, horizon, gamma, grid_size, left):
     """Return the discounted finds of future looks, exactly for the particles.
 
     Args:
-        by_column: (T, S S + 1) int32 and (T, M) int32, the particles sorted by column, see
-            `future_kernels.index`; after the last step of the sea nothing moves.
+        particles: By step of the sea.
         weights: (C, M) float64, of the missing persons.
         looks: A `LooksToCome` with PODs (Q, C) by detection class.
         first: Step of the sea now.
@@ -291,29 +241,27 @@ def expect_particles(by_column, weights, looks, first, horizon, gamma, grid_size
         grid_size: G.
         left: (S S,) float64 out, final distribution of the persons not found.
     """
-    starts, members = by_column
     steps, looked, pods = looks
     kept = weights.copy()
     side = grid_size + 2 * MARGIN
-    last = len(members) - 1
     worth, value, q = 1.0, 0.0, 0
     for h in range(horizon):
-        start, member = starts[min(first + h, last)], members[min(first + h, last)]
+        now = particles_at(particles, first + h)
         while q < len(steps) and steps[q] == h:
             cell = looked[q]
             x, y = cell % side - MARGIN, cell // side - MARGIN
             if 0 <= x < grid_size and 0 <= y < grid_size:
-                for k in member[start[cell] : start[cell + 1]]:
+                for k in those_in(now, cell):
                     for m in range(len(kept)):
                         taken = kept[m, k] * pods[q, m]
                         kept[m, k] -= taken
                         value += worth * taken
             q += 1
         worth *= gamma
-    start, member = starts[min(first + horizon, last)], members[min(first + horizon, last)]
+    now = particles_at(particles, first + horizon)
     for cell in range(len(left)):
         left[cell] = 0.0
-        for k in member[start[cell] : start[cell + 1]]:
+        for k in those_in(now, cell):
             for m in range(len(kept)):
                 left[cell] += kept[m, k]
     return value

@@ -11,13 +11,15 @@ knowledge of those still missing. Weights are those of `particle_kernels`.
 from __future__ import annotations
 
 import itertools
+import math
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from dsse_ros.belief.follow_kernels import persons_of
-from dsse_ros.belief.particle_kernels import Particles, close_weights, restart
+from dsse_ros.belief.belief_kernels import Mass, index_of, mass_of
+from dsse_ros.belief.follow_kernels import persons_of, restart
+from dsse_ros.belief.particle_kernels import Particles, particles_at, settle_weights
 from dsse_ros.belief.search_outcomes import (
     APART,
     MIXED,
@@ -29,7 +31,9 @@ from dsse_ros.belief.search_outcomes import (
 from dsse_ros.compiled.jit import inlined, kernel, part
 from dsse_ros.step.recipe import acts_at
 from dsse_ros.step.sightings import FARTHEST_M, missed
-from dsse_ros.targets.sea_map import is_open
+
+ROUNDING_M = 1.0
+"""Positions are rounded, so a particle may be this far from its cell."""
 
 
 class Passing(NamedTuple):
@@ -58,13 +62,15 @@ class Places(NamedTuple):
     """The particles of an ensemble in metres, by step of the sea.
 
     Attributes:
-        particles: Their cells, see `Particles`.
+        particles: By cell, see `Particles`.
+        cell_m: Side of a cell.
         positions: (T, M, 2) float32, metres; after the last step nothing moves.
         moved: (T,) float64, the greatest distance along an axis of a particle in each step.
         multipliers: (C,) float64, multiplier of the POD of each detection class.
     """
 
     particles: Particles
+    cell_m: float
     positions: NDArray[np.float32]
     moved: NDArray[np.float64]
     multipliers: NDArray[np.float64]
@@ -78,14 +84,12 @@ class Seen(NamedTuple):
         missed: (C, M) float64, probability of missing a person of each class there.
         certain: (C,) float64, ones.
         found: (N,) bool, see `Passing`.
-        near: (M,) bool, the particles that a drone may pass.
     """
 
     numbers: NDArray[np.int32]
     missed: NDArray[np.float64]
     certain: NDArray[np.float64]
     found: NDArray[np.bool_]
-    near: NDArray[np.bool_]
 
 
 def seen_of(places: Places, num_drones: int) -> Seen:
@@ -93,56 +97,64 @@ def seen_of(places: Places, num_drones: int) -> Seen:
     particles, classes = places.positions.shape[1], len(places.multipliers)
     return Seen(
         np.empty(particles, np.int32), np.empty((classes, particles)), np.ones(classes),
-        np.empty(num_drones, np.bool_), np.empty(particles, np.bool_),
+        np.empty(num_drones, np.bool_),
     )  # fmt: skip
 
 
 @inlined
-def mark_near(path, reach, before, near):
-    """Mark the particles in the box around a path, in a loop without branches."""
-    west, east, north, south = path[0, 0], path[0, 0], path[0, 1], path[0, 1]
+def middle_and_reach(path, axis, reach):
+    """Return the middle of a path along an axis, and how far from it the drone may see."""
+    low, high = path[0, axis], path[0, axis]
     for k in range(1, len(path)):
-        west, east = min(west, path[k, 0]), max(east, path[k, 0])
-        north, south = min(north, path[k, 1]), max(south, path[k, 1])
-    x, y = np.float32((west + east) / 2), np.float32((north + south) / 2)
-    wide = np.float32((east - west) / 2 + reach)
-    high = np.float32((south - north) / 2 + reach)
-    for i in range(len(before)):
-        near[i] = (abs(before[i, 0] - x) <= wide) & (abs(before[i, 1] - y) <= high)
+        low, high = min(low, path[k, axis]), max(high, path[k, axis])
+    return (low + high) / 2, (high - low) / 2 + reach
+
+
+@inlined
+def cell_within(constants, places, metres):
+    """Return the cell at a coordinate, or the nearest one of the grid."""
+    return min(max(int(math.floor(metres / places.cell_m)), 0), constants.grid_size - 1)
 
 
 @part
 def list_passed(constants, places, row, passing, n, seen):
-    """Write the particles that drone n passes; return their number."""
+    """Write the particles that drone n passes; return their number.
+
+    They are in the cells around its path.
+    """
     path, looked, eye = passing.paths[n], passing.looked[n], passing.eyes[passing.kinds[n]]
-    particles, last = places.particles, len(places.positions) - 1
-    cells = particles.cells[row]
+    last = len(places.positions) - 1
     before, after = places.positions[row], places.positions[min(row + 1, last)]
-    mark_near(path, eye.reach + places.moved[row], before, seen.near)
-    count = 0
-    for i in range(len(before)):
-        if not seen.near[i]:
-            continue
-        x, y = np.int64(cells[i, 0]), np.int64(cells[i, 1])
-        if not is_open(particles.area, constants.grid_size, x, y):
-            continue
-        place = (before[i, 0], before[i, 1], after[i, 0], after[i, 1])
-        sees = False
-        for m in range(len(places.multipliers)):
-            miss = missed(eye, path, looked, passing.step_s, place, places.multipliers[m])
-            seen.missed[m, count] = miss
-            sees = sees or miss < 1.0
-        if sees:
-            seen.numbers[count] = i
-            count += 1
+    x, wide = middle_and_reach(path, 0, eye.reach + places.moved[row] + ROUNDING_M)
+    y, high = middle_and_reach(path, 1, eye.reach + places.moved[row] + ROUNDING_M)
+    west = cell_within(constants, places, x - wide)
+    east = cell_within(constants, places, x + wide)
+    particles, count = particles_at(places.particles, row), 0
+    for line in range(
+        cell_within(constants, places, y - high), cell_within(constants, places, y + high) + 1
+    ):
+        first = particles.starts[index_of(constants, west, line)]
+        end = particles.starts[index_of(constants, east, line) + 1]
+        for i in particles.members[first:end]:
+            if abs(before[i, 0] - x) > wide or abs(before[i, 1] - y) > high:
+                continue
+            place = (before[i, 0], before[i, 1], after[i, 0], after[i, 1])
+            sees = False
+            for m in range(len(places.multipliers)):
+                miss = missed(eye, path, looked, passing.step_s, place, places.multipliers[m])
+                seen.missed[m, count] = miss
+                sees = sees or miss < 1.0
+            if sees:
+                seen.numbers[count] = i
+                count += 1
     return count
 
 
 @part
-def learn_path(constants, places, row, weights, persons, passing, n, seen):
+def learn_path(constants, places, row, mass, persons, passing, n, seen):
     """Update the weights with the path of drone n and what it found."""
     count = list_passed(constants, places, row, passing, n, seen)
-    numbers = persons.numbers
+    numbers, weights = persons.numbers, mass.layers
     for m in range(len(weights)):
         here = 0.0
         for q in range(count):
@@ -160,24 +172,24 @@ def learn_path(constants, places, row, weights, persons, passing, n, seen):
 
 
 @kernel
-def learn_paths(constants, places, row, weights, persons, passing, seen):
+def learn_paths(constants, places, row, mass, persons, passing, seen):
     """Update the weights with the paths of a step; return the new POS.
 
     Args:
         constants: (1,) of `constants.CONSTANTS`.
         places: The particles.
         row: Step of the sea.
-        weights: (C, M) float64, in and out.
+        mass: The belief, in and out.
         persons: As in `search_outcomes`, in and out.
         passing: The paths.
         seen: Scratch.
     """
-    open_classes(persons)
+    open_classes(persons, mass.totals)
     for turn in range(2):
         for n in range(len(passing.paths)):
             if passing.flown[n] and passing.found[n] == (turn == 1):
-                learn_path(constants[0], places, row, weights, persons, passing, n, seen)
-    close_weights(weights, persons, places.particles.prior)
+                learn_path(constants[0], places, row, mass, persons, passing, n, seen)
+    settle_weights(mass, persons, places.particles.prior)
     return mean_found(persons)
 
 
@@ -185,11 +197,13 @@ class PassingTables(NamedTuple):
     """Tables computed once for all missions of a scenario.
 
     Attributes:
+        start: The belief at a mission's first observation.
         places: The particles.
         class_of: (n,) int64, see `search_outcomes`.
         first_step: Steps of the sea before a mission's first observation.
     """
 
+    start: Mass
     places: Places
     class_of: NDArray[np.int64]
     first_step: int
@@ -208,13 +222,11 @@ def follow_paths(followed, tables, beliefs, scratch, seen, first, last):
         first: Number of the first world.
         last: Number of the last world, plus one.
     """
-    constants, prior = followed.batch.constants, tables.places.particles.prior
+    constants = followed.batch.constants
     flight, crew = followed.batch.task.flight, followed.batch.crew
     for b in range(first, last):
-        weights = beliefs.beliefs[b]
-        persons = persons_of(beliefs, tables.class_of, scratch, b)
         if constants[0].auto_reset and followed.done[b]:
-            restart(weights, persons, prior, beliefs, b)
+            restart(beliefs, tables.start, b)
             continue
         t = followed.batch.worlds[b].t - 1
         if not acts_at(constants[0], t):
@@ -226,7 +238,8 @@ def follow_paths(followed, tables, beliefs, scratch, seen, first, last):
             flight.eyes, crew.kinds, flight.paths[b], flight.looked[b], flight.wind.step_s,
             followed.live[b], seen.found,
         )  # fmt: skip
-        beliefs.pos[b] = learn_paths(constants, tables.places, row, weights, persons, passing, seen)
+        mass, persons = mass_of(beliefs.masses, b), persons_of(beliefs, tables.class_of, scratch, b)
+        beliefs.pos[b] = learn_paths(constants, tables.places, row, mass, persons, passing, seen)
 
 
 def moved_of(positions: NDArray[np.float32]) -> NDArray[np.float64]:

@@ -31,7 +31,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from dsse_ros.belief.belief_kernels import NOTHING_LEFT, index_of, total_of
+from dsse_ros.belief.belief_kernels import index_of
 from dsse_ros.compiled.jit import kernel, part
 from dsse_ros.targets.sea_map import is_inside
 
@@ -185,30 +185,27 @@ def update_missing(one_find, persons, found, total):
 
 
 @kernel
-def weigh_classes(class_of, missing, weights):
-    """Write the ratio of each class's share of the missing to its share of all persons, (C,)."""
+def weigh_classes(class_of, missing, totals, weights):
+    """Write the factors, (C,), that make a belief that of the missing persons, with the sum 1.
+
+    `totals` are those of the `Mass`. A class counts by its share of the missing persons.
+    """
     count = 0.0
     for p in range(len(missing)):
         count += missing[p]
-    weights[:] = 1.0
-    if len(weights) == 1 or count <= SURE:
-        return
+    weights[:] = 0.0
+    for p in range(len(missing)):
+        share = missing[p] / count if count > SURE else 1.0 / len(missing)
+        weights[class_of[p]] += share
     for m in range(len(weights)):
-        persons, here = 0, 0.0
-        for p in range(len(missing)):
-            if class_of[p] == m:
-                persons += 1
-                here += missing[p]
-        weights[m] = here / count * len(missing) / persons
+        weights[m] = weights[m] / totals[m] if totals[m] > 0.0 else 0.0
 
 
 @part
-def open_classes(persons):
-    """Write the sum of each class of a belief: its share of all persons."""
-    class_of, numbers = persons.class_of, persons.numbers
-    numbers[TOTAL, :] = 0.0
-    for p in range(len(class_of)):
-        numbers[TOTAL, class_of[p]] += 1.0 / len(class_of)
+def open_classes(persons, totals):
+    """Write the sum of each class of a belief."""
+    for m in range(len(totals)):
+        persons.numbers[TOTAL, m] = totals[m]
 
 
 @part
@@ -236,15 +233,15 @@ def conclude(constants, pods, persons, found):
 
 
 @part
-def learn_outcome(constants, belief, apart, persons, looks, q):
+def learn_outcome(constants, mass, apart, persons, looks, q):
     """Update the belief about several persons with the outcome of look q.
 
-    Call it for all looks of a step between `open_classes` and `close_classes`. A look off the grid
-    has no effect.
+    Call it for all looks of a step between `open_classes` and `settle`. A look off the grid has no
+    effect.
 
     Args:
         constants: As in the module.
-        belief: (C K, S S) float64.
+        mass: The belief.
         apart: (K,) of `belief_kernels.Steps`.
         persons: As in the module.
         looks: A `look_kernels.LooksDone`.
@@ -253,49 +250,25 @@ def learn_outcome(constants, belief, apart, persons, looks, q):
     x, y, pods = looks.seen[q, 0], looks.seen[q, 1], looks.pods[looks.rows[q]]
     if not is_inside(constants.grid_size, x, y):
         return
-    numbers = persons.numbers
-    i, drifts = index_of(constants, x, y), len(belief) // len(pods)
+    numbers, layers = persons.numbers, mass.layers
+    i, drifts = index_of(constants, x, y), len(apart)
     for m in range(len(pods)):
         alone = mixed = 0.0
         for k in range(drifts):
             if apart[k]:
-                alone += belief[m * drifts + k, i]
+                alone += layers[m * drifts + k, i]
             else:
-                mixed += belief[m * drifts + k, i]
+                mixed += layers[m * drifts + k, i]
         scale = 1.0 / numbers[TOTAL, m] if numbers[TOTAL, m] > 0.0 else 0.0
         numbers[APART, m], numbers[MIXED, m] = alone * scale, mixed * scale
     if not conclude(constants, pods, persons, q >= looks.failed):
         return
     for m in range(len(pods)):
-        alone, mixed = numbers[LEFT_APART, m], numbers[LEFT_MIXED, m]
+        alone, mixed, left = numbers[LEFT_APART, m], numbers[LEFT_MIXED, m], 0.0
         for k in range(drifts):
-            belief[m * drifts + k, i] *= alone if apart[k] else mixed
-
-
-@part
-def close_classes(belief, persons, chances):
-    """Scale each class of a belief to its share of all persons.
-
-    If no probability is left of a class, because its persons cannot be anywhere by the rules, the
-    class restarts from the present map.
-    """
-    numbers, classes = persons.numbers, persons.numbers.shape[1]
-    drifts = len(belief) // classes
-    open_classes(persons)
-    for m in range(classes):
-        share, total = numbers[TOTAL, m], 0.0
-        rows = belief[m * drifts : (m + 1) * drifts]
-        for k in range(drifts):
-            total += total_of(rows[k])
-        if total < NOTHING_LEFT * share:
-            for k in range(drifts):
-                for i in range(len(chances)):
-                    rows[k, i] = chances[i]
-            total = drifts * total_of(chances)
-        scale = share / total
-        for k in range(drifts):
-            for i in range(len(chances)):
-                rows[k, i] *= scale
+            layers[m * drifts + k, i] *= alone if apart[k] else mixed
+            left += layers[m * drifts + k, i]
+        mass.cells[m, i] = left
 
 
 @part

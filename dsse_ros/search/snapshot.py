@@ -22,7 +22,7 @@ from dsse_ros.scenario.array_files import array_header
 from dsse_ros.whole_files import write_whole
 
 MAGIC = b"dsse_ros snapshot"
-VERSION = 3
+VERSION = 4
 _LONGEST_HEAD = 200
 """Upper bound for the bytes of the first line."""
 

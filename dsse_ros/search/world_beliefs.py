@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from dsse_ros.belief.belief_kernels import Mass
 from dsse_ros.belief.ensemble_belief import EnsembleBelief
 from dsse_ros.belief.follow_kernels import Beliefs
 from dsse_ros.belief.followers import DRIFT_SAMPLES, EnsembleFollower, Follower, follower_of
@@ -21,8 +22,6 @@ from dsse_ros.search.world import World
 __all__ = ["DRIFT_SAMPLES", "WorldBeliefs"]
 
 _OF_PERSONS = ("pos", "missing", "unfound")
-_KEPT = ("density", *_OF_PERSONS)
-"""Arrays in a snapshot."""
 
 
 class WorldBeliefs:
@@ -37,8 +36,7 @@ class WorldBeliefs:
         pos: (B,) float64, cumulative probability of success of the searches of each mission.
         missing: (B, n) float64, see `belief.Belief`.
         unfound: (B, n) float64, see `belief.Belief`.
-        density: (B, C K, S S) float64, see `belief_kernels`; if persons follow an ensemble,
-            (B, C, M), see `particle_kernels`.
+        masses: Where the persons of each world are; the arrays of a `Mass` with a first axis of B.
 
     Raises:
         FieldError: If the task is coverage, or if a forecast shared by a batch of worlds would be
@@ -80,11 +78,17 @@ class WorldBeliefs:
         scenario = self._placed()
         if scenario != self._scenario:
             self._follower = follower_of(scenario, self._world.rules, self._world.num_worlds)
-            self._scenario, self._start = scenario, self._follower.start
+            self._scenario = scenario
             self._pods = np.ascontiguousarray(self._world.looks.pods[:, self._follower.examples])
-            self.density = np.empty((self._world.num_worlds, *self._start.shape))
+            self.masses = Mass(
+                *(
+                    np.empty((self._world.num_worlds, *array.shape), array.dtype)
+                    for array in self._follower.start
+                )
+            )
         worlds = slice(None) if which is None else which
-        self.density[worlds] = self._start
+        for array, start in zip(self.masses, self._follower.start, strict=True):
+            array[worlds] = start
         self.missing[worlds] = self.unfound[worlds] = 1.0
         self.pos[worlds] = 0.0
 
@@ -124,7 +128,7 @@ class WorldBeliefs:
         return Followed(world.batch, actions, self._live, self._done)
 
     def _beliefs(self) -> Beliefs:
-        return Beliefs(self.density, self.missing, self.unfound, self.pos)
+        return Beliefs(self.masses, self.missing, self.unfound, self.pos)
 
     def write(
         self, maps: NDArray[np.float32] | None = None, first: int = 0, last: int | None = None
@@ -150,11 +154,18 @@ class WorldBeliefs:
         if not isinstance(self._follower, EnsembleFollower):
             return None
         step = int(self._world.worlds["t"][world])
-        return self._follower.belief(step, self.density[world], self.missing[world])
+        mass = Mass(*(array[world] for array in self.masses))
+        return self._follower.belief(step, mass, self.missing[world])
+
+    def _arrays(self) -> dict[str, NDArray[Any]]:
+        """Return the state by the names that it has in a snapshot."""
+        of_persons = {name: getattr(self, name) for name in _OF_PERSONS}
+        arrays = {**self.masses._asdict(), **of_persons}
+        return {f"belief_{name}": array for name, array in arrays.items()}
 
     def arrays(self) -> dict[str, NDArray[Any]]:
         """Return the state, to add to the world's state in a snapshot."""
-        return {f"belief_{name}": getattr(self, name).copy() for name in _KEPT}
+        return {name: array.copy() for name, array in self._arrays().items()}
 
     def check(self, snapshot: Snapshot) -> None:
         """Raise unless a snapshot has beliefs.
@@ -162,7 +173,7 @@ class WorldBeliefs:
         Raises:
             SnapshotError: If it has none.
         """
-        if "belief_density" not in snapshot.arrays:
+        if "belief_layers" not in snapshot.arrays:
             raise SnapshotError("the snapshot is of a search without a belief")
         snapshot.check({}, {f"belief_{name}": getattr(self, name) for name in _OF_PERSONS})
 
@@ -173,6 +184,7 @@ class WorldBeliefs:
             SnapshotError: If the beliefs do not fit the world.
         """
         self.reset()
-        snapshot.check({}, {"belief_density": self.density})
-        for name in _KEPT:
-            getattr(self, name)[:] = snapshot.arrays[f"belief_{name}"]
+        arrays = self._arrays()
+        snapshot.check({}, arrays)
+        for name, array in arrays.items():
+            array[:] = snapshot.arrays[name]

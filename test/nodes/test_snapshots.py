@@ -84,7 +84,7 @@ def test_the_snapshot_of_a_world_alone_is_refused() -> None:
         ("commands", {"goals": [], "last": [[0, 9]]}),
         ("commands", {"goals": [[0, [12, 0]]], "last": []}), ("history", np.zeros((1, 2))),
         ("result_actions", np.array([0, 99], np.int8)), ("result_held", np.zeros(3, bool)),
-        ("belief_density", np.zeros(3)),
+        ("belief_layers", np.zeros(3)),
     ],
 )  # fmt: skip
 def test_a_snapshot_of_no_mission_that_can_be_is_refused_and_nothing_changes(
@@ -96,7 +96,7 @@ def test_a_snapshot_of_no_mission_that_can_be_is_refused_and_nothing_changes(
     (snapshot.extra if part in snapshot.extra else snapshot.arrays)[part] = value
     twin = Mission(parallel_env(**FIELDS), seed=9)
     before, other = twin.advance("search"), Mission(parallel_env(**FIELDS), seed=9)
-    with pytest.raises(SnapshotError, match="" if part == "belief_density" else part):
+    with pytest.raises(SnapshotError, match="" if part == "belief_layers" else part):
         twin.restore(snapshot)
     assert results_equal(twin.result, before)
     other.advance("search")

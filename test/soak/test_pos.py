@@ -7,6 +7,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from promises import keep
 
@@ -39,8 +40,9 @@ class _NoScatter(WorldBeliefs):
 
     def reset(self, *args: Any) -> None:
         super().reset(*args)
-        drifts = self.density.shape[1] // 2
-        self.density[:, drifts:] = self.density[:, :drifts]
+        for of_classes in self.masses:
+            first, second = np.split(of_classes, 2, axis=1)
+            second[:] = first
 
 
 class _FindsForgotten(WorldBeliefs):
