@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from benchmarks.processes import BenchmarkError
 from benchmarks.workload import random_walks
-from dsse_ros.belief import belief_kernels
+from dsse_ros.belief import belief_kernels, layer_kernels
 from dsse_ros.belief.belief import Forecast
 from dsse_ros.scenario.actions import ACTION_VECTORS
 from dsse_ros.scenario.scenario import scenario_and_rules
@@ -183,9 +183,9 @@ class _Search:
         after, cells = np.eye(side * side), np.eye(side * side)
         spans, totals = np.full((side * side, 2), (side, side * side - side)), np.ones(side * side)
         mass = belief_kernels.Mass(after, spans, cells, totals)
-        scratch = np.empty(side * side + belief_kernels.ROW)
+        scratch = np.empty(2 * side * side + belief_kernels.ROW)
         of_slot = forecast.steps.at(slot)._replace(directions=np.array([direction]))
-        belief_kernels.predict(forecast.constants, forecast.sea, mass, of_slot, scratch)
+        layer_kernels.predict(forecast.constants, forecast.sea, mass, of_slot, scratch)
         table = np.zeros((STEPS, side * side))
         for step in range(STEPS):
             offset = (step // 3 - 1) * side + step % 3 - 1

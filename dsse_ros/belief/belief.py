@@ -18,7 +18,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from dsse_ros.belief import belief_kernels, follow_kernels, future_kernels
+from dsse_ros.belief import belief_kernels, follow_kernels, future_kernels, layer_kernels
 from dsse_ros.belief.base import BeliefBase, ForecastBase
 from dsse_ros.belief.belief_kernels import MARGIN, Mass, Steps
 from dsse_ros.belief.look_kernels import LooksDone
@@ -156,7 +156,7 @@ class Belief(BeliefBase):
     def __init__(self, forecast: Forecast) -> None:
         self.forecast = forecast
         cells = forecast.side**2
-        self._scratch = np.zeros(cells + belief_kernels.ROW)
+        self._scratch = np.zeros(2 * cells + belief_kernels.ROW)
         scenario = forecast.scenario
         scattered = np.zeros(scenario.person_amount, np.bool_)
         scattered[1:] = forecast.rules.person_scatter > 0
@@ -207,7 +207,7 @@ class Belief(BeliefBase):
         """Advance the sea by one step, after the update with this step's searches."""
         forecast = self.forecast
         slot = forecast.look(self.step + forecast.first_step)
-        belief_kernels.predict(
+        layer_kernels.predict(
             forecast.constants, forecast.sea, self.mass, forecast.steps.at(slot), self._scratch
         )
         self.step += 1
@@ -278,7 +278,7 @@ class Belief(BeliefBase):
         layers = []
         for h, slot in enumerate(self._slots(horizon)):
             step = forecast.steps.at(slot)
-            belief_kernels.predict(forecast.constants, forecast.sea, left, step, self._scratch)
+            layer_kernels.predict(forecast.constants, forecast.sea, left, step, self._scratch)
             density[density <= belief_kernels.NEGLIGIBLE] = 0.0
             before, starts[h + 1, 0] = rows, starts[h, -1]
             numbers, rows = future_kernels.number_states(density, starts[h + 1])

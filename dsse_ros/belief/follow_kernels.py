@@ -19,11 +19,11 @@ from dsse_ros.belief.belief_kernels import (
     detectable,
     index_of,
     mass_of,
-    predict,
     search,
     settle,
     step_at,
 )
+from dsse_ros.belief.layer_kernels import predict
 from dsse_ros.belief.look_kernels import LooksDone, list_looks
 from dsse_ros.belief.search_outcomes import (
     Persons,
@@ -128,7 +128,7 @@ class Scratch(NamedTuple):
         hazard: (n,) float64.
         seen: (Q, 2) int64, see `list_looks`, with room for all looks of a step.
         rows: (Q,) int64, of the same length.
-        motion: (S S + `ROW`,) float64, see `predict`; (0,) with an ensemble.
+        motion: Of `predict`; (0,) with an ensemble.
     """
 
     numbers: NDArray[np.float64]

@@ -163,7 +163,7 @@ class MotionFollower:
         tables = Tables(
             self.start, pods, self.class_of, forecast.sea, forecast.steps, forecast.first_step
         )
-        scratch = _scratch(self, followed, self.start.layers.shape[1] + belief_kernels.ROW)
+        scratch = _scratch(self, followed, 2 * self.start.layers.shape[1] + belief_kernels.ROW)
         self._follow(followed, tables, beliefs, scratch, first, last)
         self._forecasts.append(forecast)
 

@@ -7,7 +7,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from dsse_ros.belief.belief_kernels import MARGIN, ROW, look_up, offset_of, predict, search, step_at
+from dsse_ros.belief.belief_kernels import MARGIN, ROW, look_up, offset_of, search, step_at
+from dsse_ros.belief.layer_kernels import predict
 from dsse_ros.compiled.jit import compiled
 from dsse_ros.targets.motion import NO_STEP, STAND_STILL, STEPS
 
@@ -112,7 +113,7 @@ def expect(constants, sea, mass, steps, slots, looks, gamma, scratch):
         slots: (H,) int64, indices of the steps in the forecast.
         looks: A `LooksToCome` with PODs (Q, C) by detection class.
         gamma: Discount per step.
-        scratch: Of `belief_kernels.predict`.
+        scratch: Of `layer_kernels.predict`.
     """
     side = constants[0].grid_size + 2 * MARGIN
     worth, value, q = 1.0, 0.0, 0
