@@ -71,9 +71,9 @@ def weigh_but_negligible(layer, negligible, known, added, drifted):
 
 
 @part
-def complete_table(constants, sea, step, layer, negligible, low, high, row):
-    """Complete the table of a step for the cells low..high - 1 but the negligible ones."""
-    for i in range(low, high):
+def complete_table(constants, sea, step, layer, negligible, span, row):
+    """Complete the table of a step for the cells of a layer but the negligible ones."""
+    for i in range(span[0], span[1]):
         if layer[i] > negligible:
             complete(constants, sea, step, i, row)
 
@@ -147,14 +147,13 @@ def add_windows(out, sums, chances, above, here, below, drifted):
 
 
 @part
-def draw_together(chances, drifted, rows, layer, cells, low, high, side, offset):
+def draw_together(chances, scratch, layer, cells, low, high, side, offset):
     """Write the probability that steps to the window and the drift bring to cells low..high - 1.
 
     Args:
         chances: Of `Steps`.
-        drifted: (S S,), what drifts from each cell. What steps to a neighbour is this times the
-            neighbour's probability, over `DRIFT_WEIGHT`.
-        rows: (S S,) scratch.
+        scratch: Of `predict`; it begins with what drifts from each cell. What steps to a neighbour
+            is this times the neighbour's probability, over `DRIFT_WEIGHT`.
         layer: The cells, out.
         cells: Their sums, in and out.
         low: The first cell.
@@ -162,6 +161,7 @@ def draw_together(chances, drifted, rows, layer, cells, low, high, side, offset)
         side: S.
         offset: What the drift's step adds to a column.
     """
+    drifted, rows = scratch[: len(layer)], scratch[len(layer) :]
     a, b = low - side, high + side
     add_three(rows[a:b], drifted[a - 1 : b - 1], drifted[a:b], drifted[a + 1 : b + 1])
     add_windows(
@@ -189,38 +189,28 @@ def keep_within(constants, area, span, drifted, direction, layer, cells):
 
 
 @part
-def move_layer(constants, sea, layer, span, cells, negligible, step, direction, scratch):
-    """Advance a layer by the persons' step.
-
-    Args:
-        constants: The constants.
-        sea: Of the scenario.
-        layer: The layer, in and out.
-        span: Of the layer, in and out.
-        cells: Of its class, in and out.
-        negligible: Probability up to which a cell counts as empty.
-        step: One of `Steps`; its table is completed.
-        direction: The step accumulated by the drift.
-        scratch: Of `predict`.
-    """
-    side, count, table = constants.grid_size + 2 * MARGIN, len(layer), step.tables
-    before, rows, row = scratch[:count], scratch[count : 2 * count], scratch[2 * count :]
+def move_layer(constants, sea, mass, k, step, scratch):
+    """Advance layer k of a belief by the persons' step, see `predict`."""
+    drifts, side, table = len(step.directions), constants.grid_size + 2 * MARGIN, step.tables
+    layer, span, cells = mass.layers[k], mass.spans[k], mass.cells[k // drifts]
+    direction, negligible = step.directions[k % drifts], NEGLIGIBLE * mass.totals[k // drifts]
+    count = len(layer)
+    before, row = scratch[:count], scratch[2 * count :]
     shrink(side, layer, span, cells, negligible)
     # The outermost cells are always empty.
     first, last = max(span[0] - side, side), min(span[1] + side, count - side)
     low, high = first - side, last + side
     here, known, out = layer[low:high], table[0, low:high], before[low:high]
     if constants.own_drift:
-        added = table[STEPS, low:high]
+        added, offset = table[STEPS, low:high], offset_of(constants, direction)
         if weigh_but_negligible(here, negligible, known, added, out) > 0:
-            complete_table(constants, sea, step, layer, negligible, low, high, row)
+            complete_table(constants, sea, step, layer, negligible, span, row)
             weigh_but_negligible(here, negligible, known, added, out)
-        offset = offset_of(constants, direction)
-        draw_together(step.chances, before, rows, layer, cells, first + 1, last - 1, side, offset)
+        draw_together(step.chances, scratch, layer, cells, first + 1, last - 1, side, offset)
         keep_within(constants, sea.area, span, before, direction, layer, cells)
     else:
         if copy_but_negligible(here, negligible, known, out) > 0:
-            complete_table(constants, sea, step, layer, negligible, low, high, row)
+            complete_table(constants, sea, step, layer, negligible, span, row)
         gather(before, table, layer, cells, first + 1, last - 1, side)
     span[0], span[1] = first, last
 
@@ -236,11 +226,7 @@ def predict(constants, sea, mass, step, scratch):
         step: One of `Steps`; its table is completed.
         scratch: (2 S S + `ROW`,) float64.
     """
-    drifts = len(step.directions)
     for k in range(len(mass.layers)):
-        direction, m = step.directions[k % drifts], k // drifts
+        direction = step.directions[k % len(step.directions)]
         if direction != STAND_STILL and mass.spans[k, 0] < mass.spans[k, 1]:
-            move_layer(
-                constants[0], sea, mass.layers[k], mass.spans[k], mass.cells[m],
-                NEGLIGIBLE * mass.totals[m], step, direction, scratch,
-            )  # fmt: skip
+            move_layer(constants[0], sea, mass, k, step, scratch)
