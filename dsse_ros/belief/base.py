@@ -115,15 +115,35 @@ class BeliefBase:
         """Return the mean of these PODs, (n,) by person, over the persons who are missing."""
         return float(self.missing @ pods / self.missing.sum())
 
-    def _weigh(self) -> NDArray[np.float64]:
-        """Return the factors, (C,), that make the mass that of the missing persons."""
+    @abstractmethod
+    def _sum_up(self) -> None:
+        """Compute the rest of the mass from its layers."""
+
+    def _weights(self, present: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the factors, (C,), that make the mass that of persons who are `present`, (n,)."""
         weights = np.empty(len(self.examples))
-        search_outcomes.weigh_classes(self.class_of, self.missing, self.mass.totals, weights)
+        search_outcomes.weigh_classes(self.class_of, present, self.mass.totals, weights)
         return weights
 
+    def _scaled(self, present: NDArray[np.float64]) -> NDArray[np.float64]:
+        return self.mass.layers * np.repeat(self._weights(present), self._drifts)[:, None]
+
+    @property
+    def density(self) -> NDArray[np.float64]:
+        """The layers, (C K, ...) float64, with the sum 1: each class with its share of all persons.
+
+        It is a copy; what is assigned to it replaces the layers.
+        """
+        return self._scaled(np.ones_like(self.missing))
+
+    @density.setter
+    def density(self, density: NDArray[np.float64]) -> None:
+        self.mass.layers[:] = density
+        self._sum_up()
+
     def of_missing(self) -> NDArray[np.float64]:
-        """Return the layers of the persons who are missing; they sum to 1."""
-        return self.mass.layers * np.repeat(self._weigh(), self._drifts)[:, None]
+        """Return the density of the persons who are missing; it sums to 1."""
+        return self._scaled(self.missing)
 
     def update(self, looks: Sequence[Looked]) -> None:
         """Update with looks that found nobody.

@@ -170,6 +170,15 @@ class Belief(BeliefBase):
             np.empty((classes, cells)), np.empty(classes),
         )  # fmt: skip
 
+    def _sum_up(self) -> None:
+        layers, spans, cells, totals = self.mass
+        side = self.forecast.side
+        cells[:] = layers.reshape(len(cells), self._drifts, -1).sum(axis=1)
+        totals[:] = cells.sum(axis=1)
+        rows = layers.reshape(-1, side, side).max(axis=2) > 0.0
+        spans[:, 0] = rows.argmax(axis=1) * side
+        spans[:, 1] = (side - rows[:, ::-1].argmax(axis=1)) * side
+
     def reset(self) -> None:
         """Start a new mission with the prior of the rules at its first observation."""
         super().reset()
@@ -183,8 +192,7 @@ class Belief(BeliefBase):
         scenario, rules = self.forecast.scenario, self.forecast.rules
         g, reach, area = scenario.grid_size, rules.person_scatter, self.forecast.area
         x0, y0 = scenario.person_initial_position
-        layers, spans, cells, totals = self.mass
-        layers[:] = cells[:] = totals[:] = 0.0
+        density = np.zeros_like(self.mass.layers)
         around = [
             (x, y)
             for y in range(max(y0 - reach, 0), min(y0 + reach, g - 1) + 1)
@@ -193,15 +201,12 @@ class Belief(BeliefBase):
         ] or [(x0, y0)]
         persons = scenario.person_amount
         for person, of_class in enumerate(self.class_of.tolist()):
-            of_rows = slice(of_class * self._drifts, (of_class + 1) * self._drifts)
-            places = around if person else [(x0, y0)]
-            for place in places:
-                column, share = self.forecast.column(place), 1.0 / (persons * len(places))
-                layers[of_rows, column] += share / self._drifts
-                cells[of_class, column] += share
-                totals[of_class] += share
-        rows = np.array([y for _, y in (*around, (x0, y0))]) + MARGIN
-        spans[:] = np.array([rows.min(), rows.max() + 1]) * self.forecast.side
+            rows = slice(of_class * self._drifts, (of_class + 1) * self._drifts)
+            cells = around if person else [(x0, y0)]
+            for cell in cells:
+                column = self.forecast.column(cell)
+                density[rows, column] += 1.0 / (persons * self._drifts * len(cells))
+        self.density = density
 
     def advance(self) -> None:
         """Advance the sea by one step, after the update with this step's searches."""
@@ -236,7 +241,7 @@ class Belief(BeliefBase):
         offset, *offsets = rng.random(horizon + 1)
         rows = np.empty(count, np.int64)
         cells = np.empty((horizon + 1, count), np.int64)
-        future_kernels.sample(self.mass, self._weigh(), count, offset, rows, cells[0])
+        future_kernels.sample(self.mass, self._weights(self.missing), count, offset, rows, cells[0])
         future_kernels.roll(
             forecast.constants, forecast.sea, forecast.steps, slots, np.array(offsets), rows, cells
         )
@@ -260,7 +265,7 @@ class Belief(BeliefBase):
 
     def _mass_of_missing(self) -> Mass:
         """Return a copy of the mass for the persons who are missing; it sums to 1."""
-        weights, (_, spans, cells, totals) = self._weigh(), self.mass
+        weights, (_, spans, cells, totals) = self._weights(self.missing), self.mass
         return Mass(self.of_missing(), spans.copy(), cells * weights[:, None], totals * weights)
 
     def chain(self, horizon: int) -> TargetChain:

@@ -177,12 +177,14 @@ class EnsembleBelief(BeliefBase):
         weights = np.empty((classes, len(self.forecast.weights)))
         return Mass(weights, np.empty((0, 2), np.int64), np.empty((0, 0)), np.empty(classes))
 
+    def _sum_up(self) -> None:
+        self.mass.totals[:] = self.mass.layers.sum(axis=1)
+
     def reset(self) -> None:
         """Start a new mission with the weights of the ensemble."""
         super().reset()
         shares = np.bincount(self.class_of) / len(self.class_of)
-        self.mass.layers[:] = shares[:, None] * self.forecast.weights
-        self.mass.totals[:] = shares
+        self.density = shares[:, None] * self.forecast.weights
 
     def update_in_passing(self, flights: PathsFlown) -> None:
         """Update with the paths of a step, in metres, before `advance`."""

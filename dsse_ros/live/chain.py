@@ -48,7 +48,7 @@ class Chain:
     ) -> None:
         self._steps, self._effects = steps, effects
         belief = start()
-        self._most = max(min(MOST_KEPT, KEPT_BYTES // max(belief.density.nbytes, 1)), 2)
+        self._most = max(min(MOST_KEPT, KEPT_BYTES // max(belief.mass.layers.nbytes, 1)), 2)
         self._stride = 1
         # Beliefs after a number of steps, before what was reported for then; 0 is always there.
         self._kept = {0: belief}

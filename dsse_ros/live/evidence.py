@@ -175,7 +175,7 @@ class Evidence:
         for contact, one in sorted(by_contact.items()):
             sure = CONFIDENCE if math.isnan(one.confidence) else one.confidence
             real = self._real({contact: one}, np.full(1, sure * self._area_m2))
-            false = np.full(belief.density.shape[-1], 1.0 - sure)
+            false = np.full(belief.mass.layers.shape[-1], 1.0 - sure)
             self._learn(belief, look, false, real)
 
     def _real(
@@ -211,7 +211,7 @@ class Evidence:
             return 0.0
         if not self.places.are_particles:
             return 1.0 - float(shares[max(shares)])
-        false = np.ones(belief.density.shape[-1])
+        false = np.ones(belief.mass.layers.shape[-1])
         for look in sorted(shares):
             false *= shares[look]
         return min(max(float(1.0 - (belief.density.sum(axis=0) * false).sum()), 0.0), 1.0)

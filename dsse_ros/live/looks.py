@@ -103,15 +103,16 @@ class Sensors:
             look: Number of the step, and of the drone.
         """
         even.step = look[0]
-        even.density[:] = 1.0 / even.density.size
+        places = even.mass.layers
+        even.density = np.full_like(places, 1.0 / places.size)
         chosen = np.zeros(self.count, np.bool_)
         chosen[look[1]] = True
         self.apply(even, done.of(chosen))
         # The update scaled the places up by the probability that they were left with.
         left = max(1.0 - even.pos, 0.0)
         if left < NOTHING_LEFT:
-            return np.zeros(even.density.shape)
-        return np.asarray(np.minimum(even.density * (left * even.density.size), 1.0))
+            return np.zeros(places.shape)
+        return np.asarray(np.minimum(even.density * (left * places.size), 1.0))
 
     def area_m2(self, done: StepLooks, drone: int) -> float:
         """Return the area in which the looks of a drone in a step raise false alarms."""
@@ -134,7 +135,8 @@ def weigh(belief: AnyBelief, factors: NDArray[np.float64], *, searched: bool) ->
         factors: One by place, or by class and place; of a search its 1 - POD.
         searched: Whether a search was made, which counts in the POS.
     """
-    rows = belief.density.reshape(len(belief.examples), -1, belief.density.shape[-1])
+    density = belief.density
+    rows = density.reshape(len(belief.examples), -1, density.shape[-1])
     totals = rows.sum(axis=(1, 2))
     weighed = rows * factors
     after = weighed.sum(axis=(1, 2))
@@ -146,3 +148,4 @@ def weigh(belief: AnyBelief, factors: NDArray[np.float64], *, searched: bool) ->
     kept = after >= NOTHING_LEFT * totals
     scale = np.where(kept, totals / np.where(kept, after, 1.0), 1.0)
     rows[:] = np.where(kept[:, None, None], weighed * scale[:, None, None], rows)
+    belief.density = density

@@ -70,7 +70,7 @@ def test_a_belief_of_one_person_is_bayes_rule_on_the_particles(
             # It starts again.
             left = forecast.weights.copy()
         weights = left / left.sum()
-        assert belief.of_missing()[0] == pytest.approx(weights, abs=1e-12)
+        assert belief.density[0] == pytest.approx(weights, abs=1e-12)
         assert belief.pos == pytest.approx(1.0 - missed, abs=1e-12)
         assert belief.poc().sum() + belief.outside == pytest.approx(1.0)
         belief.advance()
@@ -94,7 +94,8 @@ def test_shares_of_several_persons_stay_probabilities(
             else:
                 belief.update([look])
             assert belief.pos >= before - 1e-12
-        assert (belief.of_missing() >= 0.0).all()
+        assert (belief.density >= 0.0).all()
+        assert belief.density.sum() == pytest.approx(1.0)
         assert belief.of_missing().sum() == pytest.approx(1.0)
         assert ((belief.missing >= 0.0) & (belief.missing <= 1.0)).all()
         assert belief.poc().sum() + belief.outside == pytest.approx(1.0)

@@ -31,7 +31,7 @@ def belief_of(name: str) -> Belief:
     belief = Belief(Forecast(scenario, profile(rules), horizon=HORIZON, drift_samples=8))
     for _ in range(5):
         belief.advance()
-    search_in_vain(belief, [belief.forecast.cell(int(belief.of_missing()[0].argmax()))])
+    search_in_vain(belief, [belief.forecast.cell(int(belief.density[0].argmax()))])
     return belief
 
 
@@ -49,23 +49,23 @@ def test_futures_begin_as_the_belief_does(name: str) -> None:
     assert set(np.unique(futures.persons)) <= set(belief.examples)
     later = belief.copy()
     for cells in futures.cells[:2]:
-        shares = np.bincount(cells, minlength=later.forecast.side**2) / COUNT
+        shares = np.bincount(cells, minlength=later.density.shape[1]) / COUNT
         assert np.abs(shares - later.of_missing().sum(axis=0)).max() < 0.002
         later.advance()
 
 
 def test_the_same_generator_draws_the_same_futures_and_leaves_the_belief_as_it_is() -> None:
     belief = belief_of("v2")
-    before = belief.of_missing()
+    before = belief.density.copy()
     drawn = [belief.futures(500, 3, np.random.default_rng(4)) for _ in range(2)]
     assert (drawn[0].cells == drawn[1].cells).all()
-    assert (belief.of_missing() == before).all()
+    assert (belief.density == before).all()
 
 
 @pytest.mark.parametrize("name", ["paper", "v1", "imperfect"])
 def test_expected_finds_are_the_rise_of_the_pos_once_the_searches_are_done(name: str) -> None:
     belief = belief_of(name)
-    cell = belief.forecast.cell(int(belief.of_missing().sum(axis=0).argmax()))
+    cell = belief.forecast.cell(int(belief.density.sum(axis=0).argmax()))
     steps = [0, 0, 1, 1, *range(2, HORIZON)]
     expected = belief.expect(to_come(belief, steps, [cell] * len(steps)), HORIZON, 1.0)
     later, pos = belief.copy(), belief.pos
@@ -74,12 +74,12 @@ def test_expected_finds_are_the_rise_of_the_pos_once_the_searches_are_done(name:
         later.advance()
     finds = (later.pos - pos) / (1.0 - pos)
     assert expected.finds == pytest.approx(finds, abs=1e-12)
-    assert expected.left == pytest.approx((1.0 - finds) * later.of_missing().sum(axis=0), abs=1e-12)
+    assert expected.left == pytest.approx((1.0 - finds) * later.density.sum(axis=0), abs=1e-12)
 
 
 def test_a_find_counts_for_less_the_later_it_comes() -> None:
     belief = belief_of("paper")
-    cell = belief.forecast.cell(int(belief.of_missing().sum(axis=0).argmax()))
+    cell = belief.forecast.cell(int(belief.density.sum(axis=0).argmax()))
     now = belief.expect(to_come(belief, [0], [cell]), 1, 0.5).finds
     belief.advance()
     assert now > 0.0

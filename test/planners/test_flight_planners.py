@@ -75,7 +75,7 @@ def test_the_belief_is_that_of_the_paths_flown() -> None:
         for info in infos.values():
             info["step"] = step
         actions = planner(observations, infos)
-        assert planner.belief.of_missing() == pytest.approx(belief.of_missing())
+        assert planner.belief.density == pytest.approx(belief.density)
         observations, *_, infos = env.step(actions)
         paths = np.stack([info["path"] for info in infos.values()])
         belief.update_in_passing(
