@@ -6,19 +6,21 @@ from __future__ import annotations
 
 import logging
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dsse_ros.drift.coordinates import Place, place_of
+from dsse_ros.drift.curvilinear import curvilinear
 from dsse_ros.drift.flow import MAX_SPEED_MPS, NO_LOOKUP, Extent, Flow, Span
 from dsse_ros.drift.flow_times import Axis, Source, Times, part_of
 from dsse_ros.drift.gaps import fill_gaps
 from dsse_ros.drift.meshes import Mesh, mesh_of
-from dsse_ros.drift.native_grids import Lookup, Shifts, curvilinear, projected
-from dsse_ros.drift.netcdf import MAX_AT_ONCE, Unfit, filled
+from dsse_ros.drift.native_grids import HERE, Lookup, Shifts
+from dsse_ros.drift.netcdf import Unfit, filled
+from dsse_ros.drift.projections import projected
 from dsse_ros.drift.shore import Box
 from dsse_ros.drift.units import metres_per_second
 from dsse_ros.drift.velocity_pairs import Pair
@@ -29,6 +31,8 @@ MAX_VALUES = 20_000_000
 """Values of a variable that are read at most, 80 MB."""
 SAME_MERIDIAN_DEG = 1e-4
 """Longitudes that differ by less are one: files of the globe have their first meridian twice."""
+MAX_COMPARED = 1_000_000
+"""Values of a coordinate that are compared between files."""
 _LOGGER = logging.getLogger(__name__)
 
 
@@ -78,7 +82,7 @@ def flow_on_grid(sources: Sequence[Source], span: Span, gap_cells: int, name: st
             f"{' x '.join(map(str, shape))}"
         )
     needed = np.unique(times.files[when])
-    _check_one_grid([sources[0], *(sources[number] for number in needed)])
+    _check_one_grid([sources[number] for number in {0, *needed.tolist()}])
     east, north = np.empty((2, *shape), np.float32)
     for number in needed:
         part = times.files[when] == number
@@ -119,20 +123,23 @@ def _check_one_grid(sources: Sequence[Source]) -> None:
     Raises:
         Unfit: If they differ.
     """
-    first = None
-    for source in sources:
-        found = [
-            axis.values
-            for place in _places(*source)
-            for axis in place[:4]
-            if axis is not None and axis.size <= MAX_AT_ONCE
-        ]
-        if first is not None and not (
-            len(first) == len(found)
-            and all(np.array_equal(a, b, equal_nan=True) for a, b in zip(first, found, strict=True))
-        ):
+    first, *others = ([*_sampled(source)] for source in sources)
+    for other in others:
+        if len(first) != len(other) or not all(map(_are_equal, first, other)):
             raise Unfit("files must have one grid, got different places")
-        first = found
+
+
+def _sampled(source: Source) -> Iterator[NDArray[Any]]:
+    """Yield the coordinates of place of a file, of large ones only some."""
+    for place in _places(*source):
+        for axis in place[:4]:
+            if axis is not None:
+                step = math.ceil((axis.size / MAX_COMPARED) ** (1 / axis.ndim))
+                yield axis.isel({dim: slice(None, None, step) for dim in axis.dims}).values
+
+
+def _are_equal(one: NDArray[Any], other: NDArray[Any]) -> bool:
+    return np.array_equal(one, other, equal_nan=True)
 
 
 def _grid(dataset: Any, pair: Pair, box: Box, margin: int) -> _Grid:
@@ -166,10 +173,9 @@ def _grid(dataset: Any, pair: Pair, box: Box, margin: int) -> _Grid:
 def _of_mesh(mesh: Mesh) -> _Grid:
     indices = np.arange(len(mesh.lats_deg)), np.arange(len(mesh.lons_deg))
     lookup = Lookup(mesh.lats_deg, mesh.lons_deg, NO_LOOKUP, NO_LOOKUP)
-    here: Shifts = ((0, 0),)
     places = mesh.all_lats_deg, mesh.all_lons_deg
     # A mesh has no axes but east and north.
-    return _Grid(indices, (here, here), lookup, None, *places, mesh)
+    return _Grid(indices, (HERE, HERE), lookup, None, *places, mesh)
 
 
 def _on_mesh(
@@ -189,9 +195,8 @@ def _regular(place: Place, box: Box, margin: int) -> _Grid:
     rows = part_of("latitude", place.lat.dims[0], lats, south, north, margin)
     cols = _longitudes(place, lons, box, margin)
     indices = rows.indices, cols.indices
-    here: Shifts = ((0, 0),)
     lookup = Lookup(rows.values, cols.values, NO_LOOKUP, NO_LOOKUP)
-    return _Grid(indices, (here, here), lookup, None, lats, lons)
+    return _Grid(indices, (HERE, HERE), lookup, None, lats, lons)
 
 
 def _values(coordinate: Any) -> NDArray[np.float64]:

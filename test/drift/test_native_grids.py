@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from drifting import little_memory
 from forecasts import HOURS, SPAN, START, START_S, axis, by_flow, written, xarray
 from native_forecasts import (
     BERGEN,
@@ -29,6 +30,7 @@ from dsse_ros.drift.shore import Box
 from dsse_ros.drift.velocity_pairs import Choice
 from dsse_ros.scenario.incident import Incident
 
+netcdf = pytest.importorskip("netCDF4")
 # Most of them take longer than a fifth of a second.
 pytestmark = pytest.mark.slow
 
@@ -188,6 +190,40 @@ def test_a_flow_on_its_own_grid_survives_a_message(tmp_path: Path) -> None:
     assert again == incident and by_flow(again.current, PLACES[0]) == by_flow(
         incident.current, PLACES[0]
     )
+
+
+def test_of_a_large_curvilinear_grid_only_what_is_needed_takes_memory(tmp_path: Path) -> None:
+    """Its latitudes and longitudes are 144 MB of float64, without what is computed of them."""
+    read_forecast("current", written(of_roms(), tmp_path, "first.nc"), HERE)
+    side, step = 3000, 1e-3
+    file = tmp_path / "large.nc"
+    along = np.arange(side) - side / 2
+    with netcdf.Dataset(file, "w") as made:
+        for name, size in (("time", 2), ("y", side), ("x", side)):
+            made.createDimension(name, size)
+        made.createVariable("time", "f8", ("time",))[:] = [0.0, 6.0]
+        made["time"].units = f"hours since {START}"
+        chunks, packed = (50, side), {"zlib": True, "complevel": 1}
+        for name, (rows, cols), middle, units in (
+            ("nav_lat", (step, 2e-4), SOUTH, "degrees_north"),
+            ("nav_lon", (-4e-4, 2 * step), WEST, "degrees_east"),
+        ):
+            place = made.createVariable(name, "f4", ("y", "x"), chunksizes=chunks, **packed)
+            place.units = units
+            for first in range(0, side, 500):
+                part = along[first : first + 500, None]
+                place[first : first + 500] = middle + rows * part + cols * along
+        for name in ("vozocrtx", "vomecrty"):
+            speed = made.createVariable(
+                name, "f4", ("time", "y", "x"), chunksizes=(1, 100, 100), **packed
+            )
+            speed.units = "m s-1"
+            speed[:, 1300:1700, 1300:1700] = 0.25
+    with little_memory():
+        flow = read_forecast("current", file, HERE)
+    east, north = by_flow(flow, PLACES[0])
+    assert np.hypot(east, north) == pytest.approx(0.25 * np.sqrt(2), rel=1e-4)
+    assert flow.extent is not None and flow.extent.north_deg > SOUTH + 1.7
 
 
 def test_names_of_places_by_themselves_do_not_hide_their_units(tmp_path: Path) -> None:

@@ -1,0 +1,142 @@
+# Copyright 2026 dsse_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""Grids on the plane of a projection, by pyproj."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from dsse_ros.drift.coordinates import Place, metres
+from dsse_ros.drift.native_grids import (
+    HERE,
+    LOOKUP_M,
+    Array,
+    Lookup,
+    NativeGrid,
+    elsewhere,
+    lookup_axes,
+    turn_of,
+    window_of,
+)
+from dsse_ros.drift.netcdf import Unfit
+from dsse_ros.drift.shore import Box
+from dsse_ros.extras import pip_install
+
+SAME_PLACE = 0.25
+"""Share of a cell by which the places of a file may differ from those of its projection."""
+
+_PROJECTIONS = ("proj4", "proj4_string", "crs_wkt", "spatial_ref")
+"""Attributes with a whole projection; CF's own often lack the figure of the Earth."""
+_FIGURES = {*_PROJECTIONS, "earth_radius", "semi_major_axis"}
+_LOGGER = logging.getLogger(__name__)
+
+
+def projected(place: Place, box: Box, margin: int) -> NativeGrid | None:
+    """Return the part of a projected grid that holds a box.
+
+    Args:
+        place: Its coordinates.
+        box: The box.
+        margin: Rows and columns around it.
+
+    Returns:
+        The part, or None if the latitudes and longitudes of the file contradict its projection,
+        which does not state the figure of the Earth.
+
+    Raises:
+        Unfit: If the projection is unknown, or the grid holds nothing of the box.
+    """
+    y, x = (np.asarray(metres(axis), np.float64) for axis in (place.y, place.x))
+    if min(len(y), len(x)) < 3 or not all(_is_monotonic(axis) for axis in (y, x)):
+        raise Unfit(f"{place.y.name} and {place.x.name} must be axes of three or more values")
+    plane = _plane(place.mapping)
+    off = 0.0 if place.lat is None else _cells_off(place, plane, y, x)
+    if off > SAME_PLACE:
+        if not _FIGURES & set(place.mapping):
+            return None
+        _LOGGER.warning(
+            "%s and %s are up to %.1f cells from the places of their projection, which counts",
+            place.lat.name, place.lon.name, off,
+        )  # fmt: skip
+    lats, lons = lookup_axes(box, LOOKUP_M)
+    px, py = plane.transform(*np.meshgrid(lons, lats))
+    rows, cols = _fraction(y, np.asarray(py)), _fraction(x, np.asarray(px))
+    inside = (rows >= 0) & (rows < len(y)) & (cols >= 0) & (cols < len(x))
+    edge_x, edge_y = (
+        np.concatenate([x, x, 0 * y + x[0], 0 * y + x[-1]]),
+        np.concatenate([0 * x + y[0], 0 * x + y[-1], y, y]),
+    )
+    edge_lons, edge_lats = plane.transform(edge_x, edge_y, direction="INVERSE")
+    if not inside.any():
+        raise elsewhere(box, np.asarray(edge_lats), np.asarray(edge_lons))
+    part = [
+        window_of(values[inside], count, margin)
+        for values, count in ((rows, len(y)), (cols, len(x)))
+    ]
+    xs, ys = np.meshgrid(x[slice(*part[1])], y[slice(*part[0])])
+    part_lons, part_lats = plane.transform(xs, ys, direction="INVERSE")
+    sides = float(np.sign(y[1] - y[0])), float(np.sign(x[1] - x[0]))
+    return NativeGrid(
+        Lookup(lats, lons, rows - part[0][0], cols - part[1][0]), part[0], part[1],
+        (HERE, HERE), turn_of(np.asarray(part_lats), np.asarray(part_lons), sides),
+        np.asarray(edge_lats), np.asarray(edge_lons),
+    )  # fmt: skip
+
+
+def _is_monotonic(axis: Array) -> bool:
+    steps = np.diff(axis)
+    return bool(np.isfinite(axis).all() and ((steps > 0).all() or (steps < 0).all()))
+
+
+def _plane(mapping: Mapping[str, Any]) -> Any:
+    """Return the `pyproj.Transformer` from longitude and latitude to the plane of a projection.
+
+    Raises:
+        Unfit: If the projection is unknown, or pyproj is missing.
+    """
+    try:
+        from pyproj import CRS, Transformer
+        from pyproj.exceptions import CRSError
+    except ModuleNotFoundError:
+        raise Unfit(f"pyproj is missing; {pip_install('drift')}") from None
+
+    try:
+        text = next(filter(None, map(mapping.get, _PROJECTIONS)), None)
+        crs = CRS.from_cf(dict(mapping)) if text is None else CRS.from_user_input(str(text))
+        # Between coordinates of one datum: latitudes of a spherical model are used as they are.
+        return Transformer.from_crs(crs.geodetic_crs, crs, always_xy=True)
+    except (CRSError, KeyError, TypeError, ValueError) as error:
+        name = mapping.get("grid_mapping_name", "unknown")
+        raise Unfit(
+            f"projection {name} must be one of CF: {' '.join(str(error).split())}"
+        ) from None
+
+
+def _cells_off(place: Place, plane: Any, y: Array, x: Array) -> float:
+    """Return how far latitudes and longitudes of a file are from those of its projection."""
+    counts = zip(place.dims, (len(y), len(x)), strict=True)
+    some = {dim: [0, count // 2, count - 1] for dim, count in counts}
+    lat, lon = (
+        np.asarray(one.isel(some).transpose(*place.dims).values, np.float64)
+        for one in (place.lat, place.lon)
+    )
+    px, py = plane.transform(lon, lat)
+    rows = np.abs(_fraction(y, np.asarray(py)) - np.array(some[place.dims[0]])[:, None])
+    cols = np.abs(_fraction(x, np.asarray(px)) - np.array(some[place.dims[1]])[None, :])
+    return float(np.nanmax(np.hypot(rows, cols), initial=0.0))
+
+
+def _fraction(axis: Array, values: Array) -> Array:
+    """Return the position of values on an axis as a fraction of an index, also beyond its ends."""
+    last = len(axis) - 1
+    if axis[0] > axis[-1]:
+        return last - _fraction(axis[::-1], values)
+    found = np.interp(values, axis, np.arange(len(axis), dtype=np.float64))
+    found = np.where(values < axis[0], (values - axis[0]) / (axis[1] - axis[0]), found)
+    after = last + (values - axis[-1]) / (axis[-1] - axis[-2])
+    found = np.where(values > axis[-1], after, found)
+    return np.where(np.isfinite(values), found, np.nan)
