@@ -22,6 +22,7 @@ from dsse_ros.belief.belief_kernels import (
     NOTHING_LEFT,
     complete,
     index_of,
+    offset_of,
     step_at,
     step_of_drift,
 )
@@ -29,6 +30,7 @@ from dsse_ros.belief.look_kernels import list_looks
 from dsse_ros.compiled.jit import kernel
 from dsse_ros.step.device_kernels import device_kernel
 from dsse_ros.step.recipe import acts_at
+from dsse_ros.targets.drawn_cell import DRIFT_WEIGHT
 from dsse_ros.targets.motion import STAND_STILL, STEPS
 
 THREADS = 256
@@ -59,8 +61,8 @@ class DeviceTables(NamedTuple):
         chances: (T, S S) float64, of `belief_kernels.Steps`.
         tables: (T, `CHANCES`, S S) float64, of `belief_kernels.Steps`, without gaps.
         directions: (T, K) int64, of `belief_kernels.Steps`.
-        drift_steps: (9, S S) int8, the step that a drift in each direction does in each cell, -1
-            off the grid; (1, 0) if persons have no drift of their own.
+        sources: (9, S S) int16: for each direction of a drift and each cell a bit for each step by
+            which the drift brings persons there; (1, 0) if persons have no drift of their own.
         pods: (L,) float64, POD of each look.
         first_step: (1,) int64, steps of the sea before a mission's first observation.
     """
@@ -69,7 +71,7 @@ class DeviceTables(NamedTuple):
     chances: NDArray[np.float64]
     tables: NDArray[np.float64]
     directions: NDArray[np.int64]
-    drift_steps: NDArray[np.int8]
+    sources: NDArray[np.int16]
     pods: NDArray[np.float64]
     first_step: NDArray[np.int64]
 
@@ -156,17 +158,15 @@ def learn(mass, tables, looks, one_find, side, b, shared):
 
 
 @cuda.jit(device=True)
-def move_layer(layer, cells, table, drift_step, negligible, side, own_drift, shared):
+def move_layer(layer, cells, table, negligible, side, shared):
     """Advance a layer by the persons' step, see `belief_kernels.predict`.
 
     Args:
         layer: (S S,) float64.
         cells: (S S,) float64.
         table: (`CHANCES`, S S) float64.
-        drift_step: (S S,) int8 of the layer's direction.
         negligible: Probability up to which a cell counts as empty.
         side: S.
-        own_drift: Whether persons have drifts of their own.
         shared: (S S,) float64.
     """
     thread, threads = cuda.threadIdx.x, cuda.blockDim.x
@@ -179,8 +179,43 @@ def move_layer(layer, cells, table, drift_step, negligible, side, own_drift, sha
         for step in range(STEPS):
             start = i - (step // 3 - 1) * side - step % 3 + 1
             after += shared[start] * table[step, start]
-            if own_drift and drift_step[start] == step:
-                after += shared[start] * table[STEPS, start]
+        cells[i] += after - layer[i]
+        layer[i] = after
+    cuda.syncthreads()
+
+
+@cuda.jit(device=True)
+def move_drifting(layer, cells, chances, added, sources, negligible, side, shared):
+    """Advance a layer of persons with own drifts by the step of `drawn_cell`.
+
+    A cell's probability, divided by that of its window, goes to each cell of the window by the
+    chance of that cell, and to the one drifted to by `DRIFT_WEIGHT`. So a cell reads a window of
+    quotients instead of nine tables.
+
+    Args:
+        layer: (S S,) float64.
+        cells: (S S,) float64.
+        chances: (S S,) float64.
+        added: (S S,) float64, the addition by own drift.
+        sources: (S S,) int16 of the layer's direction.
+        negligible: Probability up to which a cell counts as empty.
+        side: S.
+        shared: (S S,) float64.
+    """
+    thread, threads = cuda.threadIdx.x, cuda.blockDim.x
+    for i in range(thread, len(layer), threads):
+        shared[i] = layer[i] * added[i] if layer[i] > negligible else 0.0
+    cuda.syncthreads()
+    # The outermost cells are always empty.
+    for i in range(thread + side + 1, len(layer) - side - 1, threads):
+        window = drifted = 0.0
+        of_drift = sources[i]
+        for step in range(STEPS):
+            share = shared[i - (step // 3 - 1) * side - step % 3 + 1]
+            window += share
+            if of_drift >> step & 1:
+                drifted += share
+        after = window * chances[i] * (1.0 / DRIFT_WEIGHT) + drifted
         cells[i] += after - layer[i]
         layer[i] = after
     cuda.syncthreads()
@@ -220,14 +255,18 @@ def follow(followed, mass, tables, looks, steps, side, one_find, own_drift):
     cuda.syncthreads()
     learn(mass, tables, looks, one_find, side, b, shared)
     slot, negligible = looks.counts[b, 2], NEGLIGIBLE * mass.totals[b]
+    chances, table = tables.chances[slot], tables.tables[slot]
     for k in range(len(layers)):
         direction = tables.directions[slot, k]
-        if direction != STAND_STILL:
-            drift_step = tables.drift_steps[direction if own_drift else 0]
-            move_layer(
-                layers[k], cells, tables.tables[slot], drift_step, negligible, side, own_drift,
-                shared,
+        if direction == STAND_STILL:
+            continue
+        if own_drift:
+            move_drifting(
+                layers[k], cells, chances, table[STEPS], tables.sources[direction], negligible,
+                side, shared,
             )  # fmt: skip
+        else:
+            move_layer(layers[k], cells, table, negligible, side, shared)
 
 
 @device_kernel
@@ -264,10 +303,11 @@ def complete_steps(constants, sea, steps, row):
 
 
 @kernel
-def write_drift_steps(constants, area, out):
-    """Write the steps of drifts in the cells of the grid, see `DeviceTables`."""
+def write_sources(constants, area, out):
+    """Write the sources of the cells, see `DeviceTables`; `out` is all 0."""
     for direction in range(len(out)):
         for y in range(constants[0].grid_size):
             for x in range(constants[0].grid_size):
-                i = index_of(constants[0], x, y)
-                out[direction, i] = step_of_drift(constants[0], area, x, y, direction)
+                step = step_of_drift(constants[0], area, x, y, direction)
+                to = index_of(constants[0], x, y) + offset_of(constants[0], step)
+                out[direction, to] |= 1 << step

@@ -20,7 +20,9 @@ from dsse_ros.search import device_belief_kernels
 from dsse_ros.search.device_belief_kernels import DeviceMass, DeviceTables, StepLooks
 from dsse_ros.search.device_worlds import DeviceArray, DeviceWorlds
 from dsse_ros.search.world import World
+from dsse_ros.targets.drawn_cell import DRAWN_CELL
 from dsse_ros.targets.motion import STEPS
+from dsse_ros.targets.registry import MOTIONS, has_own_drift
 
 SHARED_BYTES = 48 << 10
 """Shared memory of a block, which holds a layer of a belief."""
@@ -37,6 +39,8 @@ def check_belief(world: World) -> None:
     reason = None
     if rules.covers or is_ensemble(rules):
         reason = f"with rules {rules.profile}"
+    elif has_own_drift(rules.person_motion) and MOTIONS[rules.person_motion] is not DRAWN_CELL:
+        reason = f"with person_motion {rules.person_motion}"
     elif scenario.person_amount > 1:
         reason = f"with {scenario.person_amount} persons"
     elif noisy:
@@ -107,13 +111,13 @@ class DeviceBeliefs:
         device_belief_kernels.complete_steps(
             forecast.constants, forecast.sea, forecast.steps, np.empty(ROW)
         )
-        drift_steps = np.full((1, 0), -1, np.int8)
-        if forecast.constants["own_drift"][0]:
-            drift_steps = np.full((STEPS, forecast.side**2), -1, np.int8)
-            device_belief_kernels.write_drift_steps(forecast.constants, forecast.area, drift_steps)
+        own_drift = bool(forecast.constants["own_drift"][0])
+        sources = np.zeros((STEPS, forecast.side**2) if own_drift else (1, 0), np.int16)
+        if own_drift:
+            device_belief_kernels.write_sources(forecast.constants, forecast.area, sources)
         arrays = DeviceTables(
             Belief(forecast).of_missing(), forecast.steps.chances, forecast.steps.tables,
-            forecast.steps.directions, drift_steps,
+            forecast.steps.directions, sources,
             np.ascontiguousarray(self._worlds.template.looks.pods[:, 0]),
             np.array([forecast.first_step]),
         )  # fmt: skip
@@ -130,7 +134,7 @@ class DeviceBeliefs:
         shared = 8 * max(self._side**2, threads)
         device_belief_kernels.follow[worlds.num_worlds, threads, 0, shared](
             followed, self._mass, self.tables, self._looks, steps, self._side,
-            bool(rules.one_find_per_search), self.tables.drift_steps.size > 0,
+            bool(rules.one_find_per_search), self.tables.sources.size > 0,
         )  # fmt: skip
 
     def write(self, out: DeviceArray) -> None:

@@ -185,12 +185,14 @@ class DeviceWorlds:
 
     def write_maps(self, out: DeviceArray) -> None:
         """Write the maps of all worlds to (B, G, G) float32, as [y, x]."""
-        device_kernels.write_maps[self.num_worlds, device_kernels.THREADS](self.batch, (out,))
+        block = device_kernels.map_block(self.template.grid_size)
+        device_kernels.write_maps[self.num_worlds, block](self.batch, (out,))
 
     def write_windows(self, centres: DeviceArray, out: DeviceArray) -> None:
         """Write windows around centres (B, K, 2) to (B, K, W, W) float32, as [y, x]; W is odd."""
         windows = centres, out
-        device_kernels.write_windows[self.num_worlds, device_kernels.THREADS](self.batch, windows)
+        threads = device_kernels.MAP_THREADS
+        device_kernels.write_windows[self.num_worlds, threads](self.batch, windows)
 
     def snapshot(self) -> Snapshot:
         """Return the complete state, including the random state, for `World.restore`."""

@@ -17,12 +17,23 @@ from numba import cuda, types
 from numpy.typing import NDArray
 
 from dsse_ros.compiled.jit import inlined, kernel
+from dsse_ros.step.ensemble_kernels import probability_in
 from dsse_ros.step.fault_kernels import HELD, after_step, before_step, restrict_masks
 from dsse_ros.step.kernels import Report, Scratch, report_worlds, sea_of, step_worlds, task_of
 from dsse_ros.step.recipe import probability_of
+from dsse_ros.targets.sea_map import weighted_probability
 
 THREADS = 64
-"""Threads of a block."""
+"""Threads of a block with a thread for each world."""
+
+MAP_THREADS = 256
+"""Threads of a block for each world."""
+
+
+def map_block(size: int) -> tuple[int, int]:
+    """Return the threads of a block along the columns and rows of a map with G cells a side."""
+    columns = min(size, MAP_THREADS)
+    return columns, MAP_THREADS // columns
 
 
 class Infos(NamedTuple):
@@ -263,17 +274,50 @@ def observed(batch, b, x, y):
     )  # fmt: skip
 
 
+@kernel
+def exponential(batch, b, axis, place):
+    """Return the exponential of `Sea.gauss` of a column (axis 0) or a row (1) of world b."""
+    world = batch.worlds[b]
+    datum = world.datum_x if axis == 0 else world.datum_y
+    return sea_of(batch.sea, b).gauss[axis, batch.constants[0].grid_size + place - datum]
+
+
+@kernel
+def shown(batch, b, x, y, across, along):
+    """Return what `observed` does for a cell of the grid, from its exponentials."""
+    task = task_of(batch.task, b)
+    return shown_in(
+        batch.constants[0], batch.worlds[b], batch.sea.area, (x, y, across, along), task.coverage,
+        task.ensemble,
+    )  # fmt: skip
+
+
+@inlined
+def shown_in(constants, world, area, cell, coverage, ensemble):
+    """See `shown`; `cell` has its last four arguments."""
+    x, y, across, along = cell
+    if ensemble is not None:
+        return probability_in(constants, world, ensemble, x, y)
+    if coverage is not None:
+        return coverage.left[y, x]
+    return weighted_probability(constants, world, area, x, y, across, along)
+
+
 @device_kernel
 def write_maps(batch, out):
-    """Write the maps of B worlds; a block for each world.
+    """Write the maps of B worlds; a block for each world, with a thread for each column.
+
+    Neighbouring columns have their exponentials far apart in memory, so that each is read once.
 
     Args:
         batch: A `kernels.Batch`.
         out: ((B, G, G) float32 out as [y, x],).
     """
     b, size = cuda.blockIdx.x, out[0].shape[1]
-    for i in range(cuda.threadIdx.x, size * size, cuda.blockDim.x):
-        out[0][b, i // size, i % size] = observed(batch, b, i % size, i // size)
+    for x in range(cuda.threadIdx.x, size, cuda.blockDim.x):
+        across = exponential(batch, b, 0, x)
+        for y in range(cuda.threadIdx.y, size, cuda.blockDim.y):
+            out[0][b, y, x] = shown(batch, b, x, y, across, exponential(batch, b, 1, y))
 
 
 @device_kernel

@@ -133,14 +133,23 @@ def step_within(area, g, x, y, dx, dy):
 def cell_probability(constants, world, gauss, area, x, y):
     """Return the probability of the cell (x, y), 0 outside the grid and the area."""
     g = constants.grid_size
-    if x < 0 or y < 0 or x >= g or y >= g or is_masked(area, g, x, y):
+    if x < 0 or y < 0 or x >= g or y >= g:
+        return 0.0
+    across, along = gauss[0, g + x - world.datum_x], gauss[1, g + y - world.datum_y]
+    return weighted_probability(constants, world, area, x, y, across, along)
+
+
+@part
+def weighted_probability(constants, world, area, x, y, across, along):
+    """Return the probability of a cell of the grid from the two exponentials of `Sea.gauss`."""
+    if is_masked(area, constants.grid_size, x, y):
         return 0.0
     adx, ady = abs(x - world.circle_x), abs(y - world.circle_y)
     if world.scale == 0.0:
         return 1.0 if adx == 0 and ady == 0 else 0.0
     if constants.circle and not inside_circle(adx, ady, diameter(world) ** 2):
         return 0.0
-    return (world.scale * gauss[1, g + y - world.datum_y]) * gauss[0, g + x - world.datum_x]
+    return (world.scale * along) * across
 
 
 @part
