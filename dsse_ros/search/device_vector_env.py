@@ -51,7 +51,8 @@ class DeviceMaps:
         Raises:
             FieldError: If the cells are not (B, K, 2) integers.
         """
-        return self._windows("cells", cells, 0).reshape(self._worlds.num_worlds, -1)
+        windows = self._windows("cells", cells, 0)
+        return windows.reshape(windows.shape[:2])
 
     def windows(self, centres: Any, reach: int) -> DeviceArray:
         """Return the squares of 2 reach + 1 cells around centres, see `LazyMaps.windows`."""

@@ -20,8 +20,7 @@ from dsse_ros.compiled.jit import inlined, kernel
 from dsse_ros.step.ensemble_kernels import probability_in
 from dsse_ros.step.fault_kernels import HELD, after_step, before_step, restrict_masks
 from dsse_ros.step.kernels import Report, Scratch, report_worlds, sea_of, step_worlds, task_of
-from dsse_ros.step.recipe import probability_of
-from dsse_ros.targets.sea_map import weighted_probability
+from dsse_ros.targets.sea_map import is_inside, weighted_probability
 
 THREADS = 64
 """Threads of a block with a thread for each world."""
@@ -231,12 +230,12 @@ def place(batch, new, b):
 
 @cuda.jit
 def take_actions(given, count, noop, worlds, drones, actions, wrong):
-    """Write given actions, and `HELD` for numbers that are no action; a thread for each world.
+    """Write given actions, and `HELD` for other numbers; a thread for each world.
 
     Args:
         given: (B, N) integers.
         count: Number of actions.
-        noop: Whether the rules count a number that is no action as nothing.
+        noop: Whether the rules count other numbers as nothing.
         worlds: (B,) of `kernels.WORLDS`.
         drones: (B, N) of `kernels.DRONES`.
         actions: (B, N) int8 out.
@@ -254,26 +253,6 @@ def take_actions(given, count, noop, worlds, drones, actions, wrong):
                 wrong[0] = 1
 
 
-@inlined
-def observed_in(constants, world, sea, x, y, coverage, ensemble):
-    """Return what the map of a world shows in the cell (x, y), 0 outside the grid and the area."""
-    if coverage is None:
-        return probability_of(constants, world, sea, x, y, ensemble)
-    size = constants.grid_size
-    inside = x >= 0 and x < size and y >= 0 and y < size
-    return coverage.left[y, x] if inside else 0.0
-
-
-@kernel
-def observed(batch, b, x, y):
-    """Return what the map of world b shows in the cell (x, y), 0 outside the grid and the area."""
-    task = task_of(batch.task, b)
-    return observed_in(
-        batch.constants[0], batch.worlds[b], sea_of(batch.sea, b), x, y, task.coverage,
-        task.ensemble,
-    )  # fmt: skip
-
-
 @kernel
 def exponential(batch, b, axis, place):
     """Return the exponential of `Sea.gauss` of a column (axis 0) or a row (1) of world b."""
@@ -284,7 +263,7 @@ def exponential(batch, b, axis, place):
 
 @kernel
 def shown(batch, b, x, y, across, along):
-    """Return what `observed` does for a cell of the grid, from its exponentials."""
+    """Return what the map of world b shows in a cell of the grid, from its exponentials."""
     task = task_of(batch.task, b)
     return shown_in(
         batch.constants[0], batch.worlds[b], batch.sea.area, (x, y, across, along), task.coverage,
@@ -301,6 +280,15 @@ def shown_in(constants, world, area, cell, coverage, ensemble):
     if coverage is not None:
         return coverage.left[y, x]
     return weighted_probability(constants, world, area, x, y, across, along)
+
+
+@kernel
+def observed(batch, b, x, y):
+    """Return what the map of world b shows in the cell (x, y), 0 outside the grid and the area."""
+    if not is_inside(batch.constants[0].grid_size, x, y):
+        return 0.0
+    across, along = exponential(batch, b, 0, x), exponential(batch, b, 1, y)
+    return shown(batch, b, x, y, across, along)
 
 
 @device_kernel

@@ -13,7 +13,8 @@ from typing import Any
 import numpy as np
 from areas import scenario_of
 
-from dsse_ros.search import World, device_belief_kernels, device_worlds, vector_env
+from dsse_ros.search import LazyMaps, World, device_belief_kernels, device_worlds, vector_env
+from dsse_ros.search.device_vector_env import DeviceMaps
 from dsse_ros.step import device_kernels
 
 CELLS: dict[str, Any] = {
@@ -70,6 +71,10 @@ def compare(name: str, num_envs: int, steps: int, *, exact: bool) -> None:
             mask = np.arange(num_envs) % 2 == 0
             given = {"seed": [k] * num_envs, "options": {"reset_mask": mask}}
             same(there.reset(**given), here.reset(**given), exact)
+    if name not in BELIEFS:
+        maps, lazy, cells = DeviceMaps(there.worlds), LazyMaps(here.world), here.world.starts
+        alike(np.asarray(maps.windows(cells, 2)), lazy.windows(cells, 2), exact)
+        alike(np.asarray(maps.cells(cells)), lazy.cells(cells), exact)
     restored = World(there.scenario, there.rules, num_envs, auto_reset=True)
     restored.restore(there.worlds.snapshot())
     for name, array in restored._state().items():

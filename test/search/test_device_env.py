@@ -116,16 +116,3 @@ def test_arrays_stay_as_they_are_while_somebody_holds_them() -> None:
     for _ in range(10):
         batch.step(np.zeros(batch.worlds.shape, np.int8))
     assert torch.equal(held, before)
-
-
-@pytest.mark.gpu
-def test_windows_of_the_maps_are_those_of_the_cpu() -> None:
-    fields: dict[str, Any] = {"rules": "v2", "lazy": True, **CASES["v2"]}
-    there, here = vector_env(4, device="cuda", **fields), vector_env(4, **fields)
-    for batch in (there, here):
-        batch.reset(seed=3)
-        for _ in range(4):
-            observations, *_ = batch.step(np.zeros((4, 3), np.int8))
-        observations["positions"] = np.asarray(observations["positions"])
-        batch.seen = observations["probability"].windows(observations["positions"], 2)
-    np.testing.assert_allclose(np.asarray(there.seen), here.seen, rtol=1e-6)
