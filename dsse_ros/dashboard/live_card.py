@@ -5,7 +5,9 @@
 from __future__ import annotations
 
 import json
+import math
 import secrets
+import time
 from collections.abc import Callable, Mapping
 from functools import partial
 from typing import Any
@@ -32,7 +34,48 @@ _MAKE = {
     "weather": live_inputs.weather,
 }
 """Kinds of inputs that have a form, and what makes them of its fields."""
+_FINAL = ("confirm", "withdraw")
+"""Kinds of inputs that cannot be withdrawn."""
+_SEEN_S = 0.5
+"""Wall time that a change needs to be seen."""
 _TIME = "2026-01-17T13:50Z; empty: now"
+
+
+class _Choice:
+    """A list whose buttons are about the chosen option.
+
+    Args:
+        label: Its label.
+        changed: Called when another option is chosen.
+    """
+
+    def __init__(self, label: str, changed: Callable[[], None]) -> None:
+        self._select = ui.select([], label=label).props("dense outlined")
+        self._select.on_value_change(changed)
+        self._changed_s = -math.inf
+
+    @property
+    def value(self) -> str | None:
+        """The chosen option."""
+        chosen: str | None = self._select.value
+        return chosen
+
+    def offer(self, options: dict[str, str]) -> None:
+        """Offer options by label; keep the chosen one if it is among them, else choose the first.
+
+        Args:
+            options: Labels by option.
+        """
+        chosen = self.value if self.value in options else next(iter(options), None)
+        if self._select.options != options or self.value != chosen:
+            if self.value not in (None, chosen):
+                self._changed_s = time.monotonic()
+            self._select.set_options(options, value=chosen)
+        self._select.set_enabled(bool(options))
+
+    def is_meant(self, clicked_s: float) -> bool:
+        """Return whether who has clicked then can have seen what is chosen."""
+        return self.value is not None and clicked_s > self._changed_s + _SEEN_S
 
 
 class LiveCard:
@@ -81,9 +124,8 @@ class LiveCard:
 
     def _build_contacts(self) -> None:
         with ui.element("div").classes("buttons").props("role=group aria-label='Contacts'"):
-            self._contact = ui.select([], label="Contact").props("dense outlined")
             # A button must never show another contact than the one it is about.
-            self._contact.on_value_change(self.update)
+            self._contact = _Choice("Contact", self.update)
             self._close = {
                 name: self._clicks.button(text, icon, partial(self._on_close, name))
                 for name, text, icon in (
@@ -127,7 +169,7 @@ class LiveCard:
 
     def _build_inputs(self) -> None:
         with ui.element("div").classes("buttons").props("role=group aria-label='Inputs'"):
-            self._input = ui.select([], label="Input").props("dense outlined")
+            self._input = _Choice("Input", self.update)
             self._withdraw = self._clicks.button("Withdraw", "undo", self._on_withdraw)
         self._inputs = self._table("Inputs")
 
@@ -192,7 +234,8 @@ class LiveCard:
 
     def _on_close(self, kind: str, clicked_s: float) -> None:
         mission, contact = self._mission(), self._contact.value
-        if mission is None or contact is None:
+        if mission is None or not self._contact.is_meant(clicked_s):
+            self._say(f"{kind}: not sent, because another contact is shown; look and click again")
             return
         command = self._command(mission, kind, {"contact": contact}, clicked_s)
         if kind == "dismiss":
@@ -211,8 +254,10 @@ class LiveCard:
             self._send(command._replace(clicked_s=clicked_s))
 
     def _on_withdraw(self, clicked_s: float) -> None:
-        if self._input.value is not None:
+        if self._input.is_meant(clicked_s):
             self._put("withdraw", {"input": self._input.value}, clicked_s)
+        else:
+            self._say("withdraw: not sent, because another input is shown; look and click again")
 
     def _put(
         self, kind: str, content: Mapping[str, Any], clicked_s: float, id_: str | None = None
@@ -252,7 +297,7 @@ class LiveCard:
         if mission is None or not is_live:
             return
         open_ = [one.name for one in mission.contacts if one.state == "open"]
-        _offer(self._contact, open_)
+        self._contact.offer({name: name for name in open_})
         for name, button in self._close.items():
             text = name.capitalize()
             button.set_text(f"{text} {self._contact.value}" if open_ else text)
@@ -265,11 +310,12 @@ class LiveCard:
         for kind, id_ in self._ids.items():
             if id_ in mission.inputs and mission.inputs[id_].ok:
                 self._empty(kind)
-        kept = [
-            one.id for one in answers if one.ok and one.kind in (*_MAKE, "detection", "dismiss")
-        ]
-        kept = [id_ for id_ in kept if id_ not in withdrawn][: -MAX_ROWS - 1 : -1]
-        _offer(self._input, kept)
+        kept = {
+            one.id: f"{one.kind} {one.id}"
+            for one in reversed(answers)
+            if one.ok and one.id not in withdrawn and one.kind not in _FINAL
+        }
+        self._input.offer(kept)
         self._withdraw.set_enabled(bool(kept))
         self._inputs.set_content(
             _INPUTS.render(
@@ -281,14 +327,6 @@ class LiveCard:
         if mission.live_answer != self._said:
             self._said = mission.live_answer
             self._answer.set_text(self._said)
-
-
-def _offer(select: ui.select, options: list[str]) -> None:
-    """Offer these options, and keep the chosen one if it is among them."""
-    value = select.value if select.value in options else (options[0] if options else None)
-    if select.options != options or select.value != value:
-        select.set_options(options, value=value)
-    select.set_enabled(bool(options))
 
 
 def _new_id() -> str:

@@ -205,6 +205,12 @@ class ShownMission:
         return self._has_door and scenario is not None and scenario.truth == "none"
 
     @property
+    def confirmed(self) -> str:
+        """The confirmed contacts of a live search; "" without one."""
+        names = [one.name for one in self.contacts if one.state == "confirmed"]
+        return f"contact {' and '.join(names)} confirmed" if names and self.is_live else ""
+
+    @property
     def utc(self) -> str:
         """Time of the last step in UTC; "" if unknown."""
         info = self.info

@@ -31,10 +31,8 @@ _DRONES = Environment(
     loader=PackageLoader("dsse_ros.dashboard", "."), autoescape=True, undefined=StrictUndefined
 ).get_template("drones.html")
 
-
 RATES = (1, 2, 4, 8, 16, 32)
 """Speeds of a replay in steps per second."""
-
 
 ORDERS = ("number", "state", "battery", "reward")
 """Columns by which the table of the drones can be sorted."""
@@ -334,6 +332,8 @@ class PageView:
             return "mission aborted"
         step = min(history.steps[history.index(self.step)], mission.info.timestep_limit)
         out_of_time = bool((states == DroneState.OUT_OF_TIME).any())
+        if mission.confirmed:
+            return f"{mission.confirmed} after {step} steps"
         return ending(
             step,
             [mission.info.agents[i] for i in np.flatnonzero(states == DroneState.FINDER)],

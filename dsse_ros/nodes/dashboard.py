@@ -26,7 +26,7 @@ from dsse_ros.dashboard.live_inputs import change_of
 from dsse_ros.dashboard.missions import MAX_MISSIONS
 from dsse_ros.dashboard.server import PageServer
 from dsse_ros.dashboard.settings import DashboardSettings
-from dsse_ros.nodes.live_door import ANSWERS, Awaited, InputDoor, take_answer
+from dsse_ros.nodes.live_door import ANSWERS, INPUTS, Awaited, InputDoor, take_answer
 from dsse_ros.nodes.operator_services import (
     OPERATOR_SERVICES,
     FoundBridge,
@@ -192,10 +192,16 @@ class DashboardNode(AlarmNode):
                     self._subscribe(match["namespace"], match["topic"])
         for namespace, shown in self._shown.items():
             self._find_planners(namespace, shown)
+            self._open_doors(namespace, shown)
             for topic in EXACT_LAYERS if shown.exact else ():
                 if topic not in shown.topics and self.count_publishers(f"{namespace}/{topic}"):
                     self._subscribe(namespace, topic)
         self._unsubscribe()
+
+    def _open_doors(self, namespace: str, shown: Shown) -> None:
+        """Make the publishers of inputs of a live search, so that they are known when used."""
+        if not shown.doors and self.count_publishers(f"{namespace}/{ANSWERS}"):
+            shown.doors = {kind: InputDoor(self, namespace, kind, self._awaited) for kind in INPUTS}
 
     def _find_planners(self, namespace: str, shown: Shown) -> None:
         """Find the nodes that command the drones."""
@@ -354,9 +360,7 @@ class DashboardNode(AlarmNode):
         if shown is None:
             return None
         if command.input:
-            if command.name not in shown.doors:
-                shown.doors[command.name] = InputDoor(self, namespace, command.name, self._awaited)
-            return shown.doors[command.name]
+            return shown.doors.get(command.name)
         if command.name in _OPERATIONS:
             what = _OPERATIONS[command.name][0]
             if shown.bridge is None or not shown.drones:

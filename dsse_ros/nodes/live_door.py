@@ -15,9 +15,14 @@ from std_msgs.msg import String
 
 from dsse_ros.runtime.qos import offered
 from dsse_ros.scenario.live_texts import answer_from_json
+from msg_adapters.topics import published_by
 
 ANSWERS = "live/answers"
 """Topic of the answers to inputs, relative to the namespace of the simulation."""
+INPUTS = tuple(
+    name.removeprefix("live/") for name in published_by("dashboard") if name.startswith("live/")
+)
+"""Kinds of inputs that the page sends."""
 Awaited = dict[tuple[str, str], list[Future]]
 """Futures of answers, by namespace and identity of the input, in the order of sending."""
 
