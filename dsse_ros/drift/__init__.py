@@ -9,6 +9,6 @@ steps:
 1. open a file: `forecast_files`, by `netcdf` or `grib`;
 2. find the pair: `velocity_pairs`, by `flow_names.csv`, `coordinates` and `levels`;
 3. bring it to a grid: `flow_grids`, by `flow_times`, `projections`, `curvilinear` and `meshes`,
-   with `units` converted and `gaps` filled;
+   which share `grids`; `units` are converted and `gaps` filled;
 4. interpolate: `kernels`.
 """

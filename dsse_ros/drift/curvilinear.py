@@ -14,20 +14,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dsse_ros.drift.coordinates import Place
-from dsse_ros.drift.kernels import degrees_per_metre
-from dsse_ros.drift.native_grids import (
+from dsse_ros.drift.grids import (
     HERE,
     LOOKUP_M,
     Array,
+    Grid,
     Lookup,
-    NativeGrid,
     Shifts,
     elsewhere,
     lookup_axes,
     turn_of,
     window_of,
 )
-from dsse_ros.drift.netcdf import Unfit, filled
+from dsse_ros.drift.kernels import degrees_per_metre
+from dsse_ros.drift.netcdf import MAX_AT_ONCE, Unfit, filled
 from dsse_ros.drift.shore import Box
 
 BLOCK = 1 << 20
@@ -63,7 +63,7 @@ class _Seen(NamedTuple):
     lons_deg: Array
 
 
-def curvilinear(dataset: Any, places: tuple[Place, Place], box: Box, margin: int) -> NativeGrid:
+def curvilinear(dataset: Any, places: tuple[Place, Place], box: Box, margin: int) -> Grid:
     """Return the part of a curvilinear grid that holds a box.
 
     Args:
@@ -86,16 +86,19 @@ def curvilinear(dataset: Any, places: tuple[Place, Place], box: Box, margin: int
             raise Unfit("grid must not have its seam in the area needed")
         # Beside the margin: components on the sides of cells, and a point for the directions.
         window.append(slice(*window_of(index, count, margin + 3)))
+    size = math.prod(part.stop - part.start for part in window)
+    if size > MAX_AT_ONCE:
+        raise Unfit(f"grid must have at most {MAX_AT_ONCE} points in the area, got {size}")
     shifts, lat, lon = _centres(dataset, places, (window[0], window[1]))
     lon = box.turned(lon)
     lookup = _triangulated(lat, lon, box)
     if not np.isfinite(lookup.rows).any():
         raise elsewhere(box, seen.lats_deg, seen.lons_deg)
     rows, cols = (
-        (part.start, part.start + count) for part, count in zip(window, lat.shape, strict=True)
+        part.start + np.arange(count) for part, count in zip(window, lat.shape, strict=True)
     )
     turn = turn_of(lat, lon, None)
-    return NativeGrid(lookup, rows, cols, shifts, turn, seen.lats_deg, seen.lons_deg)
+    return Grid(lookup, (rows, cols), seen.lats_deg, seen.lons_deg, shifts, turn)
 
 
 def _no_places() -> Unfit:

@@ -7,7 +7,7 @@ from __future__ import annotations
 import logging
 import math
 from collections.abc import Iterator, Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,8 +17,8 @@ from dsse_ros.drift.curvilinear import curvilinear
 from dsse_ros.drift.flow import MAX_SPEED_MPS, NO_LOOKUP, Extent, Flow, Span
 from dsse_ros.drift.flow_times import Axis, Source, Times, part_of
 from dsse_ros.drift.gaps import fill_gaps
+from dsse_ros.drift.grids import Grid, Lookup
 from dsse_ros.drift.meshes import Mesh, mesh_of
-from dsse_ros.drift.native_grids import HERE, Lookup, Shifts
 from dsse_ros.drift.netcdf import Unfit, filled
 from dsse_ros.drift.projections import projected
 from dsse_ros.drift.shore import Box
@@ -34,28 +34,6 @@ SAME_MERIDIAN_DEG = 1e-4
 MAX_COMPARED = 1_000_000
 """Values of a coordinate that are compared between files."""
 _LOGGER = logging.getLogger(__name__)
-
-
-class _Grid(NamedTuple):
-    """The part of a grid that is read.
-
-    Attributes:
-        indices: Rows and columns.
-        shifts: See `native_grids.Shifts`, for each component.
-        lookup: See `Flow`.
-        turn: See `NativeGrid`; None for velocities to the east and north.
-        lats_deg: Latitudes of the whole file.
-        lons_deg: Its longitudes.
-        mesh: Places on a mesh, on whose grid the lookup and the indices are; None on a grid.
-    """
-
-    indices: tuple[NDArray[np.int64], NDArray[np.int64]]
-    shifts: tuple[Shifts, Shifts]
-    lookup: Lookup
-    turn: NDArray[np.float64] | None
-    lats_deg: NDArray[np.float64]
-    lons_deg: NDArray[np.float64]
-    mesh: Mesh | None = None
 
 
 def flow_on_grid(sources: Sequence[Source], span: Span, gap_cells: int, name: str) -> Flow:
@@ -142,7 +120,7 @@ def _are_equal(one: NDArray[Any], other: NDArray[Any]) -> bool:
     return np.array_equal(one, other, equal_nan=True)
 
 
-def _grid(dataset: Any, pair: Pair, box: Box, margin: int) -> _Grid:
+def _grid(dataset: Any, pair: Pair, box: Box, margin: int) -> Grid:
     """Return the part of the grid of a pair that holds a box.
 
     Raises:
@@ -155,27 +133,22 @@ def _grid(dataset: Any, pair: Pair, box: Box, margin: int) -> _Grid:
         return _of_mesh(mesh_of(place, box))
     if place.is_regular and alike:
         return _regular(place, box, margin)
-    native = projected(place, box, margin) if alike and place.y is not None else None
-    if native is None:
-        native = curvilinear(dataset, places, box, margin)
-    axes: str = pair.axes or ("grid" if native.shifts[0] != native.shifts[1] else "")
-    if not axes and np.nanmax(np.abs(native.turn)) > SAME_AXES_RAD:
+    grid = projected(place, box, margin) if alike and place.y is not None else None
+    if grid is None:
+        grid = curvilinear(dataset, places, box, margin)
+    axes: str = pair.axes or ("grid" if grid.shifts[0] != grid.shifts[1] else "")
+    if not axes and grid.turn is not None and np.nanmax(np.abs(grid.turn)) > SAME_AXES_RAD:
         raise Unfit(
             f"{pair.names} may point to the east and north or along the grid; state axes: earth or "
             "axes: grid"
         )
-    return _Grid(
-        (np.arange(*native.rows), np.arange(*native.cols)), native.shifts, native.lookup,
-        native.turn if axes == "grid" else None, native.lats_deg, native.lons_deg,
-    )  # fmt: skip
+    return grid if axes == "grid" else grid._replace(turn=None)
 
 
-def _of_mesh(mesh: Mesh) -> _Grid:
+def _of_mesh(mesh: Mesh) -> Grid:
     indices = np.arange(len(mesh.lats_deg)), np.arange(len(mesh.lons_deg))
     lookup = Lookup(mesh.lats_deg, mesh.lons_deg, NO_LOOKUP, NO_LOOKUP)
-    places = mesh.all_lats_deg, mesh.all_lons_deg
-    # A mesh has no axes but east and north.
-    return _Grid(indices, (HERE, HERE), lookup, None, *places, mesh)
+    return Grid(lookup, indices, mesh.all_lats_deg, mesh.all_lons_deg, mesh=mesh)
 
 
 def _on_mesh(
@@ -188,7 +161,7 @@ def _on_mesh(
     return np.stack([mesh.resampled(values[0, mesh.points - first]) for values in times])
 
 
-def _regular(place: Place, box: Box, margin: int) -> _Grid:
+def _regular(place: Place, box: Box, margin: int) -> Grid:
     """Return the part of a grid of latitude and longitude; see `_grid`."""
     lats, lons = _values(place.lat), _values(place.lon)
     south, north = box.south_deg, box.north_deg
@@ -196,7 +169,7 @@ def _regular(place: Place, box: Box, margin: int) -> _Grid:
     cols = _longitudes(place, lons, box, margin)
     indices = rows.indices, cols.indices
     lookup = Lookup(rows.values, cols.values, NO_LOOKUP, NO_LOOKUP)
-    return _Grid(indices, (HERE, HERE), lookup, None, lats, lons)
+    return Grid(lookup, indices, lats, lons)
 
 
 def _values(coordinate: Any) -> NDArray[np.float64]:

@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dsse_ros.drift.coordinates import Place
+from dsse_ros.drift.grids import elsewhere, lookup_axes
 from dsse_ros.drift.kernels import degrees_per_metre
-from dsse_ros.drift.native_grids import elsewhere, lookup_axes
 from dsse_ros.drift.netcdf import MAX_AT_ONCE, Unfit
 from dsse_ros.drift.shore import Box
 

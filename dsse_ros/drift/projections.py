@@ -11,12 +11,11 @@ from typing import Any
 import numpy as np
 
 from dsse_ros.drift.coordinates import Place, metres
-from dsse_ros.drift.native_grids import (
-    HERE,
+from dsse_ros.drift.grids import (
     LOOKUP_M,
     Array,
+    Grid,
     Lookup,
-    NativeGrid,
     elsewhere,
     lookup_axes,
     turn_of,
@@ -35,7 +34,7 @@ _FIGURES = {*_PROJECTIONS, "earth_radius", "semi_major_axis"}
 _LOGGER = logging.getLogger(__name__)
 
 
-def projected(place: Place, box: Box, margin: int) -> NativeGrid | None:
+def projected(place: Place, box: Box, margin: int) -> Grid | None:
     """Return the part of a projected grid that holds a box.
 
     Args:
@@ -80,10 +79,11 @@ def projected(place: Place, box: Box, margin: int) -> NativeGrid | None:
     xs, ys = np.meshgrid(x[slice(*part[1])], y[slice(*part[0])])
     part_lons, part_lats = plane.transform(xs, ys, direction="INVERSE")
     sides = float(np.sign(y[1] - y[0])), float(np.sign(x[1] - x[0]))
-    return NativeGrid(
-        Lookup(lats, lons, rows - part[0][0], cols - part[1][0]), part[0], part[1],
-        (HERE, HERE), turn_of(np.asarray(part_lats), np.asarray(part_lons), sides),
+    return Grid(
+        Lookup(lats, lons, rows - part[0][0], cols - part[1][0]),
+        (np.arange(*part[0]), np.arange(*part[1])),
         np.asarray(edge_lats), np.asarray(edge_lons),
+        turn=turn_of(np.asarray(part_lats), np.asarray(part_lons), sides),
     )  # fmt: skip
 
 

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Files as services publish them, made small: the table of sources in docs/drift.md.
 
-Those on other grids and in GRIB are in `test_native_grids`, `test_meshes` and `test_grib`.
+Those on other grids and in GRIB are in `test_grids`, `test_meshes` and `test_grib`.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""Grids that are not of latitude and longitude: their places and their directions.
+"""The part of a grid that is read, its places and its directions.
 
 Velocities stay at the points of their grid. A lookup on a regular grid of latitude and longitude
 gives the row and the column of a place. It is smooth, so that little is lost between its points.
@@ -9,7 +9,7 @@ gives the row and the column of a place. It is smooth, so that little is lost be
 from __future__ import annotations
 
 import math
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +17,9 @@ from numpy.typing import NDArray
 from dsse_ros.drift.kernels import degrees_per_metre
 from dsse_ros.drift.netcdf import Unfit
 from dsse_ros.drift.shore import Box
+
+if TYPE_CHECKING:
+    from dsse_ros.drift.meshes import Mesh
 
 LOOKUP_M = 2000.0
 """Greatest distance of the points of a lookup; in curvilinear grids, half of a cell if less."""
@@ -45,26 +48,27 @@ class Lookup(NamedTuple):
     cols: Array
 
 
-class NativeGrid(NamedTuple):
-    """A part of a grid of J rows and I columns.
+class Grid(NamedTuple):
+    """The part of a grid, of J rows and I columns, that is read.
 
     Attributes:
-        lookup: Its places, in rows and columns of the part.
-        rows: First row of the part in the file, and the one after the last.
-        cols: The same for columns.
-        shifts: See `Shifts`, for each component.
-        turn: (J, I) angle from east to the direction of the columns' axis, anticlockwise, radians.
-        lats_deg: Some latitudes of the whole file, its extremes among them.
+        lookup: Places on it; without rows and columns on a grid of latitude and longitude.
+        indices: (J,) rows and (I,) columns in the file.
+        lats_deg: Latitudes of the whole file, its extremes among them.
         lons_deg: The same of longitudes.
+        shifts: See `Shifts`, for each component.
+        turn: (J, I) angle from east to the direction of the columns' axis, anticlockwise, radians;
+            None for axes to the east and north.
+        mesh: Where the points of a mesh lie on the grid, None without a mesh.
     """
 
     lookup: Lookup
-    rows: tuple[int, int]
-    cols: tuple[int, int]
-    shifts: tuple[Shifts, Shifts]
-    turn: Array
+    indices: tuple[NDArray[np.int64], NDArray[np.int64]]
     lats_deg: Array
     lons_deg: Array
+    shifts: tuple[Shifts, Shifts] = (HERE, HERE)
+    turn: Array | None = None
+    mesh: Mesh | None = None
 
 
 def elsewhere(box: Box, lats: Array, lons: Array) -> Unfit:
@@ -97,7 +101,7 @@ def window_of(index: NDArray[Any], count: int, margin: int) -> tuple[int, int]:
 
 
 def turn_of(lat: Array, lon: Array, sides: tuple[float, float] | None) -> Array:
-    """Return the angle of a grid, see `NativeGrid`.
+    """Return the angle of a grid, see `Grid`.
 
     It is the rotation nearest to the directions of both axes, which neither the flattening of the
     Earth nor grids that are not quite orthogonal distort.
