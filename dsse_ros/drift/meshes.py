@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Unstructured meshes, resampled once on a regular grid by linear interpolation in triangles.
 
-The spacing of the grid is half of the median distance of neighbouring points in the area.
+The spacing of the grid is a quarter of the median distance of neighbouring points in the area.
 """
 
 from __future__ import annotations
@@ -78,7 +78,7 @@ def mesh_of(place: Place, box: Box) -> Mesh:
     scales = np.array(degrees_per_metre(middle))
     metres = (np.stack([lat[points], turned[points]], axis=-1) - [lat[points[0]], centre]) / scales
     near = cKDTree(metres).query(metres, k=min(NEIGHBOURS + 1, len(points)))[0]
-    lats, lons = lookup_axes(box, max(float(np.median(near[:, 1:])) / 2, 1.0))
+    lats, lons = lookup_axes(box, max(float(np.median(near[:, 1:])) / 4, 1.0))
     try:
         triangles = Delaunay(metres)
     except (QhullError, ValueError):
