@@ -207,7 +207,7 @@ $(VENV)/.test: $(if $(SOURCED),,requirements.lock)
 $(VENV)/.quality: EXTRAS := quality
 $(VENV)/.soak: EXTRAS := viz,area,onnx,test,record,dashboard,viewer,soak
 $(VENV)/.docs: EXTRAS := viz,area,record,docs
-$(VENV)/.learning: EXTRAS := viz,area,onnx,test,train,learning
+$(VENV)/.learning: EXTRAS := viz,area,onnx,test,train,sb3,learning
 $(VENV)/.oldest: EXTRAS := viz,area,test
 $(VENV)/.oldest: CONSTRAINTS := --constraint $(VENV)/oldest.txt
 $(VENV)/.oldest: $(VENV)/oldest.txt

@@ -60,8 +60,10 @@ setup(
         "routes": ["ortools>=9.10"],
         # What the planner `onnx` runs models with.
         "onnx": ["onnxruntime>=1.17"],
-        # What examples/train.py learns with, on PyTorch, and exports the policy with.
-        "train": ["onnxruntime>=1.17", "onnxscript>=0.2", "sb3-contrib>=2.4", "tensorboard>=2.14"],
+        # What examples/train.py learns with, and exports the policy with.
+        "train": ["onnxruntime>=1.17", "onnxscript>=0.2", "torch>=2.9"],
+        # What `DroneVecEnv` is made for.
+        "sb3": ["sb3-contrib>=2.4"],
         # Ground stations that the tests fly with. MAVProxy needs `future` without saying so; from
         # 1.8.75 on it brings 800 MB of 3D libraries.
         "sitl": ["MAVProxy>=1.8.71,<1.8.75", "future>=1.0", "mavsdk>=4.1,<5"],

@@ -11,8 +11,13 @@ A model has any of these inputs, all float32 with the drones as the first axis:
 | `number` | (N, 1) | each drone's number, from 0 |
 | `probability` | (N, G, G) | the map [y, x] over its maximum |
 | `action_mask` | (N, A) | 0 where a move would leave the grid or the area |
+| `drift` | (N, 2) | mean drift of the map (x, y), cells per step |
+| `time` | (N, 1) | steps done over the time limit |
+| `spread` | (N, 2) | standard deviation of the map along x and y, cells |
+| `dispersion_inc` | (N, 1) | its growth, cells per step |
 
-In `positions`, a drone that is out of the search keeps its last cell. The first output is (N, A):
+The last four come from the scenario; a drift that was learned from the maps replaces its drift. In
+`positions`, a drone that is out of the search keeps its last cell. The first output is (N, A):
 a score of each action. A drone does the action with the highest score among those that its mask
 allows. The metadata `dsse_ros` of the file is a JSON object with `actions` (their names by number),
 `rules` (the name of the profile) and, if the model fits one size only, `grid_size` and
@@ -54,6 +59,8 @@ from dsse_ros.planners.planner import (
 from dsse_ros.scenario.actions import ActionSet
 from dsse_ros.scenario.fields import FieldError, shown
 from dsse_ros.scenario.options import OBSERVED
+from dsse_ros.scenario.rules import Rules
+from dsse_ros.scenario.scenario import ResolvedScenario
 from dsse_ros.scenario.swarm import Swarm
 from dsse_ros.search.world_beliefs import DRIFT_SAMPLES
 from dsse_ros.search.wrappers import own_first
@@ -69,7 +76,10 @@ SHIPPED = Path(__file__).parents[1] / "models" / "v2.onnx"
 METADATA = "dsse_ros"
 """Key of the file's metadata."""
 
-INPUTS = ("position", "positions", "number", "probability", "action_mask")
+INPUTS = (
+    "position", "positions", "number", "probability", "action_mask",
+    "drift", "time", "spread", "dispersion_inc",
+)  # fmt: skip
 """Inputs that a model may have."""
 
 
@@ -103,6 +113,7 @@ class Policy:
         present: Mapping[Any, Cell],
         probability: NDArray[np.float32],
         masks: NDArray[np.int8],
+        known: Mapping[str, Sequence[float]],
     ) -> list[int]:
         """Return the allowed action with the highest score for every live drone.
 
@@ -112,11 +123,12 @@ class Policy:
             present: Cells of the live drones.
             probability: (G, G), the map [y, x].
             masks: (N, A), action masks of the live drones.
+            known: What the scenario tells, see `known_of`.
         """
         self._cells.update(present)
         names = list(self._cells)
         numbers = [names.index(name) for name in present]
-        inputs = encode(list(self._cells.values()), numbers, probability, masks)
+        inputs = encode(list(self._cells.values()), numbers, probability, masks, known)
         scores = np.asarray(self._session.run(None, {k: inputs[k] for k in self._inputs})[0])
         if scores.shape != masks.shape:
             raise ValueError(
@@ -136,16 +148,21 @@ class OnnxPlanner(DrawsNothing):
 
     Args:
         policy: The policy.
+        search: The rules and the scenario.
         swarm: What the drones can do, to keep them apart if some may be under way; None for
             a policy that does not.
     """
 
-    def __init__(self, policy: Policy, swarm: Swarm | None = None) -> None:
-        self._policy, self._swarm = policy, swarm
+    def __init__(self, policy: Policy, search: Search, swarm: Swarm | None = None) -> None:
+        self._policy, self._search, self._swarm = policy, search, swarm
+        # Of the mission, where neither the search nor the infos count them.
+        self._calls = 0
 
     def copy(self) -> OnnxPlanner:
         """Return an independent copy in the same state; the model is shared."""
-        return OnnxPlanner(self._policy.copy(), self._swarm)
+        twin = copy.copy(self)
+        twin._policy = self._policy.copy()
+        return twin
 
     def __call__(self, observations: Observations, infos: Infos) -> dict[str, int]:
         """Return an action number for every drone, see `Planner`."""
@@ -153,7 +170,11 @@ class OnnxPlanner(DrawsNothing):
             return {}
         present = dict(zip(observations, cells_of(observations), strict=True))
         masks = np.stack([infos[name]["action_mask"] for name in observations])
-        chosen = self._policy.actions(present, probability_of(observations), masks)
+        step = infos[next(iter(observations))].get("step", self._search.steps_done)
+        scenario = self._search.mission_scenario.resolve(self._search.rules)
+        known = known_of(scenario, self._search.rules, self._calls if step is None else int(step))
+        self._calls += 1
+        chosen = self._policy.actions(present, probability_of(observations), masks, known)
         actions = dict(zip(observations, chosen, strict=True))
         if self._swarm is None or not self._swarm.may_be_under_way:
             return actions
@@ -173,6 +194,7 @@ class OnnxOnBelief(DrawsNothing):
         self, forecast: TargetForecast, new_policy: Callable[[], Policy], *, seed: int = 0
     ) -> None:
         self._policy, self._swarm = new_policy(), Swarm.of(forecast.scenario, forecast.rules)
+        self._known = partial(known_of, forecast.scenario, forecast.rules)
         size = forecast.scenario.grid_size
         self._masks = [actions.masks(size) for actions in self._swarm.of_kinds]
 
@@ -189,8 +211,22 @@ class OnnxOnBelief(DrawsNothing):
         cells_of_kinds = zip(kinds, present, strict=True)
         masks = np.stack([self._masks[kind][row][col] for kind, (col, row) in cells_of_kinds])
         probability = belief.poc().astype(np.float32)
-        cells = dict(zip(agents, present, strict=True))
-        return self._swarm.actions.ends(present, self._policy.actions(cells, probability, masks))
+        cells, known = dict(zip(agents, present, strict=True)), self._known(belief.step)
+        chosen = self._policy.actions(cells, probability, masks, known)
+        return self._swarm.actions.ends(present, chosen)
+
+
+def known_of(scenario: ResolvedScenario, rules: Rules, step: int) -> dict[str, Sequence[float]]:
+    """Return what a scenario tells of the map after so many steps of the mission, by input."""
+    map_steps = scenario.pre_search_steps + rules.reset_sea_steps + step
+    growth = scenario.dispersion_inc
+    grown = max(map_steps - 1, 0) * growth
+    return {
+        "drift": scenario.drift,
+        "time": (step / scenario.timestep_limit,),
+        "spread": (scenario.sigma_x + grown, scenario.sigma_y + grown),
+        "dispersion_inc": (growth,),
+    }
 
 
 def encode(
@@ -198,6 +234,7 @@ def encode(
     numbers: Sequence[int],
     probability: NDArray[np.float32],
     masks: NDArray[np.int8],
+    known: Mapping[str, Sequence[float]],
 ) -> dict[str, NDArray[np.float32]]:
     """Return the inputs of a model for some of the drones.
 
@@ -206,6 +243,7 @@ def encode(
         numbers: The N drones to act.
         probability: (G, G), the map [y, x].
         masks: (N, A), action masks of the N drones.
+        known: What the scenario tells, see `known_of`.
     """
     places = np.asarray(cells, np.float32) / max(len(probability) - 1, 1)
     likely = probability / max(float(probability.max()), float(np.finfo(np.float32).tiny))
@@ -216,6 +254,7 @@ def encode(
         "number": own[:, np.newaxis],
         "probability": np.repeat(likely[np.newaxis], len(own), axis=0),
         "action_mask": masks,
+        **{name: np.tile(value, (len(own), 1)) for name, value in known.items()},
     }
     return {name: np.ascontiguousarray(value, np.float32) for name, value in inputs.items()}
 
@@ -261,7 +300,7 @@ def make_onnx(search: Search, options: OnnxOptions, *, seed: int) -> Planner:
         return BeliefPlanner(
             search, partial(OnnxOnBelief, new_policy=new_policy), drift_samples=DRIFT_SAMPLES
         )
-    return OnnxPlanner(new_policy(), swarm)
+    return OnnxPlanner(new_policy(), search, swarm)
 
 
 def _metadata(metadata: Mapping[str, str], search: Search) -> dict[str, Any]:

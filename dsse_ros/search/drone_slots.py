@@ -109,8 +109,7 @@ class DroneSlots:
 
     Args:
         env: The batch; must not be lazy.
-        encoding: Observation of a drone; its space is a `Box`. If `encode` returns a tuple, its
-            second part (..., N, A) maps the action numbers of each slot to actions of the rules.
+        encoding: Observation of a drone; its space is a `Box`.
         reward: Reward function; by default the rewards of the rules.
 
     Attributes:
@@ -120,8 +119,6 @@ class DroneSlots:
         single_observation_space: Of one slot.
         acting: (S,) bool, the slots whose drones act on the last observation: those still in the
             search, with time left.
-        order: (S, A), maps the action numbers of each slot to actions of the rules at the last
-            observation; None if they are the same.
 
     Raises:
         FieldError: If the batch is lazy, or the space of the encoding is not a `Box`.
@@ -147,7 +144,6 @@ class DroneSlots:
             space.low.astype(np.float32), space.high.astype(np.float32), dtype=np.float32
         )
         self._observations: Observations = {}
-        self.order: NDArray[np.int64] | None = None
         self._out = np.zeros((env.num_envs, self._drones), np.bool_)
         self.acting = np.zeros(self.num_slots, np.bool_)
 
@@ -160,8 +156,7 @@ class DroneSlots:
         self._observations, infos = self.env.reset(seed)
         self._out[:] = False
         self._note_acting(infos)
-        encoded, self.order = self._encoded()
-        return encoded, self._masks(infos)
+        return self._encoded(), self._masks(infos)
 
     def step(self, actions: NDArray[Any]) -> SlotStep:
         """Advance every world by one step.
@@ -191,10 +186,10 @@ class DroneSlots:
         self._out = (terminated | truncated) & ~over[:, None]
         ends, now = None, infos
         if over.any():
-            ends, _ = self._encoded(over)
+            ends = self._encoded(over)
             self._observations, now = self.env.reset(options={RESET_MASK: over})
         self._note_acting(now)
-        observed, self.order = self._encoded()
+        observed = self._encoded()
         final = observed
         if ends is not None:
             final = observed.copy()
@@ -209,7 +204,7 @@ class DroneSlots:
         self.env.close()
 
     def _joint_action(self, actions: NDArray[Any]) -> NDArray[np.int8]:
-        """Map the action numbers of the slots to actions of the rules (B, N).
+        """Return the actions of the slots as those of the worlds (B, N).
 
         Raises:
             FieldError: If a number is not an action.
@@ -220,8 +215,6 @@ class DroneSlots:
             raise FieldError(
                 f"actions must be from 0 to {self.num_actions - 1}, got {numbers[wrong][0]}"
             )
-        if self.order is not None:
-            numbers = np.take_along_axis(self.order, numbers[:, None].astype(np.int64), axis=1)
         return numbers.reshape(self._out.shape).astype(np.int8)
 
     def _note_acting(self, infos: Mapping[str, NDArray[Any]]) -> None:
@@ -231,20 +224,13 @@ class DroneSlots:
 
     def _masks(self, infos: Mapping[str, NDArray[Any]]) -> NDArray[np.int8]:
         masks: NDArray[np.int8] = infos["action_mask"].reshape(self.num_slots, -1)
-        if self.order is not None:
-            masks = np.take_along_axis(masks, self.order, axis=1)
         masks[self._out.ravel()] = np.arange(self.num_actions) == 0
         return masks
 
-    def _encoded(
-        self, which: Any = slice(None)
-    ) -> tuple[NDArray[np.float32], NDArray[np.int64] | None]:
-        """Return the observations and action order of all slots, or of the slots of some worlds."""
+    def _encoded(self, which: Any = slice(None)) -> NDArray[np.float32]:
+        """Return the observations of all slots, or of the slots of some worlds."""
         positions, probability = (
             self._observations[name][which] for name in ("positions", "probability")
         )
-        encoded, order = self._encoding.encode(positions, probability), None
-        if isinstance(encoded, tuple):
-            encoded, order = encoded
-            order = order.reshape(-1, self.num_actions)
-        return encoded.reshape(-1, *encoded.shape[2:]).astype(np.float32, copy=False), order
+        encoded = self._encoding.encode(positions, probability)
+        return np.asarray(encoded.reshape(-1, *encoded.shape[2:]), np.float32)

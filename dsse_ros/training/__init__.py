@@ -1,10 +1,10 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""Policies trained with Stable-Baselines3 on PyTorch (extra `train`)."""
+"""Policies trained with PyTorch (extra `train`)."""
 
 from dsse_ros.extras import pip_install
 
 try:
-    import sb3_contrib  # noqa: F401
+    import torch  # noqa: F401
 except ImportError as error:
     raise ImportError(f"{error}; {pip_install('train')}", name=error.name) from error

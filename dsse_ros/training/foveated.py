@@ -1,143 +1,163 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""The input of a drone's network: the map and the other drones around it, coarser further away."""
+"""The input of a drone's network: belief and drones around it, coarser further away."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import NamedTuple
 
-import numpy as np
 import torch
-from gymnasium import spaces
-from numpy.typing import NDArray
 from torch import Tensor, nn
+from torch.nn import functional
 
 from dsse_ros.scenario.actions import ACTION_VECTORS
-from dsse_ros.search.wrappers import Encoding, own_first
 
-LEVELS = (1, 3, 9)
-"""Cells along a block of each level; odd, so that the drone is in the middle of a block."""
-BLOCKS = 9
-"""Blocks along the window of each level: with these levels it sees 40 cells in each direction."""
-FEATURES = (3 * BLOCKS**2 + 1) * len(LEVELS) + 3
-FAR = 8.0
-"""Cells; distances to the middle of the map saturate beyond a few times this."""
+WINDOWS = ((1, 15), (3, 11), (9, 9))
+"""Of each window: cells along a block, and blocks along the window. Both are odd, so that the drone
+is in the middle of the middle block. The widest reaches 40 cells in each direction."""
+CASE = 6
+"""Numbers that describe the search, see `Foveated`."""
+SCALARS = 2 + 4 + 1 + len(WINDOWS) + CASE
+FEATURES = 8 * -(-(3 * sum(blocks**2 for _, blocks in WINDOWS) + SCALARS) // 8)
+"""The last ones are 0: tensor cores want a multiple of 8."""
 NOTHING = 1e-9
 """Highest probability in a window that counts as none."""
-TURNS = 8
-"""The symmetries of a square."""
+TURNS = 4
+"""Quarter turns of a square."""
+
+
+class Drones(NamedTuple):
+    """N drones of each of B searches, and all M drones of the search.
+
+    Attributes:
+        own: (B, N, 2) float32, cells (x, y).
+        all: (B, M, 2) float32, cells; those far off the grid are in no window.
+        lower: (B or 1, N, M) bool, of all those with a lower number than one's own.
+        higher: (B or 1, N, M) bool, those with a higher one.
+    """
+
+    own: Tensor
+    all: Tensor
+    lower: Tensor
+    higher: Tensor
+
+
+def of_all(cells: Tensor) -> Drones:
+    """Return all the drones of searches, with cells (B, N, 2)."""
+    places, order = cells.float(), torch.arange(cells.shape[1], device=cells.device)
+    number = order[None, :, None]
+    return Drones(places, places, order < number, order > number)
 
 
 class Foveated(nn.Module):
-    """Turns the inputs of the planner `onnx` into features; it has no weights.
+    """Turns what drones know into features; it has no weights.
 
-    Windows of `BLOCKS` x `BLOCKS` blocks surround the drone; a block has 1, 3 or 9 cells along a
-    side. Features of a block are its probability over the highest in the window, and the numbers of
-    drones in it with a lower and with a higher number than this one. Without this distinction,
-    drones in the same cell would act alike forever. The grid and the swarm may have any size. The
-    windows are mirrored so that the middle of the map lies between right and down, nearer to right.
-    So a policy learned in one direction holds in all eight.
+    Windows of blocks surround the drone. Features of a block are the root of its probability over
+    the highest in the window, and the numbers of drones in it with a lower and with a higher number
+    than this one. Without this distinction, drones in the same cell would act alike forever. The
+    grid and the swarm may have any size.
     """
 
-    def forward(
-        self, positions: Tensor, probability: Tensor, number: Tensor
-    ) -> tuple[Tensor, Tensor]:
-        """Return features (K, `FEATURES`), and how they were turned (K,), see `order_of_actions`.
+    def forward(self, drones: Drones, belief: Tensor, case: Tensor) -> Tensor:
+        """Return features (B, N, `FEATURES`) float32.
 
         Args:
-            positions: (K, 2M), cells (x, y) of M drones over G - 1, its own swapped with the first.
-            probability: (K, G, G) as [y, x], of any scale.
-            number: (K, 1), the drone's number, from 0.
+            drones: The drones.
+            belief: (B, G, G) as [y, x], of sum 1.
+            case: (B, `CASE`) drift of the map (x, y) in cells per step, steps done over the time
+                limit, standard deviation of the map along x and y in cells, and its growth per
+                step.
         """
-        edge = probability.shape[-1] - 1
-        cells = torch.round(positions * edge).unflatten(1, (-1, 2))
-        away = cells - cells[:, 0, None]
-        # Of the others those with lower numbers come first.
-        order = torch.arange(cells.shape[1], dtype=probability.dtype, device=probability.device)
-        lower, higher = (order > 0) & (order <= number), order > number
-        line = torch.arange(edge + 1, dtype=probability.dtype, device=probability.device)
-        columns, rows = line - cells[:, 0, :1], line - cells[:, 0, 1:]
-        total = probability.sum(dim=(1, 2), keepdim=True).clamp(min=1e-30)
-        highest = probability.amax(dim=(1, 2), keepdim=True).clamp(min=1e-30)
-        share = probability / total
-        middle_x = (share.sum(dim=1) * columns).sum(dim=1)
-        middle_y = (share.sum(dim=2) * rows).sum(dim=1)
-        turn = torch.stack(
-            [middle_x < 0, middle_y < 0, middle_y.abs() > middle_x.abs()], dim=1
-        )  # fmt: skip
+        own, others, lower, higher = drones
+        edge = belief.shape[-1] - 1
+        line = torch.arange(edge + 1, dtype=belief.dtype, device=belief.device)
+        columns, rows = (line - own[..., axis, None] for axis in (0, 1))
+        away = others[:, None] - own[:, :, None]
         planes, scales = [], []
-        for level in LEVELS:
-            over_rows, over_columns = _blocks(rows, level), _blocks(columns, level)
-            mass = over_rows @ share @ over_columns.mT
-            most = mass.amax(dim=(1, 2), keepdim=True)
-            planes.append(mass / most.clamp(min=NOTHING))
-            scales.append(most[:, :, 0].sqrt())
-            of_rows, of_columns = _blocks(away[..., 1], level), _blocks(away[..., 0], level).mT
-            planes += [(of_rows * some[:, None]) @ of_columns for some in (lower, higher)]
-        windows = torch.stack(planes, dim=1)
-        mirror_x, mirror_y, swap = (one[:, None, None, None] for one in turn.unbind(1))
-        windows = torch.where(mirror_x, windows.flip(3), windows)
-        windows = torch.where(mirror_y, windows.flip(2), windows)
-        windows = torch.where(swap, windows.mT, windows)
-        ahead = torch.stack([middle_x, middle_y], dim=1).abs().sort(dim=1, descending=True).values
-        spread = torch.log(total / highest)[:, :, 0]
-        features = torch.cat([windows.flatten(1), *scales, torch.tanh(ahead / FAR), spread], dim=1)
-        return features, (turn * torch.tensor([4, 2, 1])).sum(dim=1)
+        for level, blocks in WINDOWS:
+            over_rows, over_columns = (_blocks(to, level, blocks) for to in (rows, columns))
+            # Of all drones at once: the belief is not copied for each.
+            of_rows = (over_rows.flatten(1, 2) @ belief).unflatten(1, (-1, blocks))
+            mass = of_rows @ over_columns.mT
+            most = mass.amax(dim=(2, 3))
+            planes.append((mass / most.clamp(min=NOTHING)[..., None, None]).sqrt())
+            scales.append(most.sqrt())
+            in_row, in_column = (_blocks(away[..., axis], level, blocks) for axis in (1, 0))
+            planes += [(in_row * some[:, :, None]) @ in_column.mT for some in (lower, higher)]
+        middle = torch.stack([belief.sum(1) @ line, belief.sum(2) @ line], dim=1)[:, None] - own
+        highest = belief.amax(dim=(1, 2)).clamp(min=1e-6).log()
+        drift, time, spread, growth = case.split([2, 1, 2, 1], dim=1)
+        known = torch.cat([5 * drift, time, spread / 5, 10 * growth, highest[:, None] / -7], dim=1)
+        features = torch.cat(
+            [
+                *(plane.flatten(2) for plane in planes),
+                own / edge * 2 - 1, middle / 20, torch.tanh(middle / 5),
+                torch.stack(scales, dim=2),
+                known[:, None].expand(-1, own.shape[1], -1),
+            ],
+            dim=2,
+        )  # fmt: skip
+        return functional.pad(features, (0, FEATURES - features.shape[2]))
 
 
-def _blocks(offsets: Tensor, level: int) -> Tensor:
-    """Return (K, `BLOCKS`, L): 1 where one of the offsets (K, L) in cells lies in a block."""
-    index = (offsets + (level * BLOCKS - 1) // 2) // level
-    numbers = torch.arange(BLOCKS, dtype=offsets.dtype, device=offsets.device)
-    return (index[:, None, :] == numbers[:, None]).to(offsets.dtype)
+def _blocks(offsets: Tensor, level: int, blocks: int) -> Tensor:
+    """Return (..., blocks, L): 1 where one of the offsets (..., L) in cells lies in a block."""
+    index = torch.floor((offsets + (level * blocks - 1) // 2) / level)
+    numbers = torch.arange(blocks, dtype=offsets.dtype, device=offsets.device)
+    return (index[..., None, :] == numbers[:, None]).to(offsets.dtype)
 
 
-def order_of_actions(names: Sequence[str]) -> NDArray[np.int64]:
-    """Return (`TURNS`, A): by turn, the action that each number stands for in turned windows.
+def turn_of(drift: Tensor) -> Tensor:
+    """Return the quarter turns (K,) that make drifts (K, 2) point between right and down."""
+    left, up = (drift < 0).unbind(1)
+    return torch.where(left, torch.where(up, 2, 3), torch.where(up, 1, 0))
+
+
+def turned_cells(cells: Tensor, turn: Tensor, edge: int) -> Tensor:
+    """Return cells (K, M, 2) after quarter turns (K,) to the right of a grid, with G - 1."""
+    x, y = cells.unbind(-1)
+    ways = [(x, y), (edge - y, x), (edge - x, edge - y), (y, edge - x)]
+    return _by_turn([torch.stack(way, dim=-1) for way in ways], turn)
+
+
+def turned_map(belief: Tensor, turn: Tensor) -> Tensor:
+    """Return maps (K, G, G) after quarter turns (K,) to the right."""
+    ways = [belief, belief.mT.flip(2), belief.flip(1).flip(2), belief.mT.flip(1)]
+    return _by_turn(ways, turn)
+
+
+def turned_case(case: Tensor, turn: Tensor) -> Tensor:
+    """Return what describes searches, (K, `CASE`), after quarter turns (K,) to the right."""
+    drift, time, spread, growth = case.split([2, 1, 2, 1], dim=-1)
+    across = spread.flip(1)
+    return torch.cat(
+        [
+            turned_cells(drift[:, None], turn, 0)[:, 0], time,
+            _by_turn([spread, across, spread, across], turn), growth,
+        ],
+        dim=1,
+    )  # fmt: skip
+
+
+def _by_turn(ways: Sequence[Tensor], turn: Tensor) -> Tensor:
+    """Return of each row the way with the number of its turn."""
+    turn = turn.reshape(-1, *(1,) * (ways[0].dim() - 1))
+    chosen = ways[0]
+    for number, way in enumerate(ways):
+        chosen = torch.where(turn == number, way, chosen)
+    return chosen
+
+
+def order_of_actions(names: Sequence[str]) -> Tensor:
+    """Return (`TURNS`, A) int64: by turn, the number of each action in the turned search.
 
     Args:
-        names: Names of the actions by number; with each move, its mirror images too.
+        names: Names of the actions by number; with each move, its turned ones too.
     """
     moves = [ACTION_VECTORS[name] for name in names]
-    order = np.zeros((TURNS, len(moves)), np.int64)
-    for turn in range(TURNS):
-        for number, (x, y) in enumerate(moves):
-            if turn & 1:
-                x, y = y, x
-            order[turn, number] = moves.index((-x if turn & 4 else x, -y if turn & 2 else y))
-    return order
-
-
-_FOVEATED = Foveated()
-
-
-def _seen(
-    positions: NDArray[Any], probability: NDArray[np.float32]
-) -> tuple[NDArray[np.float32], NDArray[np.int64]]:
-    *batch, drones, _ = positions.shape
-    grid = probability.shape[-1]
-    places = own_first(positions).reshape(-1, 2 * drones) / max(grid - 1, 1)
-    maps = np.repeat(probability.reshape(-1, grid, grid), drones, axis=0)
-    numbers = np.tile(np.arange(drones), len(places) // drones)[:, None]
-    with torch.no_grad():
-        features, turns = _FOVEATED(
-            *(torch.from_numpy(one).float() for one in (places, maps, numbers))
-        )
-    return features.numpy().reshape(*batch, drones, -1), turns.numpy().reshape(*batch, drones)
-
-
-def foveated(names: Sequence[str]) -> Encoding:
-    """Return the encoding `Foveated`, with the numbers of the actions turned likewise.
-
-    Args:
-        names: Names of the actions.
-    """
-    order = order_of_actions(names)
-
-    def encode(positions: NDArray[Any], probability: NDArray[np.float32]) -> Any:
-        features, turns = _seen(positions, probability)
-        return features, order[turns]
-
-    space = spaces.Box(-1.0, np.inf, (FEATURES,), np.float32)
-    return Encoding(encode, lambda drones, grid, margin: space)
+    order, turned = [], moves
+    for _ in range(TURNS):
+        order.append([moves.index(move) for move in turned])
+        turned = [(-y, x) for x, y in turned]
+    return torch.tensor(order)

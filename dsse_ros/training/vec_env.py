@@ -10,9 +10,14 @@ from typing import Any
 import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
-from stable_baselines3.common.vec_env import VecEnv
 
+from dsse_ros.extras import pip_install
 from dsse_ros.search.drone_slots import DroneSlots
+
+try:
+    from stable_baselines3.common.vec_env import VecEnv
+except ImportError as error:
+    raise ImportError(f"{error}; {pip_install('sb3')}", name=error.name) from error
 
 
 class DroneVecEnv(VecEnv):
@@ -23,8 +28,8 @@ class DroneVecEnv(VecEnv):
     learner bootstraps from the value of `terminal_observation`.
 
     A drone that no longer acts, because it has left a mission that others continue or its time has
-    run out, keeps its place in the arrays, because they cannot shrink. Its mask is all False.
-    `rollouts.ActingRolloutBuffer` hides the transitions of such drones from the learner.
+    run out, keeps its place in the arrays, because they cannot shrink. Its mask is all False, so
+    MaskablePPO takes no gradient of the policy from it.
 
     Args:
         slots: The drones.

@@ -581,6 +581,7 @@ def test_every_dependency_is_explained() -> None:
                 "ray",
                 "record",
                 "routes",
+                "sb3",
                 "train",
                 "viewer",
                 "viz",

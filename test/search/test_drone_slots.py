@@ -12,7 +12,7 @@ import pytest
 from dsse_ros.scenario.scenario import scenario_and_rules
 from dsse_ros.search import FieldError, VectorEnv, parallel_env, vector_env
 from dsse_ros.search.drone_slots import DroneSlots, Transition, searched_probability
-from dsse_ros.search.wrappers import ALL_POSITIONS, FLATTENED, Encoding
+from dsse_ros.search.wrappers import ALL_POSITIONS, FLATTENED
 
 WORLDS, DRONES, GRID = 4, 3, 7
 MISSION: dict[str, Any] = {
@@ -211,19 +211,9 @@ def test_drones_whose_time_is_out_differ_from_those_whose_search_has_ended(
     assert counts["out of time"] > 0 and counts["in time"] + counts["found"] > 0
 
 
-@pytest.mark.parametrize("encoded", [False, True])
-def test_actions_that_are_none_are_refused_and_the_missions_stay(encoded: bool) -> None:
+def test_actions_that_are_none_are_refused_and_the_missions_stay() -> None:
     env = vector_env(2, rules="v2", **MISSION)
-    turned = FLATTENED
-    if encoded:
-        count = len(env.rules.actions)
-
-        def encode(positions: Any, probability: Any) -> Any:
-            order = np.broadcast_to(np.arange(count), (*positions.shape[:-1], count))
-            return FLATTENED.encode(positions, probability), order
-
-        turned = Encoding(encode, FLATTENED.space)
-    slots = DroneSlots(env, turned)
+    slots = DroneSlots(env)
     slots.reset(seed=1)
     before = env.world.state_bytes()
     for number in (9, 260, -1, -250, 2**40):
