@@ -2,12 +2,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """Steps per second of CPU in a training loop: the same one on this package and on DSSE 1.1.9.
 
-    pip install '.[train]'
+    pip install '.[sb3]'
     pip install --no-deps DSSE==1.1.9 pygame
     python -m benchmarks.training
 
-MaskablePPO learns with the settings of examples/train.py and a small network. An environment is a
-drone of a world; both observe the flattened map. A step counts once for a world with all drones.
+MaskablePPO learns with a small network. An environment is a drone of a world; both observe the
+flattened map. A step counts once for a world with all drones.
 """
 
 from __future__ import annotations

@@ -32,7 +32,10 @@ def parse() -> argparse.Namespace:
     parser.add_argument("--worlds", type=int, help="searches in lockstep: 8192 on a GPU, else 128")
     parser.add_argument("--width", type=int, help="units of a layer: 512 on a GPU, else 128")
     parser.add_argument("--device", help="of PyTorch: cuda if there is one, else cpu")
-    return parser.parse_args()
+    options = parser.parse_args()
+    if options.worlds is not None and options.worlds < 8:
+        parser.error(f"--worlds must be at least 8, got {options.worlds}")
+    return options
 
 
 if __name__ == "__main__":
@@ -61,22 +64,21 @@ DRIFTS = 16
 """Angles of the persons' own drift in the belief while training; checks have 64."""
 CHECKED = 64
 """Random searches of a check."""
-SHARED_FROM = 0.4
+PUBLISHED, SMALL = 3 / 16, 1 / 8
+"""Parts of the missions in the published search, and on the smaller default grid; the others are
+random searches on 40 x 40 cells."""
+SHARED_FROM = 0.15
 """Part of the training after which drones share every find; at first they share half."""
 
 
 def fly(learner: Learner, generator: torch.Generator, flights: Flights) -> None:
-    """Fly the missions of an update.
-
-    An eighth of them is the published search, another one is on the smaller default grid.
-    """
+    """Fly the missions of an update."""
     worlds = learner.settings.worlds
-    eighth = worlds // 8
-    published = published_case(eighth).to(learner.device)
-    large = joined(published, random_cases(worlds - 2 * eighth, 40, generator))
-    learner.fly(Searches(large, 40, DRIFTS), flights, slice(eighth, None))
-    small = random_cases(eighth, 20, generator)
-    learner.fly(Searches(small, 20, DRIFTS), flights, slice(eighth))
+    published, small = (round(worlds * share) for share in (PUBLISHED, SMALL))
+    others = random_cases(worlds - published - small, 40, generator)
+    large = joined(published_case(published).to(learner.device), others)
+    learner.fly(Searches(large, 40, DRIFTS), flights, slice(small, None))
+    learner.fly(Searches(random_cases(small, 20, generator), 20, DRIFTS), flights, slice(small))
 
 
 def check(learner: Learner) -> dict[str, float]:
@@ -164,7 +166,7 @@ class Training:
         """Save a checkpoint."""
         state = {
             "networks": self.learner.networks.state_dict(),
-            "optimizer": self.learner.optimizer.state_dict(),
+            "optimizer": self.learner.optimizer.state_dict()["state"],
             "seconds": self.seconds,
             "drone_steps": self.drone_steps,
             "curve": self.curve,
@@ -183,7 +185,9 @@ class Training:
         if path.is_file():
             state = torch.load(path, map_location=self.learner.device)
             self.learner.networks.load_state_dict(state["networks"])
-            self.learner.optimizer.load_state_dict(state["optimizer"])
+            # Its settings are those of this machine.
+            settings = self.learner.optimizer.state_dict()
+            self.learner.optimizer.load_state_dict({**settings, "state": state["optimizer"]})
             self.seconds, self.drone_steps = state["seconds"], state["drone_steps"]
             self.curve = state["curve"]
             print(f"going on from {path}: {self.drone_steps} steps of drones")

@@ -53,7 +53,8 @@ class Scores(nn.Module):
         order = torch.arange(cells.shape[1], device=cells.device)[None, None]
         # Its own cell was swapped with the first: those with lower numbers come first.
         own = number[:, :, None]
-        drones = Drones(cells[:, :1], cells, (order > 0) & (order <= own), order > own)
+        ranks = torch.stack([(order > 0) & (order <= own), order > own], dim=2)
+        drones = Drones(cells[:, :1], cells, ranks)
         features = self._foveated(drones, belief, foveated.turned_case(case, turn))
         return torch.gather(self._actor(features[:, 0]), 1, self._order[turn])
 

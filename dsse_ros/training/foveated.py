@@ -33,21 +33,19 @@ class Drones(NamedTuple):
     Attributes:
         own: (B, N, 2) float32, cells (x, y).
         all: (B, M, 2) float32, cells; those far off the grid are in no window.
-        lower: (B or 1, N, M) bool, of all those with a lower number than one's own.
-        higher: (B or 1, N, M) bool, those with a higher one.
+        ranks: (B or 1, N, 2, M) bool, whether the others have a lower, and a higher number.
     """
 
     own: Tensor
     all: Tensor
-    lower: Tensor
-    higher: Tensor
+    ranks: Tensor
 
 
 def of_all(cells: Tensor) -> Drones:
     """Return all the drones of searches, with cells (B, N, 2)."""
     places, order = cells.float(), torch.arange(cells.shape[1], device=cells.device)
-    number = order[None, :, None]
-    return Drones(places, places, order < number, order > number)
+    number = order[:, None]
+    return Drones(places, places, torch.stack([order < number, order > number], dim=1)[None])
 
 
 class Foveated(nn.Module):
@@ -69,22 +67,23 @@ class Foveated(nn.Module):
                 limit, standard deviation of the map along x and y in cells, and its growth per
                 step.
         """
-        own, others, lower, higher = drones
+        own, others, ranks = drones
         edge = belief.shape[-1] - 1
         line = torch.arange(edge + 1, dtype=belief.dtype, device=belief.device)
-        columns, rows = (line - own[..., axis, None] for axis in (0, 1))
-        away = others[:, None] - own[:, :, None]
+        away = (others[:, None] - own[:, :, None]).mT
         planes, scales = [], []
         for level, blocks in WINDOWS:
-            over_rows, over_columns = (_blocks(to, level, blocks) for to in (rows, columns))
+            columns, rows = _blocks(line - own[..., None], level, blocks).unbind(2)
             # Of all drones at once: the belief is not copied for each.
-            of_rows = (over_rows.flatten(1, 2) @ belief).unflatten(1, (-1, blocks))
-            mass = of_rows @ over_columns.mT
+            of_rows = (rows.flatten(1, 2) @ belief).unflatten(1, (-1, blocks))
+            mass = of_rows @ columns.mT
             most = mass.amax(dim=(2, 3))
             planes.append((mass / most.clamp(min=NOTHING)[..., None, None]).sqrt())
             scales.append(most.sqrt())
-            in_row, in_column = (_blocks(away[..., axis], level, blocks) for axis in (1, 0))
-            planes += [(in_row * some[:, :, None]) @ in_column.mT for some in (lower, higher)]
+            in_column, in_row = _blocks(away, level, blocks).unbind(2)
+            # First those with lower numbers, then those with higher ones.
+            ranked = ranks[:, :, :, None] * in_row[:, :, None]
+            planes.append(ranked.flatten(2, 3) @ in_column.mT)
         middle = torch.stack([belief.sum(1) @ line, belief.sum(2) @ line], dim=1)[:, None] - own
         highest = belief.amax(dim=(1, 2)).clamp(min=1e-6).log()
         drift, time, spread, growth = case.split([2, 1, 2, 1], dim=1)
@@ -103,7 +102,7 @@ class Foveated(nn.Module):
 
 def _blocks(offsets: Tensor, level: int, blocks: int) -> Tensor:
     """Return (..., blocks, L): 1 where one of the offsets (..., L) in cells lies in a block."""
-    index = torch.floor((offsets + (level * blocks - 1) // 2) / level)
+    index = ((offsets + (level * blocks - 1) // 2) / level).floor()
     numbers = torch.arange(blocks, dtype=offsets.dtype, device=offsets.device)
     return (index[..., None, :] == numbers[:, None]).to(offsets.dtype)
 

@@ -52,7 +52,7 @@ class Critic(nn.Module):
     def __init__(self, width: int) -> None:
         super().__init__()
         self.of_drone = nn.Sequential(layer(FEATURES, width, 2**0.5), nn.ReLU())
-        self.of_both = nn.Sequential(layer(2 * width, width, 2**0.5), nn.ReLU())
+        self.own, self.swarm = layer(width, width, 1.0), layer(width, width, 1.0)
         self.value = layer(width, 1, 0.1)
 
     def forward(self, features: Tensor, there: Tensor) -> Tensor:
@@ -63,8 +63,7 @@ class Critic(nn.Module):
             there: (..., N) bool, the drones in the search.
         """
         own = self.of_drone(features) * there[..., None]
-        swarm = own.sum(-2, keepdim=True).expand_as(own) / 4
-        hidden = self.of_both(torch.cat([own, swarm], dim=-1))
+        hidden = torch.relu(self.own(own) + self.swarm(own.mean(-2, keepdim=True)))
         with torch.autocast(features.device.type, enabled=False):
             value: Tensor = self.value(hidden.float())[..., 0]
         return value

@@ -17,6 +17,7 @@ from torch import Tensor, nn
 from dsse_ros.training.foveated import FEATURES, Foveated, of_all
 from dsse_ros.training.lockstep import ACTIONS, LIMIT, Searches
 from dsse_ros.training.networks import Actor, Critic
+from dsse_ros.training.replayed import Replayed
 
 STEPS_PER_VALUE = 10.0
 """Values are in units of so many steps."""
@@ -89,16 +90,16 @@ def room_for(worlds: int, drones: int, device: torch.device) -> Flights:
     )  # fmt: skip
 
 
-def nearness(searches: Searches) -> Tensor:
+def nearness(cells: Tensor, there: Tensor, belief: Tensor) -> Tensor:
     """Return (B, N): 0 within 5 cells of the belief's middle, the less the further away.
 
     As a potential it changes no optimum (Ng, Harada and Russell, "Policy invariance under reward
     transformations", 1999).
     """
-    line = torch.arange(searches.grid, dtype=torch.float32, device=searches.cells.device)
-    middle = torch.stack([searches.belief.sum(1) @ line, searches.belief.sum(2) @ line], dim=-1)
-    away = (searches.cells - middle[:, None]).abs().amax(-1)
-    return -NEAR * (away - 5).clamp(min=0) * searches.there
+    line = torch.arange(belief.shape[-1], dtype=torch.float32, device=belief.device)
+    middle = torch.stack([belief.sum(1) @ line, belief.sum(2) @ line], dim=-1)
+    away = (cells - middle[:, None]).abs().amax(-1)
+    return -NEAR * (away - 5).clamp(min=0) * there
 
 
 class Learner:
@@ -116,42 +117,56 @@ class Learner:
         self.actor = Actor(len(ACTIONS), width).to(device)
         self.critic = Critic(width).to(device)
         self.networks = nn.ModuleList([self.actor, self.critic])
+        gpu = device.type == "cuda"
+        rate = torch.tensor(settings.rate, device=device)
         self.optimizer = torch.optim.Adam(
-            self.networks.parameters(), eps=1e-5, fused=device.type == "cuda"
+            self.networks.parameters(), rate, eps=1e-5, fused=gpu, capturable=gpu
         )
+        self._decide, self._improve = Replayed(self._draw), Replayed(self._descend)
 
     def half(self) -> torch.autocast:
         """Return the context of products in half precision, on a GPU."""
         return torch.autocast(self.device.type, torch.bfloat16, enabled=self.device.type == "cuda")
 
-    def features(self, searches: Searches) -> Tensor:
-        """Return what the drones see, (B, N, F); 0 for those not in the search."""
-        seen: Tensor = self.eye(of_all(searches.cells), searches.belief, searches.case())
-        return seen * searches.there[..., None]
-
-    @torch.no_grad()
     def fly(self, searches: Searches, flights: Flights, worlds: slice) -> None:
         """Fly missions with drawn actions; write them to the columns `worlds`."""
         for t in range(LIMIT):
-            features, allowed, there = self.features(searches), searches.masks(), searches.there
-            before, near = searches.missing[:, None], nearness(searches)
+            cells, there, allowed = searches.cells, searches.there, searches.masks()
+            missing = searches.missing[:, None]
+            features, actions, log_p, values, near = self._decide(
+                cells, there, searches.belief, searches.case(), allowed
+            )
+            shares = searches.step(actions)
+            step = Flights(features, allowed, actions, log_p, values, shares, near, missing, there)
+            for room, part in zip(flights, step, strict=True):
+                room[t, worlds] = part
+
+    def _draw(
+        self, cells: Tensor, there: Tensor, belief: Tensor, case: Tensor, allowed: Tensor
+    ) -> tuple[Tensor, ...]:
+        """Draw actions; return what `Flights` has of them."""
+        with torch.no_grad():
+            features = self.features(cells, there, belief, case)
             with self.half():
                 scores, values = self.actor(features), self.critic(features, there)
             log_p = _among(scores, allowed).log_softmax(-1)
             # The greatest of Gumbel draws is a draw from the softmax.
             actions = (log_p - torch.empty_like(log_p).exponential_().log()).argmax(-1)
-            shares = searches.step(actions)
-            log_p = log_p.gather(-1, actions[..., None])[..., 0]
-            step = Flights(features, allowed, actions, log_p, values, shares, near, before, there)
-            for room, part in zip(flights, step, strict=True):
-                room[t, worlds] = part
+            chosen = log_p.gather(-1, actions[..., None])[..., 0]
+        return features, actions, chosen, values, nearness(cells, there, belief)
 
-    @torch.no_grad()
+    def features(self, cells: Tensor, there: Tensor, belief: Tensor, case: Tensor) -> Tensor:
+        """Return what the drones see, (B, N, F); 0 for those not in the search."""
+        seen: Tensor = self.eye(of_all(cells), belief, case)
+        return seen * there[..., None]
+
     def best(self, searches: Searches) -> Tensor:
         """Return the best actions (B, N)."""
-        return _among(self.actor(self.features(searches)), searches.masks()).argmax(-1)
+        cells, there, allowed = searches.cells, searches.there, searches.masks()
+        with torch.no_grad():
+            scores = self.actor(self.features(cells, there, searches.belief, searches.case()))
+        return _among(scores, allowed).argmax(-1)
 
-    @torch.no_grad()
     def mean_steps(self, searches: Searches) -> Tensor:
         """Return the mean steps (B,) of missions with the best actions."""
         total = torch.zeros_like(searches.missing)
@@ -170,7 +185,7 @@ class Learner:
         """
         settings, there = self.settings, flights.there
         for group in self.optimizer.param_groups:
-            group["lr"] = settings.rate * max(left, 0.02)
+            group["lr"].fill_(settings.rate * max(left, 0.02))
         advantages = self.advantages(flights, shared)
         returns = advantages + flights.values
         # Late steps are rarely reached, but with their true weight the policy would learn nothing.
@@ -186,11 +201,12 @@ class Learner:
             )
         ]  # fmt: skip
         told = torch.zeros(3, device=self.device)
+        entropy_weight = torch.tensor(settings.entropy * left, device=self.device)
         count = LIMIT * settings.worlds
         for _ in range(settings.epochs):
             order = torch.randperm(count, device=self.device)
             for rows in order.tensor_split(settings.batches):
-                told += self._improve([part[rows] for part in data], settings.entropy * left)
+                told += self._improve(*(part[rows] for part in data), entropy_weight)
         told /= settings.epochs * settings.batches
         return dict(zip(("entropy", "value_loss", "clipped"), told.tolist(), strict=True))
 
@@ -209,9 +225,11 @@ class Learner:
             out[t] = later
         return out
 
-    def _improve(self, part: list[Tensor], entropy_weight: float) -> Tensor:
+    def _descend(
+        self, features: Tensor, allowed: Tensor, actions: Tensor, log_p_before: Tensor,
+        advantages: Tensor, returns: Tensor, weights: Tensor, there: Tensor, of_entropy: Tensor,
+    ) -> Tensor:  # fmt: skip
         """Take a step on part of the missions."""
-        features, allowed, actions, log_p_before, advantages, returns, weights, there = part
         with self.half():
             scores = _among(self.actor(features), allowed)
             values = self.critic(features, there)
@@ -222,16 +240,13 @@ class Learner:
         clip = self.settings.clip
         gain = torch.minimum(ratio * advantages, ratio.clamp(1 - clip, 1 + clip) * advantages)
         missed = (values - returns).square()
-        loss = (weights * (0.5 * missed - gain - entropy_weight * entropy)).mean()
+        loss = (weights * (0.5 * missed - gain - of_entropy * entropy)).mean()
         self.optimizer.zero_grad()
         loss.backward()
         nn.utils.clip_grad_norm_(self.networks.parameters(), 0.5)
         self.optimizer.step()
-        with torch.no_grad():
-            clipped = ((ratio - 1).abs() > clip).float()
-            return torch.stack(
-                [(weights * one).mean() for one in (entropy, missed, clipped)]
-            ).detach()
+        clipped = ((ratio - 1).abs() > clip).float()
+        return torch.stack([(weights * one).mean() for one in (entropy, missed, clipped)]).detach()
 
 
 def _among(scores: Tensor, allowed: Tensor) -> Tensor:
