@@ -225,11 +225,10 @@ class Learner:
             out[t] = later
         return out
 
-    def _descend(
-        self, features: Tensor, allowed: Tensor, actions: Tensor, log_p_before: Tensor,
-        advantages: Tensor, returns: Tensor, weights: Tensor, there: Tensor, of_entropy: Tensor,
-    ) -> Tensor:  # fmt: skip
-        """Take a step on part of the missions."""
+    def _descend(self, *part: Tensor) -> Tensor:
+        """Take a step on part of the missions, see `learn`."""
+        features, allowed, actions, log_p_before, advantages, returns, weights, there = part[:-1]
+        of_entropy = part[-1]
         with self.half():
             scores = _among(self.actor(features), allowed)
             values = self.critic(features, there)
