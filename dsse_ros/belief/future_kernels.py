@@ -5,6 +5,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from dsse_ros.belief.belief_kernels import MARGIN, ROW, look_up, offset_of, search, step_at
@@ -93,7 +95,8 @@ def roll(constants, sea, steps, slots, offsets, rows, cells):
             if i != seen_cell or direction != seen_direction:
                 look_up(constants[0], sea, step, i, direction, row)
                 seen_cell, seen_direction = i, direction
-            left = (offsets[h] + s * GOLDEN) % 1.0
+            left = offsets[h] + s * GOLDEN
+            left -= math.floor(left)
             number = 0
             while number < STEPS - 1 and left >= row[number]:
                 left -= row[number]

@@ -20,6 +20,7 @@ from dsse_ros.planners.plan_kernels import Moves, Scenarios, cell_seen, detects,
 
 CAP = 4
 """Nodes kept at each step in one cell."""
+ONE, EIGHT, BYTE = np.uint64(1), np.uint64(8), np.uint64(255)
 
 
 class Tree(NamedTuple):
@@ -55,6 +56,7 @@ class Left(NamedTuple):
 
     Attributes:
         base: (M,) float64, credit of the other drones' plans for each scenario.
+        free: (M / 64,) uint64, a bit for each scenario that they do not find.
         counts: (S S,) float64, number of scenarios left in each cell.
         places: (E,) int64, the cells with any.
         worths: (S S,) float64, their worth seen from a cell; -1 until it is computed.
@@ -63,6 +65,7 @@ class Left(NamedTuple):
     """
 
     base: NDArray[np.float64]
+    free: NDArray[np.uint64]
     counts: NDArray[np.float64]
     places: NDArray[np.int64]
     worths: NDArray[np.float64]
@@ -88,6 +91,18 @@ class Problem(NamedTuple):
     blocked: NDArray[np.bool_]
     gamma: float
     kappa: float
+
+
+class OwnFinds(NamedTuple):
+    """The finds of the looks of a path, the last one first.
+
+    Attributes:
+        cells: (H,) int64, where the drone was.
+        finds: (H,) float64, among the scenarios that nobody else finds.
+    """
+
+    cells: NDArray[np.int64]
+    finds: NDArray[np.float64]
 
 
 class Candidates(NamedTuple):
@@ -118,17 +133,19 @@ def left_by_others(scenarios, side, others):
         others: (N, M) float64, credits of their plans, 0 for the drone itself.
     """
     base, counts = np.zeros(len(scenarios.ends)), np.zeros(side * side)
+    free = np.zeros((len(base) + 63) >> 6, np.uint64)
     for n in range(len(others)):
         for s in range(len(base)):
             base[s] = max(base[s], others[n, s])
     for s in range(len(base)):
         if base[s] == 0.0:
             counts[scenarios.ends[s]] += 1.0
+            free[s >> 6] |= ONE << np.uint64(s & 63)
     x, y = np.empty(side * side, np.int64), np.empty(side * side, np.int64)
     for i in range(side):
         for j in range(side):
             x[i * side + j], y[i * side + j] = j, i
-    return Left(base, counts, np.flatnonzero(counts), np.full(side * side, -1.0), x, y)
+    return Left(base, free, counts, np.flatnonzero(counts), np.full(side * side, -1.0), x, y)
 
 
 @inlined
@@ -149,6 +166,12 @@ def worth_from(moves, left, cell):
 
 
 @inlined
+def discount_of(gamma, late):
+    """Return the discount of a find by the steps that a path is late; most paths are not."""
+    return gamma**late if late > 0.0 else 1.0
+
+
+@inlined
 def gain_of_move(problem, alive, h, a, cell, gain, discount):
     """Return a node's gain with one more move, and its finds among the scenarios left.
 
@@ -162,28 +185,45 @@ def gain_of_move(problem, alive, h, a, cell, gain, discount):
         discount: Of a find then.
     """
     moves, scenarios, base = problem.moves, problem.scenarios, problem.left.base
-    hits = 0.0
+    hits, sure = 0, len(scenarios.draws) == 0
     for k in range(moves.first[a], moves.first[a + 1]):
         there = cell_seen(moves, cell, k)
         if there < 0:
             continue
-        for j in range(scenarios.starts[h, there], scenarios.starts[h, there + 1]):
-            s = scenarios.members[h, j]
-            is_alive = alive[s >> 6] >> np.uint64(s & 63) & np.uint64(1)
-            if is_alive and detects(moves, scenarios, h, k, s):
+        members = scenarios.members[h, scenarios.starts[h, there] : scenarios.starts[h, there + 1]]
+        for s in members:
+            is_alive = alive[s >> 6] >> np.uint64(s & 63) & ONE
+            if sure:
+                # Without a branch, which would often be predicted wrongly.
+                gain += is_alive * max(0.0, discount - base[s])
+                hits += is_alive * (base[s] == 0.0)
+            elif is_alive and detects(moves, scenarios, h, k, s):
                 gain += max(0.0, discount - base[s])
                 hits += base[s] == 0.0
-    return gain, hits
+    return gain, float(hits)
+
+
+@inlined
+def own_finds(tree, level, h, node, own):
+    """Write where the looks of the path to a node have found scenarios; return their number."""
+    count, at = 0, node
+    for back in range(h, 0, -1):
+        if level.finds[node, back - 1] > 0.0:
+            own.cells[count], own.finds[count] = tree.cells[back, at], level.finds[node, back - 1]
+            count += 1
+        at = tree.parents[back, at]
+    return count
 
 
 @part
-def expand(problem, tree, level, tried, h, nodes, discount):
+def expand(problem, tree, level, own, tried, h, nodes, discount):
     """Write the moves from the nodes of a step to `tried`, and return their number.
 
     Args:
         problem: The problem.
         tree: The nodes.
         level: Of the step.
+        own: `OwnFinds` scratch.
         tried: `Candidates` out.
         h: The step, if the path is not late.
         nodes: Number of its nodes.
@@ -192,6 +232,7 @@ def expand(problem, tree, level, tried, h, nodes, discount):
     moves, left = problem.moves, problem.left
     side, found = len(moves.nearness), 0
     for node in range(nodes):
+        seen = own_finds(tree, level, h, node, own)
         for a in range(len(moves.steps)):
             cell = tree.cells[h, node] + moves.steps[a]
             x, y = left.x[cell], left.y[cell]
@@ -204,21 +245,22 @@ def expand(problem, tree, level, tried, h, nodes, discount):
             gain, hits = level.gains[node], 0.0
             if step < len(problem.blocked):
                 gain, hits = gain_of_move(
-                    problem, level.alive[node], step, a, cell, gain, discount * problem.gamma**late
+                    problem,
+                    level.alive[node],
+                    step,
+                    a,
+                    cell,
+                    gain,
+                    discount * discount_of(problem.gamma, late),
                 )
             rank = worth_from(moves, left, cell) - hits
-            at, back = node, h
-            while back > 0:
+            for k in range(seen):
                 # Of the scenarios left, the path's own looks have found some.
-                if level.finds[node, back - 1] > 0.0:
-                    near = seen_from(moves, left, cell, tree.cells[back, at])
-                    rank -= level.finds[node, back - 1] * near
-                at = tree.parents[back, at]
-                back -= 1
+                rank -= own.finds[k] * seen_from(moves, left, cell, own.cells[k])
             tried.cells[found], tried.parents[found], tried.moves[found] = cell, node, a
             tried.gains[found] = gain
             tried.ranks[found] = (
-                gain + problem.kappa * problem.gamma ** (late + moves.rest[a]) * rank
+                gain + problem.kappa * discount_of(problem.gamma, late + moves.rest[a]) * rank
             )
             found += 1
     return found
@@ -311,18 +353,21 @@ def write_values(problem, tree, level, depth, values):
         values: (nodes,) float64 out.
     """
     moves, left = problem.moves, problem.left
-    full = ~np.uint64(0)
     for node in range(len(values)):
         cell = tree.cells[depth, node]
         value = worth_from(moves, left, cell)
         for word in range(level.alive.shape[1]):
-            alive = level.alive[node, word]
-            if alive == full:
-                continue
-            for s in range(64 * word, min(64 * word + 64, len(left.base))):
-                if left.base[s] == 0.0 and not alive >> np.uint64(s & 63) & np.uint64(1):
+            found, s = ~level.alive[node, word] & left.free[word], 64 * word
+            while found:
+                # Most bytes are empty.
+                while not found & BYTE:
+                    found, s = found >> EIGHT, s + 8
+                if found & ONE:
                     value -= seen_from(moves, left, cell, problem.scenarios.ends[s])
-        values[node] = level.gains[node] + problem.kappa * problem.gamma ** level.late[node] * value
+                found, s = found >> ONE, s + 1
+        values[node] = (
+            level.gains[node] + problem.kappa * discount_of(problem.gamma, level.late[node]) * value
+        )
 
 
 @compiled()
@@ -365,12 +410,13 @@ def plan_drone(moves, scenarios, gamma, kappa, width, others, blocked, paths):
         np.empty(most, np.int64), np.empty(most, np.int64), np.empty(most, np.int64),
         np.empty(most), np.empty(most),
     )  # fmt: skip
+    own = OwnFinds(np.empty(horizon, np.int64), np.empty(horizon))
     in_cell = np.zeros(side * side, np.int64)
     now.alive[0] = ~np.uint64(0)
     tree.cells[0, 0] = paths[0, 0]
     nodes, depth, discount = 1, 0, 1.0
     for h in range(horizon):
-        found = expand(problem, tree, now, tried, h, nodes, discount)
+        found = expand(problem, tree, now, own, tried, h, nodes, discount)
         if found == 0:
             break
         order = np.argsort(-tried.ranks[:found])
