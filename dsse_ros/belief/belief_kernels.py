@@ -44,7 +44,8 @@ NOTHING_LEFT = 1e-9
 """Remaining share of a belief below which it is impossible: nobody can be in its cells."""
 
 FADED = 1 / 128
-"""Total below which a class is scaled up and summed anew: the rounding errors of its sums stay."""
+"""Total below which a class is scaled up and summed again, because the rounding errors of its sums do
+not decrease with it."""
 
 
 class Mass(NamedTuple):
@@ -294,7 +295,7 @@ def total_of(shares):
 
 @kernel
 def scale_class(mass, m, factor):
-    """Scale the layers of class m, and sum them anew."""
+    """Scale the layers of class m, and sum them again."""
     cells = mass.cells[m]
     drifts = len(mass.layers) // len(mass.totals)
     cells[:] = 0.0
@@ -307,7 +308,7 @@ def scale_class(mass, m, factor):
 
 
 @part
-def settle(constants, mass, chances):
+def close_classes(constants, mass, chances):
     """Sum up a belief after searches.
 
     If no probability is left of a class, because its persons cannot be anywhere by the rules, the

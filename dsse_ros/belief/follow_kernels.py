@@ -16,11 +16,11 @@ from numpy.typing import NDArray
 from dsse_ros.belief.belief_kernels import (
     Mass,
     Steps,
+    close_classes,
     detectable,
     index_of,
     mass_of,
     search,
-    settle,
     step_at,
 )
 from dsse_ros.belief.layer_kernels import predict
@@ -62,7 +62,7 @@ def learn_of_several(constants, mass, step, persons, looks, pos):
     open_classes(persons, mass.totals)
     for q in range(looks.number):
         learn_outcome(constants, mass, step.apart, persons, looks, q)
-    settle(constants, mass, step.chances)
+    close_classes(constants, mass, step.chances)
     return mean_found(persons)
 
 
@@ -80,7 +80,7 @@ def learn_of_one(constants, mass, step, looks, pos):
                 taken += search(constants, mass, pods, x, y)
         if taken > 0.0:
             pos += (1.0 - pos) * min(taken / mass.totals[0], 1.0)
-            settle(constants, mass, step.chances)
+            close_classes(constants, mass, step.chances)
     return pos
 
 

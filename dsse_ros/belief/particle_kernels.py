@@ -76,7 +76,7 @@ def those_in(particles, i):
 def learn_look(constants, particles, mass, persons, looks, q):
     """Update the weights with the outcome of look q.
 
-    Call it for all looks of a step between `open_classes` and `settle_weights`. A look off the grid
+    Call it for all looks of a step between `open_classes` and `close_weights`. A look off the grid
     or outside the area has no effect.
 
     Args:
@@ -109,7 +109,7 @@ def learn_look(constants, particles, mass, persons, looks, q):
 
 
 @part
-def settle_weights(mass, persons, prior):
+def close_weights(mass, persons, prior):
     """Take over the sums of the classes after looks; an empty class restarts from `prior`."""
     for m in range(len(mass.totals)):
         before, total, weights = mass.totals[m], persons.numbers[TOTAL, m], mass.layers[m]
@@ -141,7 +141,7 @@ def learn(constants, particles, mass, persons, looks, pos):
     open_classes(persons, mass.totals)
     for q in range(looks.number):
         learn_look(constants[0], particles, mass, persons, looks, q)
-    settle_weights(mass, persons, particles.prior)
+    close_weights(mass, persons, particles.prior)
     return mean_found(persons)
 
 

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from dsse_ros.belief.belief_kernels import Mass, index_of, mass_of
 from dsse_ros.belief.follow_kernels import persons_of, restart
-from dsse_ros.belief.particle_kernels import Particles, particles_at, settle_weights
+from dsse_ros.belief.particle_kernels import Particles, close_weights, particles_at
 from dsse_ros.belief.search_outcomes import (
     APART,
     MIXED,
@@ -189,7 +189,7 @@ def learn_paths(constants, places, row, mass, persons, passing, seen):
         for n in range(len(passing.paths)):
             if passing.flown[n] and passing.found[n] == (turn == 1):
                 learn_path(constants[0], places, row, mass, persons, passing, n, seen)
-    settle_weights(mass, persons, places.particles.prior)
+    close_weights(mass, persons, places.particles.prior)
     return mean_found(persons)
 
 

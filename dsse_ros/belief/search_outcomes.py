@@ -236,8 +236,8 @@ def conclude(constants, pods, persons, found):
 def learn_outcome(constants, mass, apart, persons, looks, q):
     """Update the belief about several persons with the outcome of look q.
 
-    Call it for all looks of a step between `open_classes` and `settle`. A look off the grid has no
-    effect.
+    Call it for all looks of a step between `open_classes` and `close_classes`. A look off the grid
+    has no effect.
 
     Args:
         constants: As in the module.

@@ -244,15 +244,8 @@ def expand(problem, tree, level, own, tried, h, nodes, discount):
                 continue
             gain, hits = level.gains[node], 0.0
             if step < len(problem.blocked):
-                gain, hits = gain_of_move(
-                    problem,
-                    level.alive[node],
-                    step,
-                    a,
-                    cell,
-                    gain,
-                    discount * discount_of(problem.gamma, late),
-                )
+                worth = discount * discount_of(problem.gamma, late)
+                gain, hits = gain_of_move(problem, level.alive[node], step, a, cell, gain, worth)
             rank = worth_from(moves, left, cell) - hits
             for k in range(seen):
                 # Of the scenarios left, the path's own looks have found some.
