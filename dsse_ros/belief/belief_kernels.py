@@ -44,8 +44,8 @@ NOTHING_LEFT = 1e-9
 """Remaining share of a belief below which it is impossible: nobody can be in its cells."""
 
 FADED = 1 / 128
-"""Total below which a class is scaled up and summed again, because the rounding errors of its sums do
-not decrease with it."""
+"""Total below which a class is scaled up and summed again: the rounding errors of its sums do not
+decrease with it."""
 
 
 class Mass(NamedTuple):
