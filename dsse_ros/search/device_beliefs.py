@@ -20,9 +20,7 @@ from dsse_ros.search import device_belief_kernels
 from dsse_ros.search.device_belief_kernels import DeviceMass, DeviceTables, StepLooks
 from dsse_ros.search.device_worlds import DeviceArray, DeviceWorlds
 from dsse_ros.search.world import World
-from dsse_ros.targets.drawn_cell import DRAWN_CELL
 from dsse_ros.targets.motion import STEPS
-from dsse_ros.targets.registry import MOTIONS, has_own_drift
 
 SHARED_BYTES = 48 << 10
 """Shared memory of a block, which holds a layer of a belief."""
@@ -39,8 +37,6 @@ def check_belief(world: World) -> None:
     reason = None
     if rules.covers or is_ensemble(rules):
         reason = f"with rules {rules.profile}"
-    elif has_own_drift(rules.person_motion) and MOTIONS[rules.person_motion] is not DRAWN_CELL:
-        reason = f"with person_motion {rules.person_motion}"
     elif scenario.person_amount > 1:
         reason = f"with {scenario.person_amount} persons"
     elif noisy:
