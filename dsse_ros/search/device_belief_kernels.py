@@ -26,11 +26,11 @@ from dsse_ros.belief.belief_kernels import (
     step_at,
     step_of_drift,
 )
+from dsse_ros.belief.layer_kernels import PER_DRIFT
 from dsse_ros.belief.look_kernels import list_looks
 from dsse_ros.compiled.jit import kernel
 from dsse_ros.step.device_kernels import device_kernel
 from dsse_ros.step.recipe import acts_at
-from dsse_ros.targets.drawn_cell import DRIFT_WEIGHT
 from dsse_ros.targets.motion import STAND_STILL, STEPS
 
 THREADS = 256
@@ -215,7 +215,7 @@ def move_drifting(layer, cells, chances, added, sources, negligible, side, share
             window += share
             if of_drift >> step & 1:
                 drifted += share
-        after = window * chances[i] * (1.0 / DRIFT_WEIGHT) + drifted
+        after = window * chances[i] * PER_DRIFT + drifted
         cells[i] += after - layer[i]
         layer[i] = after
     cuda.syncthreads()

@@ -75,7 +75,7 @@ class WorldBeliefs:
         Raises:
             FieldError: As the class; the beliefs stay as they are.
         """
-        scenario = self._placed()
+        scenario = self._world.placed_scenario()
         if scenario != self._scenario:
             self._follower = follower_of(scenario, self._world.rules, self._world.num_worlds)
             self._scenario = scenario
@@ -91,14 +91,6 @@ class WorldBeliefs:
             array[worlds] = start
         self.missing[worlds] = self.unfound[worlds] = 1.0
         self.pos[worlds] = 0.0
-
-    def _placed(self) -> ResolvedScenario:
-        """Return the scenario with the values for persons that the reset options replaced."""
-        replaced = self._world.placed()
-        # The forecast is slow to make and does not depend on the drones.
-        replaced.pop("drones_positions", None)
-        scenario = self._world.scenario
-        return scenario.override(**replaced).resolve(self._world.rules) if replaced else scenario
 
     def step(self, actions: NDArray[np.int8]) -> None:
         """Advance every world by one step, see `World.step`, and update the beliefs."""
