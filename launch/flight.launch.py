@@ -17,7 +17,7 @@ from dsse_ros.nodes.launching import (
 ARGUMENTS = [
     argument("mode", "What the vehicles fly: guided or mission."),
     argument("connections", "MAVLink connections of the vehicles, drone0's first: [one, two]."),
-    argument("autopilot", "Autopilot of the vehicles: ardupilot, arduplane or px4."),
+    argument("autopilot", "Autopilot of the vehicles: ardupilot, arduplane, px4 or px4plane."),
     argument("arm", "Searches for which vehicles may be armed: false, true or always."),
 ]
 

@@ -68,8 +68,8 @@ class Autopilot:
         kinds: HEARTBEAT.type of the vehicles whose modes are known here.
         kind: What they are called.
         circle_m: Distance within which a vehicle that cannot hover circles over a place; 0 for one
-            that can. Such a vehicle takes off in `take_off_mode`, and flies to places by
-            MAV_CMD_DO_REPOSITION.
+            that can.
+        repositions: Whether it flies to places by MAV_CMD_DO_REPOSITION, not to position targets.
         modes: Names of the flight modes by the fields of HEARTBEAT.custom_mode.
         mode_shifts: Bit positions of these fields.
         mode_mask: Bits of each of them.
@@ -80,6 +80,7 @@ class Autopilot:
         land_mode: Mode in which it lands on the spot.
         take_off_mode: Mode of a commanded take-off; empty if that does not change the mode. It
             ends in `resting_mode`.
+        takes_off_by_mode: Whether it takes off as that mode is set, without MAV_CMD_NAV_TAKEOFF.
         boot_modes: Modes in which it may start without a person having chosen them.
         landed_modes: Modes in which it may be on the ground after a flight for us.
         item_modes: Modes that mission items bring about, by their MAV_CMD.
@@ -122,6 +123,7 @@ class Autopilot:
     kinds: frozenset[int] = MULTICOPTERS
     kind: str = "a multicopter"
     circle_m: float = 0.0
+    repositions: bool = False
     modes: Mapping[tuple[int, ...], str]
     mode_shifts: tuple[int, ...]
     mode_mask: int
@@ -131,6 +133,7 @@ class Autopilot:
     return_mode: str
     land_mode: str
     take_off_mode: str = ""
+    takes_off_by_mode: bool = False
     boot_modes: frozenset[str]
     landed_modes: frozenset[str]
     item_modes: Mapping[int, str] = field(default_factory=dict)
@@ -281,6 +284,7 @@ ARDUPLANE = replace(
     kind="a fixed wing",
     # WP_LOITER_RAD is 60 m unless it is changed.
     circle_m=120.0,
+    repositions=True,
     # https://mavlink.io/en/messages/ardupilotmega.html#PLANE_MODE
     modes={
         (number,): entry.name.removeprefix("PLANE_MODE_")
@@ -290,6 +294,7 @@ ARDUPLANE = replace(
     resting_mode="LOITER",
     land_mode="RTL",
     take_off_mode="TAKEOFF",
+    takes_off_by_mode=True,
     boot_modes=frozenset({"MANUAL", "STABILIZE", "INITIALIZING"}),
     landed_modes=frozenset({"RTL", "AUTO"}),
     # The second from 4.6 on.
@@ -362,4 +367,17 @@ PX4 = Autopilot(
     port_step=1,
 )
 
-AUTOPILOTS: Mapping[str, Autopilot] = {one.name: one for one in (ARDUPILOT, ARDUPLANE, PX4)}
+PX4_PLANE = replace(
+    PX4,
+    name="px4plane",
+    kinds=FIXED_WINGS,
+    kind="a fixed wing",
+    # NAV_LOITER_RAD is 80 m unless it is changed.
+    circle_m=150.0,
+    land_mode="RTL",
+    paced_setpoints=False,
+)
+
+AUTOPILOTS: Mapping[str, Autopilot] = {
+    one.name: one for one in (ARDUPILOT, ARDUPLANE, PX4, PX4_PLANE)
+}

@@ -120,7 +120,7 @@ class TakeOff(Order):
                     controller.situation.expect_progress("lift-off", 0.0)
                     yield "taking off"
                     continue
-                if autopilot.circles:
+                if autopilot.takes_off_by_mode:
                     yield modes.change(autopilot.take_off_mode)
                     continue
                 modes.announce(autopilot.take_off_mode)

@@ -25,8 +25,8 @@ _UNREPORTED_S = 3.0
 """Time without a report of the target after which the vehicle flies to none."""
 _BETWEEN_TRACKS_S = 1.0
 """Time up to which a track goes on from the last one."""
-_OF_CIRCLES = 0.2
-"""Share of the rate at which a fixed wing, which each acknowledges, gets its places."""
+_OF_REPOSITIONS = 0.2
+"""Share of the rate at which a vehicle gets places that it acknowledges one by one."""
 
 
 class SetpointStreamer:
@@ -99,8 +99,10 @@ class SetpointStreamer:
         self._set_target(self._target_at((lat_deg, lon_deg), alt_amsl_m))
 
     def _target_at(self, place: Place, alt_amsl_m: float) -> SetPositionTarget:
-        circles = self._autopilot.circles
-        return SetPositionTarget(self._situation.target, *place, float(alt_amsl_m), circles=circles)
+        return SetPositionTarget(
+            self._situation.target, *place, float(alt_amsl_m),
+            repositions=self._autopilot.repositions,
+        )  # fmt: skip
 
     def _leave_track(self) -> None:
         if self._on_track and self._paced is not None:
@@ -130,7 +132,6 @@ class SetpointStreamer:
             alt_amsl_m: Altitude above mean sea level.
             speed_mps: Speed over ground, more than 0.
         """
-        circles = self._autopilot.circles
         target = self._target_at(beyond, alt_amsl_m)
         if self._on_track and target == self.target:
             return
@@ -139,7 +140,7 @@ class SetpointStreamer:
         now, boot_s = self._situation.now, self._situation.state.boot_s
         goes_on = now - self._left_s <= _BETWEEN_TRACKS_S
         last = self._left_place if goes_on else None
-        kind = LeadingSetpoint if circles else PacedSetpoint
+        kind = LeadingSetpoint if self._autopilot.circles else PacedSetpoint
         self._paced, self._on_track = kind(target, speed_mps, places, boot_s, last), True
         if not goes_on:
             self._track_s = now
@@ -158,7 +159,7 @@ class SetpointStreamer:
                 it had confirmed.
         """
         state, autopilot = self._situation.state, self._autopilot
-        reports = autopilot.streams_setpoints or autopilot.circles or not self._on_track
+        reports = autopilot.streams_setpoints or autopilot.repositions or not self._on_track
         if not reports and state.target_s > self._track_s + _UNREPORTED_S:
             # It reports none while it flies to positions with velocities.
             raise TakenOverError("sent elsewhere by somebody else")
@@ -247,7 +248,9 @@ class SetpointStreamer:
         if self.target is None or situation.now < self._due_s:
             return
         if self._streams:
-            rate_hz = settings.setpoint_hz * (_OF_CIRCLES if self._autopilot.circles else 1.0)
+            rate_hz = settings.setpoint_hz * (
+                _OF_REPOSITIONS if self._autopilot.repositions else 1.0
+            )
             self._due_s = situation.now + 1 / rate_hz
             situation.out.append(self._streamed(self.target))
             return

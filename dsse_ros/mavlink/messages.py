@@ -84,7 +84,7 @@ class SetPositionTarget:
         lon_deg: WGS84 longitude.
         alt_amsl_m: Altitude above mean sea level.
         velocity_mps: Velocity to north and east, None to stop there.
-        circles: Whether the vehicle cannot hover: it is MAV_CMD_DO_REPOSITION then.
+        repositions: Whether it is MAV_CMD_DO_REPOSITION.
     """
 
     target: Address
@@ -92,7 +92,7 @@ class SetPositionTarget:
     lon_deg: float
     alt_amsl_m: float
     velocity_mps: tuple[float, float] | None = None
-    circles: bool = False
+    repositions: bool = False
 
     def message(self) -> mavlink.MAVLink_message:
         """Return it as MAVLink has it.
@@ -100,7 +100,7 @@ class SetPositionTarget:
         Raises:
             ValueError: If a coordinate is not allowed.
         """
-        if self.circles:
+        if self.repositions:
             return mavlink.MAVLink_command_int_message(
                 *self.target,
                 mavlink.MAV_FRAME_GLOBAL,

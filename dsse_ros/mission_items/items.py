@@ -46,6 +46,7 @@ FIRMWARES: Mapping[str, Firmware] = {
     "ardupilot": Firmware(home_first=True, mav_autopilot=3),
     "arduplane": Firmware(home_first=True, mav_autopilot=3, mav_type=1),
     "px4": Firmware(home_first=False, mav_autopilot=12),
+    "px4plane": Firmware(home_first=False, mav_autopilot=12, mav_type=1),
 }
 """By the names of the autopilots: see `dsse_ros.flight.autopilots`."""
 

@@ -21,13 +21,17 @@ FRAME = GridFrame(20, 130.0, -24.04, -46.17, 0.0, 40.0)
 STARTS = ((9, 9), (10, 12))
 TURNS = ((0.0, 0.3), (0.25, -0.3), (0.5, 0.0), (-0.5, 0.1), (0.0, 0.4), (0.1, -0.5))
 """Of each step, the turns of both drones."""
+VEHICLES = {"px4plane": {"parameters": (("FW_AIRSPD_TRIM", 22.0),)}}
+"""With the speed of a drone that is a fixed wing."""
 
 
 def fly(
     autopilot: str, steps: int = 6, limits: Mapping[str, float] | None = None
 ) -> tuple[MetresSearch, VirtualFleet]:
     homes = [(65.0 + 130.0 * col, 130.0 * (19 - row) + 65.0) for col, row in STARTS]
-    fleet = VirtualFleet(2, autopilot, homes_m=homes, frame=FRAME, altitude_step=5.0)
+    fleet = VirtualFleet(
+        2, autopilot, homes_m=homes, frame=FRAME, altitude_step=5.0, vehicle=VEHICLES.get(autopilot)
+    )
     search = MetresSearch(
         FRAME, limits=limits, grid_size=20, drones_positions=STARTS, person_motion="constant_drift",
         person_initial_position=(12, 7), particles=2000, vector=(0.0, 0.0), sigma=3.0,
@@ -84,13 +88,17 @@ def test_vehicles_fly_their_tracks_at_speed_without_a_stop_by_the_clock_of_the_s
 
 
 @pytest.mark.slow
-def test_a_fixed_wing_takes_off_climbs_in_a_circle_and_flies_its_tracks() -> None:
-    search, fleet = fly("arduplane", limits={"acceptance_radius": 150.0})
+@pytest.mark.parametrize(("autopilot", "rests"), [("arduplane", "LOITER"), ("px4plane", "HOLD")])
+def test_a_fixed_wing_takes_off_climbs_in_a_circle_and_flies_its_tracks(
+    autopilot: str, rests: str
+) -> None:
+    search, fleet = fly(autopilot, limits={"acceptance_radius": 150.0})
     assert not any(one.lost or one.refused for one in fleet.controller.followers), fleet.shown()
     result = search.flight.result
     assert result.flown is not None and result.flown.looked[:, 1:].all()
     for i, (flown, flight) in enumerate(zip(search.flown, fleet.flights, strict=True)):
-        assert flown[-1][0] == pytest.approx(6 * search.step_s, abs=1.0)
+        # The last step may find the person.
+        assert flown[-1][0] == pytest.approx(len(search.ways) * search.step_s, abs=1.0)
         assert speeds(flown) == pytest.approx(np.full(len(flown) - 1, 22.0), abs=0.5)
         assert flight.vehicle.craft.up_m == pytest.approx(40.0 - 5.0 * i, abs=2.0)
         # It turns where a drone of the kind would have.
@@ -100,7 +108,7 @@ def test_a_fixed_wing_takes_off_climbs_in_a_circle_and_flies_its_tracks() -> Non
     fleet.controller.operate(0, "hold")
     fleet.controller.operate(1, "return")
     fleet.wait(20.0)
-    assert [one.vehicle.mode.name for one in fleet.flights] == ["LOITER", "RTL"]
+    assert [one.vehicle.mode.name for one in fleet.flights] == [rests, "RTL"]
     assert not any(one.vehicle.landed for one in fleet.flights)
 
 

@@ -72,8 +72,11 @@ def test_another_autopilot_is_one_object_and_its_registration(
 
 
 @pytest.mark.slow
-def test_a_fixed_wing_takes_off_in_a_mode_of_its_own_and_circles_where_others_hover() -> None:
-    flight = VirtualFlight("arduplane")
+@pytest.mark.parametrize(("autopilot", "rests"), [("arduplane", "LOITER"), ("px4plane", "HOLD")])
+def test_a_fixed_wing_takes_off_in_a_mode_of_its_own_and_circles_where_others_hover(
+    autopilot: str, rests: str
+) -> None:
+    flight = VirtualFlight(autopilot)
     assert flight.fly(TakeOff(100.0)).status == "done"
     assert flight.vehicle.mode.name == "TAKEOFF" and flight.vehicle.craft.up_m >= 30.0
     place = flight.place(400.0, 300.0)
@@ -84,7 +87,7 @@ def test_a_fixed_wing_takes_off_in_a_mode_of_its_own_and_circles_where_others_ho
         away_m = math.hypot(craft.north_m - 400.0, craft.east_m - 300.0)
         assert seconds < 20 or 40.0 < away_m < 120.0
         assert craft.up_m == pytest.approx(100.0, abs=3.0)
-    assert flight.fly(Hold()).status == "done" and flight.vehicle.mode.name == "LOITER"
+    assert flight.fly(Hold()).status == "done" and flight.vehicle.mode.name == rests
     flight.give(Return())
     flight.wait(5.0)
     assert flight.vehicle.mode.name == "RTL" and flight.outcome.status == "under_way"
@@ -96,7 +99,7 @@ def test_a_fixed_wing_that_somebody_else_sends_elsewhere_is_given_up() -> None:
     assert flight.fly(TakeOff(60.0)).status == "done"
     assert flight.fly(GoTo(*flight.place(300.0, 0.0), 60.0, 10.0)).status == "done"
     lat_deg, lon_deg = flight.place(-900.0, 0.0)
-    sent = SetPositionTarget(VEHICLE, lat_deg, lon_deg, 60.0, circles=True).message()
+    sent = SetPositionTarget(VEHICLE, lat_deg, lon_deg, 60.0, repositions=True).message()
     flight.send_from_station(sent)
     flight.until(lambda: flight.outcome.status == "taken_over")
     assert flight.outcome.reason == "sent elsewhere by somebody else"

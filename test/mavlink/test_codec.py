@@ -258,7 +258,7 @@ def test_a_message_of_another_message_set_is_skipped() -> None:
             {"coordinate_frame": 5, "type_mask": 3520, "vx": 3.0, "vy": -4.0, "vz": 0.0},
         ),
         (
-            SetPositionTarget(VEHICLE, -24.0, -46.3, 120.0, circles=True),
+            SetPositionTarget(VEHICLE, -24.0, -46.3, 120.0, repositions=True),
             "COMMAND_INT",
             {
                 "target_system": 7,

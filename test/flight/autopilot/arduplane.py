@@ -4,7 +4,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from enum import IntEnum
 from typing import Any, ClassVar
@@ -12,17 +11,14 @@ from typing import Any, ClassVar
 from .ardupilot import ArduCopter
 from .channel import Sender
 from .commands import ACCEPTED, FAILED, Command
+from .fixed_wing import Circle, Fly
 from .local_frame import Point
 from .maneuvers import Maneuver
 from .parameters import Number
 from .settings import Settings
-from .vehicle import Vehicle
 from .wire import Message, mavlink
 
-_SPEED_MPS, _RADIUS_M, _CLIMB_MPS = 22.0, 60.0, 4.0
-_TIGHTEST_M = 50.0
-"""Radius of a turn at the greatest bank."""
-_SPOOL_UP_S = 1.0
+_SPEED_MPS, _RADIUS_M = 22.0, 60.0
 
 
 class Mode(IntEnum):
@@ -37,57 +33,6 @@ class Mode(IntEnum):
     GUIDED = 15
 
 
-class Fly(Maneuver):
-    """Fly straight on, and climb to a height; from the ground, take off."""
-
-    def __init__(self, up_m: float) -> None:
-        self._up_m = up_m
-        self._spool_s = _SPOOL_UP_S
-
-    def wanted_rad(self, vehicle: Vehicle) -> float:
-        """Return where to fly, clockwise from north."""
-        return vehicle.craft.heading_rad
-
-    def step(self, vehicle: Vehicle, dt_s: float) -> None:
-        craft = vehicle.craft
-        if vehicle.landed:
-            self._spool_s -= dt_s
-            if self._spool_s > 0:
-                return
-            vehicle.lift_off()
-        turn = (self.wanted_rad(vehicle) - craft.heading_rad + math.pi) % (2 * math.pi) - math.pi
-        most = _SPEED_MPS / _TIGHTEST_M * dt_s
-        heading = craft.heading_rad + min(max(turn, -most), most)
-        craft.heading_rad = heading
-        craft.north_mps, craft.east_mps = (
-            _SPEED_MPS * math.cos(heading), _SPEED_MPS * math.sin(heading)
-        )  # fmt: skip
-        climb_m = min(max(self._up_m - craft.up_m, -_CLIMB_MPS * dt_s), _CLIMB_MPS * dt_s)
-        craft.up_mps = climb_m / dt_s
-        craft.north_m += craft.north_mps * dt_s
-        craft.east_m += craft.east_mps * dt_s
-        craft.up_m += climb_m
-
-
-class Circle(Fly):
-    """Fly to a place, and circle over it."""
-
-    def __init__(self, target: Point) -> None:
-        super().__init__(target.up_m)
-        self.target: Point = target
-
-    def wanted_rad(self, vehicle: Vehicle) -> float:
-        craft = vehicle.craft
-        north_m = self.target.north_m - craft.north_m
-        east_m = self.target.east_m - craft.east_m
-        away_m, bearing = math.hypot(north_m, east_m), math.atan2(east_m, north_m)
-        if away_m > 2 * _RADIUS_M:
-            return bearing
-        # To the right of the place, further inwards the farther away it is.
-        inwards = min(max((away_m - _RADIUS_M) / _RADIUS_M, -1.0), 1.0)
-        return bearing - math.pi / 2 * (1.0 - inwards)
-
-
 class ArduPlane(ArduCopter):
     """A vehicle that behaves as ArduPlane does."""
 
@@ -100,8 +45,12 @@ class ArduPlane(ArduCopter):
         "WP_LOITER_RAD": 60.0,
     }
     not_guided = FAILED
-    go_to = Circle
     mode: Any
+
+    @staticmethod
+    def go_to(target: Point) -> Circle:
+        """Return the maneuver that leads to a place."""
+        return Circle(target, _SPEED_MPS, _RADIUS_M)
 
     def __init__(self, settings: Settings) -> None:
         super().__init__(settings)
@@ -133,16 +82,16 @@ class ArduPlane(ArduCopter):
     def _enter_mode(self) -> None:
         here = self.craft.point
         if self.mode is Mode.TAKEOFF:
-            self.maneuver = Fly(self.home.up_m + self.parameters["TKOFF_ALT"])
+            self.maneuver = Fly(self.home.up_m + self.parameters["TKOFF_ALT"], _SPEED_MPS)
         elif self.landed:
             self.maneuver = Maneuver()
         elif self.mode is Mode.RTL:
             up_m = self.home.up_m + self.parameters["ALT_HOLD_RTL"] / 100
-            self.maneuver = Circle(self.home._replace(up_m=up_m))
+            self.maneuver = self.go_to(self.home._replace(up_m=up_m))
         elif self.mode in (Mode.LOITER, Mode.GUIDED):
-            self.maneuver = Circle(here)
+            self.maneuver = self.go_to(here)
         else:
-            self.maneuver = Fly(here.up_m)
+            self.maneuver = Fly(here.up_m, _SPEED_MPS)
 
     def arm(self, *, force: bool) -> int:
         if not self.ready and not force:

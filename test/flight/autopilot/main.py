@@ -8,7 +8,7 @@ import os
 import signal
 import sys
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from selectors import EVENT_READ, DefaultSelector
 
@@ -18,12 +18,19 @@ from .arduplane import ArduPlane
 from .channel import Channel
 from .endpoints import Endpoint, TcpEndpoint, UdpEndpoint
 from .px4 import Px4
-from .settings import Settings
+from .px4plane import Px4Plane
+from .settings import AutopilotName, Settings
 from .vehicle import Vehicle
 
 # However fast vehicle time goes, the process sleeps this long when nothing arrives, and then
 # catches up. Twenty of them have to share two cores.
 _MIN_SLEEP_S = 0.02
+_VEHICLES: Mapping[AutopilotName, type[Vehicle]] = {
+    "ardupilot": ArduCopter,
+    "arduplane": ArduPlane,
+    "px4": Px4,
+    "px4plane": Px4Plane,
+}
 # Vehicle time that may pass at once. On a machine that is too busy vehicle time goes more slowly,
 # as it does with SITL: otherwise messages waiting in the sockets would arrive too late for a
 # failsafe.
@@ -32,9 +39,7 @@ _STRIDE_S = 0.25
 
 def make_vehicle(settings: Settings) -> Vehicle:
     """Return a vehicle with the behaviour of its autopilot."""
-    return {"ardupilot": ArduCopter, "arduplane": ArduPlane, "px4": Px4}[settings.autopilot](
-        settings
-    )
+    return _VEHICLES[settings.autopilot](settings)
 
 
 def run(

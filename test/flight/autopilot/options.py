@@ -17,8 +17,13 @@ from .settings import Settings
 
 T = TypeVar("T")
 
-_READY_S = {"ardupilot": 42.0, "arduplane": 42.0, "px4": 10.0}
-_MODES = {"ardupilot": ardupilot.Mode, "arduplane": arduplane.Mode, "px4": px4.Mode}
+_READY_S = {"ardupilot": 42.0, "arduplane": 42.0, "px4": 10.0, "px4plane": 10.0}
+_MODES = {
+    "ardupilot": ardupilot.Mode,
+    "arduplane": arduplane.Mode,
+    "px4": px4.Mode,
+    "px4plane": px4.Mode,
+}
 
 
 def parse(arguments: Sequence[str] | None = None) -> argparse.Namespace:

@@ -10,7 +10,7 @@ from typing import Literal
 from .faults import Fault
 from .local_frame import Place
 
-AutopilotName = Literal["ardupilot", "arduplane", "px4"]
+AutopilotName = Literal["ardupilot", "arduplane", "px4", "px4plane"]
 
 
 @dataclass(frozen=True)
