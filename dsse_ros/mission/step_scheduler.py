@@ -110,6 +110,10 @@ class Pace:
         """Return the wall time until the end of the step, if time runs; 0 without a period."""
         return (1.0 - self.share(now_s)) * self._period_s
 
+    def over_s(self, now_s: float) -> float:
+        """Return the time since the end of the step; 0 before it."""
+        return max(self._unbounded(now_s) - 1.0, 0.0) * self._period_s
+
     def _unbounded(self, now_s: float) -> float:
         if self._held or self._period_s <= 0:
             return self._share
@@ -176,6 +180,11 @@ class StepScheduler:
         """Set the time of the vehicles; it counts once the mission has been started."""
         if self.started:
             self._fleet_s = fleet_s
+
+    @property
+    def fleet_ahead_s(self) -> float:
+        """The time of the vehicles since the end of the step; 0 before it."""
+        return 0.0 if self._fleet_s is None else self._pace.over_s(self._fleet_s)
 
     def stop(self) -> None:
         """Count the time of the vehicles no more, until the mission is started."""

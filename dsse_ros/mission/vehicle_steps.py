@@ -85,7 +85,7 @@ class VehicleSteps:
     def _set_flown(self, mission: FlightMission) -> None:
         """Have the drones fly what their vehicles have flown, as far as that is known."""
         for drone in mission.live:
-            flown = self._flown[drone].take(mission.pieces)
+            flown = self._flown[drone].take(mission.pieces, self._scheduler.fleet_ahead_s)
             if flown is not None:
                 path, looked = flown
                 path[:, 1] = self._frame.side_m - path[:, 1]

@@ -21,7 +21,7 @@ _LATE_S = 5.0
 _RESOLUTION_S = 1e-3
 _MOST_WAITING = 32
 _MOST_POSITIONS = 10_000
-"""Positions in a step that are kept; a step with more has a gap at its start."""
+"""Positions that are kept; a step with more has a gap at its start."""
 
 
 class Position(NamedTuple):
@@ -56,7 +56,9 @@ class VehicleTrack:
 
     def begin(self) -> None:
         """Begin a mission where the vehicle is."""
-        self._forget_way()
+        if self._positions:
+            self._start_s = self._positions[-1][0]
+            self._forget_until(self._start_s)
         self._looked = False
 
     def set_place(self, stamp_ns: int, place: Position) -> None:
@@ -101,21 +103,21 @@ class VehicleTrack:
             self._start_s, self._looked = time_s, False
         self._positions.append((time_s, place))
 
-    def _forget_way(self) -> None:
-        """Keep the last position only."""
-        if self._positions:
-            last = self._positions[-1]
-            self._positions.clear()
-            self._positions.append(last)
-            self._start_s = last[0]
+    def _forget_until(self, time_s: float) -> None:
+        """Forget the positions before the last one at or before a time."""
+        while len(self._positions) > 1 and self._positions[1][0] <= time_s:
+            self._positions.popleft()
 
-    def take(self, pieces: int) -> tuple[NDArray[np.float64], NDArray[np.bool_]] | None:
-        """Return what was flown since the last call, and forget it; None before any position.
+    def take(
+        self, pieces: int, ahead_s: float = 0.0
+    ) -> tuple[NDArray[np.float64], NDArray[np.bool_]] | None:
+        """Return what was flown in a step, and forget it; None before any position.
 
         A vehicle whose positions stop coming counts as where it was last, and does not look.
 
         Args:
             pieces: K.
+            ahead_s: Time that has passed since the end of the step: it belongs to later ones.
 
         Returns:
             (K + 1, 2) float64 x and y, m, at equal times, and (K + 1,) bool: whether it looked
@@ -125,13 +127,16 @@ class VehicleTrack:
             return None
         times = np.array([time_s for time_s, _ in self._positions])
         x, y, looks = np.array([place for _, place in self._positions]).T
-        end_s = float(times[-1])
-        if end_s - self._start_s < self._step_s - LONGEST_GAP_S:
-            end_s = self._start_s + self._step_s
-        at_s = np.linspace(self._start_s, end_s, pieces + 1)
+        start_s, end_s = self._start_s, float(times[-1]) - ahead_s
+        if end_s < start_s and len(times) > 1:
+            # Its clock was taken to have gone on without positions, and has not.
+            start_s = float(times[0])
+        if end_s - start_s < self._step_s - LONGEST_GAP_S:
+            end_s = start_s + self._step_s
+        at_s = np.linspace(start_s, end_s, pieces + 1)
         path = np.stack([np.interp(at_s, times, x), np.interp(at_s, times, y)], axis=1)
         looked = np.concatenate([[self._looked], _looked(times, looks > 0.0, at_s)])
-        self._forget_way()
+        self._forget_until(end_s)
         self._start_s, self._looked = end_s, bool(looked[-1])
         return path, looked
 

@@ -165,6 +165,8 @@ def test_steps_by_the_vehicles_take_their_time_whatever_the_wall_clock_says(
         # Steps that are late are made up for, one by one.
         while one.due(wall_s, ready=True) is not Due.NOTHING:
             assert one.wait_s(wall_s, ready=True) == 0.0
+            ahead_s = fleet_s - 500.0 - 13.0 * (steps + 1)
+            assert one.fleet_ahead_s == pytest.approx(ahead_s, abs=1e-6)
             one.begin(wall_s, done=False)
             steps += 1
         assert one.wait_s(wall_s, ready=True) == math.inf

@@ -82,6 +82,42 @@ def test_a_vehicle_without_positions_stays_where_it_was_and_does_not_look() -> N
     assert third[0][-1].tolist() == [390.0, 5.0] and not third[1][:4].any() and third[1][5:].all()
 
 
+@given(st.lists(st.integers(0, 5), min_size=1, max_size=4), st.floats(0.1, 1.0))
+def test_steps_that_are_late_have_what_was_flown_in_each_of_them(
+    late: list[int], period_s: float
+) -> None:
+    """Commands come some steps late, and then those steps are done at once."""
+    track, time_s, step = VehicleTrack(STEP_S), 0.0, 0
+    report(track, 0.0)
+    track.begin()
+    for steps in late:
+        while time_s < STEP_S * (step + steps + 1):
+            time_s += period_s
+            report(track, time_s)
+        for _ in range(steps + 1):
+            flown = track.take(PIECES, time_s - STEP_S * (step + 1))
+            assert flown is not None
+            np.testing.assert_allclose(
+                flown[0][:, 0], 10.0 * np.linspace(STEP_S * step, STEP_S * (step + 1), PIECES + 1)
+            )
+            assert flown[1][1:].all()
+            step += 1
+
+
+def test_after_a_clock_that_stood_still_the_vehicle_looks_again() -> None:
+    track = VehicleTrack(STEP_S)
+    for time_s in np.arange(0.0, 13.1, 1.0).tolist():
+        report(track, time_s)
+    for _ in range(4):
+        # The clocks of others have gone on.
+        assert track.take(PIECES) is not None
+    for time_s in np.arange(14.0, 26.1, 1.0).tolist():
+        report(track, time_s)
+    flown = track.take(PIECES)
+    assert flown is not None and flown[1][1:].all()
+    assert flown[0][[0, -1], 0].tolist() == [130.0, 260.0]
+
+
 @pytest.mark.parametrize("jump_s", [-100.0, 1000.0])
 def test_another_clock_begins_a_new_track(jump_s: float) -> None:
     track = VehicleTrack(STEP_S)
