@@ -1,6 +1,9 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""`ros2 run dsse_ros replay`: check whether the missions of a bag repeat."""
+"""`ros2 run dsse_ros replay`: check whether the missions of a bag repeat.
+
+The journal of a live search is computed again.
+"""
 
 from __future__ import annotations
 
@@ -9,6 +12,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from dsse_ros.cli.command_line import Parser
+from dsse_ros.live.journal import is_journal
+from dsse_ros.mission.mission_journal import replayed as replayed_journal
 from dsse_ros.mission.status import counted
 from dsse_ros.recording.bag import read_bag
 from dsse_ros.recording.bag_replay import Replay, ReplayedMission
@@ -54,13 +59,31 @@ def line_of_rest(not_compared: Mapping[str, tuple[int, int]]) -> str:
     return f"not compared: {', '.join(shown)}" if shown else ""
 
 
+def _replay_journal(path: Path) -> int:
+    """Print what the last mission of a journal comes to; return the exit code."""
+    try:
+        mission = replayed_journal(path, print)
+    except FieldError as error:
+        return fail("replay", error)
+    if mission is None:
+        return fail("replay", "no mission in the journal")
+    inputs = ", ".join(counted(number, kind) for kind, number in sorted(mission.inputs.items()))
+    print(
+        f"mission {mission.number}: {counted(mission.steps, 'step')}, {inputs or 'no inputs'}: "
+        f"POS {mission.pos:.4f}, belief sha256 {mission.sha256}"
+    )
+    return 0
+
+
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the program; returns its exit code.
 
     It is 0 if all missions repeat as far as they are recorded, 2 for bad input, 3 if one differs.
     """
     parser = Parser(prog="replay", description=__doc__.partition(": ")[2])
-    parser.add_argument("bag", type=Path, help="MCAP file, or rosbag2 folder with MCAP files")
+    parser.add_argument(
+        "bag", type=Path, help="MCAP file, rosbag2 folder with MCAP files, or journal"
+    )
     parser.add(
         "--max-cells",
         type=int,
@@ -68,6 +91,8 @@ def main(argv: Sequence[str] | None = None) -> int:
         help="number of cells of the largest grid to replay",
     )
     arguments = parser.parse_args(argv)
+    if is_journal(arguments.bag):
+        return _replay_journal(arguments.bag)
     replayed = different = 0
     notes: list[str] = []
     try:

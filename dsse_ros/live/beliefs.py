@@ -43,11 +43,7 @@ class LiveBeliefs:
     def reset(self, records: Iterable[StepLooks | Entry] = ()) -> None:
         """Start a new mission, with these records of its past."""
         self.keeper = Keeper(self._world.scenario, self._world.rules)
-        for record in records:
-            if isinstance(record, Entry):
-                self.keeper.apply(record)
-            else:
-                self.keeper.step(record)
+        self.keeper.repeat(records)
 
     @property
     def pos(self) -> NDArray[np.float64]:
@@ -65,9 +61,9 @@ class LiveBeliefs:
 
     def after_step(self) -> None:
         """Update the belief with the looks of the step, and advance it."""
-        self.keeper.step(self._looks())
+        self.keeper.step(self.looks())
 
-    def _looks(self) -> StepLooks:
+    def looks(self) -> StepLooks:
         """Return the looks of the last step."""
         world, rules = self._world, self._world.rules
         drones = world.drones[0]

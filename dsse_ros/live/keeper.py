@@ -176,6 +176,14 @@ class Keeper:
         for detection_id in pending:
             self._weigh(detection_id)
 
+    def repeat(self, history: Iterable[StepLooks | Entry]) -> None:
+        """Take up steps and entries of another keeper, in their order."""
+        for record in history:
+            if isinstance(record, Entry):
+                self.apply(record)
+            else:
+                self.step(record)
+
     # Inputs
 
     @property

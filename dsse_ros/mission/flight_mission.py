@@ -57,9 +57,9 @@ class FlightMission(Mission):
         self.result = replace(result, held=held, probabilities=np.zeros(len(held)))
         return self.result
 
-    def snapshot(self) -> Snapshot:
+    def snapshot(self, *, past: bool = True) -> Snapshot:
         """See `Mission`."""
-        snapshot = super().snapshot()
+        snapshot = super().snapshot(past=past)
         assert self.result.flown is not None
         for name in _OF_FLOWN:
             snapshot.arrays[f"result_{name}_m"] = getattr(self.result.flown, name).copy()

@@ -4,11 +4,12 @@
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import json
 from collections import Counter
 from collections.abc import Callable, Mapping
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
@@ -18,29 +19,10 @@ from dsse_ros.live.clock import StepClock
 from dsse_ros.live.inputs import Input, parse, read
 from dsse_ros.live.keeper import Entry
 from dsse_ros.mission.mission import Mission
+from dsse_ros.mission.mission_journal import MissionJournal, end_found
 from dsse_ros.result import Accepted, Rejected, Result
 
 _LONGEST_ID = 100
-
-
-class Journal(Protocol):
-    """Where accepted inputs are kept."""
-
-    def write(self, entry: Entry) -> None:
-        """Append an entry, or leave the journal as it is.
-
-        Raises:
-            OSError: If it cannot be written.
-        """
-        ...
-
-    def sync(self) -> None:
-        """Have all of it outlast a loss of power.
-
-        Raises:
-            OSError: If it cannot be written.
-        """
-        ...
 
 
 @dataclasses.dataclass(frozen=True)
@@ -85,19 +67,23 @@ class LiveIntake:
         mission: The mission; its scenario has no truth, and a belief follows it.
         warn: Logs a line of a kind.
         rejected: Counts the refused inputs by code.
+        journal: Where accepted inputs are kept before they are answered; None for nowhere.
 
     Attributes:
         clock: Stamps of the steps.
-        journal: Where entries are kept; None for nowhere.
     """
 
     def __init__(
-        self, mission: Mission, warn: Callable[[str, str], None], rejected: Counter[str]
+        self,
+        mission: Mission,
+        warn: Callable[[str, str], None],
+        rejected: Counter[str],
+        journal: MissionJournal | None = None,
     ) -> None:
         assert isinstance(mission.beliefs, LiveBeliefs)
         self._mission, self._beliefs, self._warn = mission, mission.beliefs, warn
         self.clock = StepClock(mission.env.scenario.step_duration_s)
-        self.journal: Journal | None = None
+        self._journal = journal
         self._rejected = rejected
         self._line: list[tuple[str, str, Result[Input]]] = []
 
@@ -128,12 +114,13 @@ class LiveIntake:
         pos, poc = keeper.pos, keeper.belief.poc()
         clocks = Clocks(self.clock.now_s, stamp_s, self.clock.of_stamp)
         answers, entries = [], []
+        begin = None if self._journal is None else self._journal.end
         for kind, given, parsed in line:
             answer, entry = self._decide_one(kind, given, parsed, clocks)
             answers.append(answer)
             if entry is not None:
                 entries.append(entry)
-        if entries and (failed := self._sync()):
+        if begin is not None and entries and (failed := self._sync(begin)):
             self._beliefs.reset([one for one in keeper.history if one not in entries])
             answers = [_refused(one, failed) if one.ok else one for one in answers]
         keeper = self._beliefs.keeper
@@ -143,7 +130,7 @@ class LiveIntake:
             "pos_before": pos, "pos_after": keeper.pos, "poc_moved": moved,
         }  # fmt: skip
         if keeper.over and not self._mission.done:
-            self._end()
+            end_found(self._mission)
         for answer in answers:
             self._log(answer)
         return [dataclasses.replace(one, **changes) if one.ok else one for one in answers]
@@ -171,28 +158,24 @@ class LiveIntake:
         return dataclasses.replace(answer, **about), entry
 
     def _write(self, entry: Entry) -> Rejected | None:
+        """Append an entry to the journal; return why it cannot."""
         try:
-            if self.journal is not None:
-                self.journal.write(entry)
+            if self._journal is not None:
+                self._journal.write(entry)
         except OSError as error:
             return _not_recorded(error)
         return None
 
-    def _sync(self) -> Rejected | None:
+    def _sync(self, begin: tuple[int, int]) -> Rejected | None:
+        """Have the entries outlast a loss of power; if that fails, remove them and return why."""
+        assert self._journal is not None
         try:
-            if self.journal is not None:
-                self.journal.sync()
+            self._journal.sync()
         except OSError as error:
+            with contextlib.suppress(OSError):
+                self._journal.cut_back(begin)
             return _not_recorded(error)
         return None
-
-    def _end(self) -> None:
-        """End the mission, because everybody was found."""
-        mission = self._mission
-        self._beliefs.end()
-        terminated, _ = mission.env.flags
-        terminated[mission.lost] = True
-        mission.result = dataclasses.replace(mission.result, terminated=terminated)
 
     def _log(self, answer: Answer) -> None:
         if not answer.ok:

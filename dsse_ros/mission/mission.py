@@ -371,18 +371,18 @@ class Mission:
         self.result = self._result(done, joint, held, np.where(searching, probabilities, 0.0))
         return self.result
 
-    def snapshot(self) -> Snapshot:
-        """Return the complete mission: world, random state, result, goals, tracks and time."""
+    def snapshot(self, *, past: bool = True) -> Snapshot:
+        """Return the complete mission, or all of it but history, tracks and belief."""
         of_world, result = self.env.snapshot(), self.result
         arrays = {name: getattr(result, name) for name in _OF_RESULT}
-        extra = {name: getattr(self, name) for name in _OF_MISSION}
+        extra = {name: getattr(self, name) for name in _OF_MISSION if past or name != "tracks"}
         return Snapshot(
             of_world.identity,
             {
                 **of_world.arrays,
                 **{f"result_{name}": a.copy() for name, a in arrays.items()},
-                "history": self._rows_before(),
-                **({} if self.beliefs is None else self.beliefs.arrays()),
+                **({"history": self._rows_before()} if past else {}),
+                **(self.beliefs.arrays() if past and self.beliefs is not None else {}),
             },
             # The conversion through JSON makes a deep copy.
             json.loads(json.dumps({**extra, "commands": self.commands.state()})),

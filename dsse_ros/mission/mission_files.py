@@ -7,9 +7,11 @@ from __future__ import annotations
 import contextlib
 import os
 import tempfile
+from collections.abc import Callable
 from pathlib import Path
 
 from dsse_ros.mission.mission import Mission
+from dsse_ros.mission.mission_journal import MissionJournal
 from dsse_ros.mission.mission_log import MissionLog
 from dsse_ros.scenario.frames import GridFrame
 from dsse_ros.search import FieldError, Snapshot, SnapshotError
@@ -24,6 +26,11 @@ class MissionFiles:
         snapshot_file: Path of the snapshot of its complete state, empty for none.
         snapshot_every: Steps between two snapshots.
         resume: Whether to continue the mission from the snapshot, and the log from its step.
+        journal: Path of the journal of a live search, empty for none; a mission in it is continued.
+        note: Called with a line if the journal was cut off.
+
+    Attributes:
+        journal: The journal, None for none.
 
     Raises:
         FieldError: If the snapshot cannot be written, or the mission cannot be resumed.
@@ -37,6 +44,8 @@ class MissionFiles:
         snapshot_file: str,
         snapshot_every: int,
         resume: bool,
+        journal: str = "",
+        note: Callable[[str], None] = lambda _: None,
     ) -> None:
         self._mission = mission
         self._record_file = record_file
@@ -50,8 +59,10 @@ class MissionFiles:
                 mission.restore(Snapshot.load(snapshot_file))
             except SnapshotError as error:
                 raise FieldError(f"snapshot_file: {error}") from None
+        self.journal = MissionJournal(journal, mission, note) if journal else None
         # A resumed mission publishes and records its last step again.
-        self._resume_at = (mission.number, mission.result.step) if resume else None
+        resumed = resume or (self.journal is not None and self.journal.resumed)
+        self._resume_at = (mission.number, mission.result.step) if resumed else None
 
     def open(self, frame: GridFrame) -> None:
         """Open the log, with positions on this grid.
@@ -71,7 +82,11 @@ class MissionFiles:
             )
 
     def record(self) -> str:
-        """Record the last step; return why the log ends here, empty if it continues."""
+        """Record the last step; return why the log or the journal does not have it, else ""."""
+        journal = "" if self.journal is None else self.journal.record()
+        return journal or self._record()
+
+    def _record(self) -> str:
         if self._log is None:
             return ""
         try:
@@ -99,9 +114,12 @@ class MissionFiles:
         return ""
 
     def close(self) -> None:
-        """Close the log."""
+        """Close the log and the journal."""
         if self._log is not None:
             self._log.close()
+        if self.journal is not None:
+            with contextlib.suppress(OSError):
+                self.journal.close()
 
 
 def _check_snapshot_file(path: str) -> None:

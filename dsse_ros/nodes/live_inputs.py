@@ -60,7 +60,7 @@ class LiveInputs:
 
     def __init__(self, node: SimNode, endpoints: Endpoints, rejected: Counter[str]) -> None:
         self._node, self._mission, self._frame = node, node.mission, node.frame
-        self._intake = LiveIntake(node.mission, node.warn, rejected)
+        self._intake = LiveIntake(node.mission, node.warn, rejected, node.files.journal)
         self._alarm = node.alarms.make(self._decide)
         self._due = False
         self._answers, self._contacts, self._markers = (

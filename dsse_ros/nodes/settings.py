@@ -117,8 +117,16 @@ class SimSettings(VehicleTimeSettings):
     )
     resume: bool = field("bool", "Whether to start from snapshot_file.", False)
 
+    journal: str = field(
+        "str", "MCAP file of a live search: its steps and inputs. Empty for none; one that exists "
+        "is continued.", "",
+    )  # fmt: skip
+
     def __post_init__(self) -> None:
         check_all(self)
+        if self.journal and (self.resume or self.compute_pos == "never"):
+            name = "resume must be false" if self.resume else "compute_pos must not be never"
+            raise FieldError(f"{name} with a journal")
         if self.run_id == 0:
             raise FieldError(f"run_id must be -1 or 1 to {MAX_ID}, got 0")
         if self.publish_belief and self.compute_pos == "never":
@@ -137,7 +145,7 @@ class SimSettings(VehicleTimeSettings):
     def has_belief(self, grid_size: int) -> bool:
         """Return whether a belief follows a mission on a grid of this size."""
         if self.compute_pos == "auto":
-            return self.publish_belief or grid_size <= LARGEST_AUTO_GRID
+            return self.publish_belief or bool(self.journal) or grid_size <= LARGEST_AUTO_GRID
         return self.compute_pos == "always"
 
 

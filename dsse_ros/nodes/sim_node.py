@@ -78,6 +78,7 @@ class SimNode(AlarmNode):
         self.files = MissionFiles(
             self.mission, record_file=settings.record_file, snapshot_file=settings.snapshot_file,
             snapshot_every=settings.snapshot_every, resume=settings.resume,
+            journal=settings.journal, note=self.get_logger().warning,
         )  # fmt: skip
         self.publishers_ = MissionPublishers(
             endpoints, self.mission, self.frame,

@@ -67,6 +67,9 @@ def read_parameters(node: AlarmNode) -> tuple[SimSettings, SearchEnv, Endpoints]
         )
     if settings.reveal_person and not scenario.has_persons:
         raise FieldError(f"reveal_person must be false with truth {scenario.truth}, got true")
+    if settings.journal and scenario.has_persons:
+        raise FieldError(f"journal must be empty with truth {scenario.truth}, got "
+                         f"{settings.journal!r}")  # fmt: skip
     log = node.get_logger().info
     with announced(lambda line: log(f"{line}; topics and services appear when it is done")):
         _check_size(settings, scenario, rules)

@@ -111,12 +111,12 @@ def _of_incident(scenario: Scenario) -> dict[str, Any]:
     return {"sea": shown}
 
 
-def definition_from(keys: Keys, num_drones: int, grid_size: int | None) -> SearchDefinition:
+def definition_from(keys: Keys, num_drones: int | None, grid_size: int | None) -> SearchDefinition:
     """Return the rules and the scenario that a message or a file states.
 
     Args:
         keys: What is stated.
-        num_drones: How many drones the message or file has.
+        num_drones: How many drones the message or file has, None if it does not state that.
         grid_size: Of its grid, None if it does not state one: what is derived of a scenario takes
             memory by both.
 

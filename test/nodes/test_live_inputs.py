@@ -5,13 +5,16 @@
 from __future__ import annotations
 
 import json
+from pathlib import Path
 from typing import Any
 
+import pytest
 from geometry_msgs.msg import PoseWithCovarianceStamped
 from rig import LATCHED, RELIABLE, Rig
-from std_msgs.msg import String
+from std_msgs.msg import Float64MultiArray, String
 from visualization_msgs.msg import MarkerArray
 
+POS = "/probability_of_success"
 INCIDENT = {
     "object": "PIW-1", "search_start": "2026-01-17T14:00Z", "wind": {"speed": 4, "from": 90},
     "seen": {"lat": -24.0, "lon": -46.3, "time": "2026-01-17T13:50Z", "radius": 100},
@@ -61,3 +64,29 @@ def test_every_input_is_answered_and_a_confirmed_contact_ends_the_search(rig: Ri
     assert sim.process.running
     sim.reset()
     assert put("confirm", '{"id": "yes", "contact": "c1"}')["code"] == "unknown_contact"
+
+
+@pytest.mark.slow
+def test_a_node_that_is_killed_continues_from_its_journal(rig: Rig, tmp_path: Path) -> None:
+    given = {
+        **FIELDS, "journal": str(tmp_path / "journal.mcap"), "grid_size": 15,
+        "drones_positions": [7, 7, 8, 8],
+    }  # fmt: skip
+    answers, pos = rig.listen(String, "/live/answers"), rig.listen(Float64MultiArray, POS, LATCHED)
+    found = '{"id": "d", "x": 400, "y": 400, "radius": 30}'
+    known = []
+    for restarted in (False, True):
+        sim = rig.sim(given)
+        known.append((sim.step_number, sim.cells))
+        if not restarted:
+            sim.fly(1, 1)
+            sim.fly(2, 2)
+            known.append((sim.step_number, sim.cells))
+        seen = len(answers)
+        rig.talk(String, "/live/detection", RELIABLE).publish(String(data=found))
+        rig.until(lambda seen=seen: len(answers) > seen)  # type: ignore[misc]
+        assert json.loads(answers.last.data)["code"] == ("again" if restarted else "")
+        known.append(list(pos.last.data[1:]))
+        sim.kill()
+    start, flown, before, resumed, after = known
+    assert start[0] == 0 and flown[0] == 2 and resumed == flown and after == before
