@@ -20,6 +20,8 @@ from dsse_ros.scenario.frames import cell_centre
 
 NEAREST = 64
 """Particles that show where the sea takes what floats among them."""
+COVERED = 8
+"""Particles that a report covers, however exact it is: fewer would be chance."""
 Points = NDArray[np.float64]
 
 
@@ -85,14 +87,20 @@ class Places:
             time_s: Time of the report.
             x_m: Metres to the east.
             y_m: Metres to the north.
-            radius_m: Standard deviation along each axis; that of a place in its cell is added.
+            radius_m: Standard deviation along each axis. That of a position in its cell is added;
+                among particles it is at least the distance to the eighth.
 
         Returns:
             (M,) 1/m^2.
         """
-        variance = radius_m**2 + self._scenario.cell_size**2 / 12.0
         dx, dy = (self.at(time_s) - (x_m, y_m)).T
-        return np.asarray(np.exp(-(dx**2 + dy**2) / (2.0 * variance)) / (2.0 * math.pi * variance))
+        squared = dx**2 + dy**2
+        if self.are_particles:
+            last = min(COVERED, len(squared)) - 1
+            variance = max(radius_m**2, float(np.partition(squared, last)[last]))
+        else:
+            variance = radius_m**2 + self._scenario.cell_size**2 / 12.0
+        return np.asarray(np.exp(-squared / (2.0 * variance)) / (2.0 * math.pi * variance))
 
 
 def inside(points: Points, rings: list[Points]) -> NDArray[np.bool_]:
