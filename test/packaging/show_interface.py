@@ -127,6 +127,9 @@ if __name__ == "__main__":
     # Which it publishes once it knows the drones.
     kind, qos = offered(PLAN, "planner_node")
     nodes["planner_node"]["published"][PLAN] = (type_of(kind), quality(qos))
+    # Which it subscribes to once it knows the drones.
+    kind, qos = requested("drone<i>/vehicle_fix", "cot_gateway")
+    nodes["cot_gateway"]["subscribed"]["drone<i>/vehicle_fix"] = (type_of(kind), quality(qos))
     # Which it subscribes to once there is a simulation.
     found = (*TOPICS, *EXACT_LAYERS, *(f"drone<i>/{topic}" for topic in OF_VEHICLE))
     for topic in found:

@@ -332,7 +332,7 @@ def test_the_services_of_simulation_interfaces_are_those_of_the_docs() -> None:
         ("show", [(ROS, "Table of the steps", "")]),
         ("recorder", [(RECORDING, "Recording", "")]),
         ("foxglove_viewer", [(VIEWERS, "Foxglove", "")]),
-        ("cot_gateway", [(VIEWERS, "ATAK", "")]),
+        ("cot_gateway", [(VIEWERS, "Where events may go", "")]),
         ("dashboard", [(DASHBOARD, "Parameters", "")]),
     ],
 )
