@@ -15,7 +15,7 @@ from dsse_ros.compiled.draws import words_of_seed
 from dsse_ros.scenario.rules import Rules
 from dsse_ros.scenario.scenario import Scenario
 from dsse_ros.search.coverage import METRICS
-from dsse_ros.search.recycling import KEPT
+from dsse_ros.search.recycling import KEPT, Recycler
 from dsse_ros.search.snapshot import Snapshot
 from dsse_ros.search.world import World
 from dsse_ros.step import device_kernels
@@ -39,21 +39,16 @@ ORDER: Literal["C", "F"] = "F"
 worlds read and write neighbouring elements."""
 
 
-class DeviceRecycler:
-    """Arrays on the device, whose memory is reused once the array that was returned is gone.
+class DeviceRecycler(Recycler):
+    """A `Recycler` of the device, whose memory is reused once the array that was returned is gone.
 
-    Args:
-        shape: Of the arrays.
-        dtype: Of the arrays.
-        overwrite: Whether to return the same memory each time, even if it is still in use.
+    A part of an array does not keep the memory; a tensor made of the array does.
     """
 
     def __init__(
         self, shape: tuple[int, ...], dtype: DTypeLike, *, overwrite: bool = False
     ) -> None:
-        self._shape = shape
-        self._dtype = np.dtype(dtype)
-        self._overwrite = overwrite
+        super().__init__(shape, dtype, overwrite=overwrite)
         self._lent: list[tuple[DeviceArray, weakref.ref[DeviceArray]]] = []
 
     def take(self) -> DeviceArray:
