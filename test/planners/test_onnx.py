@@ -125,15 +125,15 @@ PUBLISHED: dict[str, Any] = {
     "rules": "v2", "grid_size": 40, "person_initial_position": (20, 20), "dispersion_inc": 0.05,
     "drones_positions": [(20, 0), (20, 39), (0, 20), (39, 20)],
 }  # fmt: skip
-"""The search that the model of the package was trained on."""
+"""The published search."""
 
 
 @pytest.mark.slow
 def test_the_model_of_the_package_is_small_and_finds_more_than_the_published_agents() -> None:
-    assert SHIPPED.stat().st_size < 2_000_000
+    assert SHIPPED.stat().st_size < 6_000_000
     missions = play_missions(600, "onnx", seed=5_000, **PUBLISHED)
-    assert missions.found.mean() > 0.9
-    assert missions.steps.mean() < 33
+    assert missions.found.mean() > 0.98
+    assert missions.steps.mean() < 25
 
 
 @pytest.mark.slow
