@@ -26,6 +26,7 @@ NAVIGATION = {
         "docs/tutorials/training",
         "docs/tutorials/flying",
         "docs/tutorials/kayak",
+        "docs/tutorials/live_search",
     ],
     "Guides": [
         "docs/install",
@@ -37,6 +38,7 @@ NAVIGATION = {
         "docs/operate",
         "docs/security",
         "docs/dashboard",
+        "docs/live",
         "docs/recording",
         "docs/report",
         "docs/gis",

@@ -64,7 +64,7 @@ def _input(content: str, publishers: tuple[str, ...] = ("dashboard", *_PEOPLE)) 
         publishers=publishers,
         subscribers=_SIM,
         content=f"with truth none: JSON ([fields](live.md#inputs)), {content}",
-        use="whoever keeps the search",
+        use="people who keep the search",
     )
 
 
@@ -395,7 +395,7 @@ TOPICS = {
         publishers=_SIM,
         subscribers=("dashboard",),
         content="with truth none: JSON, the [answer](live.md#answers) to each input",
-        use="whoever sends inputs",
+        use="those who send inputs",
     ),
     "live/contacts": Topic(
         type_name="std_msgs/msg/String",
@@ -403,7 +403,7 @@ TOPICS = {
         publishers=_SIM,
         subscribers=("dashboard", "cot_gateway"),
         content="with truth none: JSON, the [contacts](live.md#contacts)",
-        use="whoever keeps the search",
+        use="people who keep the search",
     ),
     "live/contact_markers": Topic(
         type_name="visualization_msgs/msg/MarkerArray",

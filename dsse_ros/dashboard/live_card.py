@@ -96,7 +96,7 @@ class LiveCard:
         # Two clicks on a form are one input; the next input gets another identity.
         self._ids = {kind: _new_id() for kind in _MAKE}
         self._to_confirm: Command | None = None
-        self._said = ""
+        self._answered = ""
         with ui.element("div").classes("card live") as self._card:
             ui.html("Live search", tag="h2", sanitize=False)
             with ui.tabs().props("dense no-caps align=left") as self._tabs:
@@ -228,14 +228,14 @@ class LiveCard:
                 # A sighting must have a time, other inputs are of the present without one.
                 content = {"time": mission.utc} | content
         except ValueError as error:
-            self._say(f"{kind}: {error}")
+            self._refuse(f"{kind}: {error}")
             return
         self._put(kind, content, clicked_s, self._ids[kind])
 
     def _on_close(self, kind: str, clicked_s: float) -> None:
         mission, contact = self._mission(), self._contact.value
         if mission is None or not self._contact.is_meant(clicked_s):
-            self._say(f"{kind}: not sent, because another contact is shown; look and click again")
+            self._refuse(f"{kind}: not sent, because another contact is shown; click again")
             return
         command = self._command(mission, kind, {"contact": contact}, clicked_s)
         if kind == "dismiss":
@@ -257,7 +257,7 @@ class LiveCard:
         if self._input.is_meant(clicked_s):
             self._put("withdraw", {"input": self._input.value}, clicked_s)
         else:
-            self._say("withdraw: not sent, because another input is shown; look and click again")
+            self._refuse("withdraw: not sent, because another input is shown; click again")
 
     def _put(
         self, kind: str, content: Mapping[str, Any], clicked_s: float, id_: str | None = None
@@ -274,10 +274,10 @@ class LiveCard:
         text = json.dumps({"id": id_ or _new_id(), **content})
         return Command(mission.namespace, kind, clicked_s, input=text)
 
-    def _say(self, text: str) -> None:
+    def _refuse(self, text: str) -> None:
         """Show a text until the next answer of the simulation."""
         mission = self._mission()
-        self._said = "" if mission is None else mission.live_answer
+        self._answered = "" if mission is None else mission.live_answer
         self._answer.set_text(text)
 
     def _empty(self, kind: str) -> None:
@@ -324,9 +324,9 @@ class LiveCard:
                 change_of=live_inputs.change_of,
             )
         )
-        if mission.live_answer != self._said:
-            self._said = mission.live_answer
-            self._answer.set_text(self._said)
+        if mission.live_answer != self._answered:
+            self._answered = mission.live_answer
+            self._answer.set_text(self._answered)
 
 
 def _new_id() -> str:

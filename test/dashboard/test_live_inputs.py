@@ -78,26 +78,26 @@ ANSWER = {
 def test_an_input_shows_what_it_has_changed_until_another_search_begins() -> None:
     mission = ShownMission("")
 
-    def tell(**changed: Any) -> None:
+    def answer(**changed: Any) -> None:
         text = String(data=json.dumps(ANSWER | changed))
         mission.receive("live/answers", lambda: text)
 
-    tell()
+    answer()
     # Neither a repetition nor another use of its identity hides what it has changed.
-    tell(code="again", pos_before=None, pos_after=None, poc_moved=None)
-    tell(ok=False, code="id_used", reason="id must be new")
-    tell(id="b", ok=False, reason="time must not be ahead")
+    answer(code="again", pos_before=None, pos_after=None, poc_moved=None)
+    answer(ok=False, code="id_used", reason="id must be new")
+    answer(id="b", ok=False, reason="time must not be ahead")
     assert [change_of(one) for one in mission.inputs.values()] == [
         "POS 34.2% → 31.0%, 12.0% of the POC moved",
         "refused: time must not be ahead",
     ]
-    tell(id="b", contact="c1", pos_before=None, pos_after=None, poc_moved=None)
+    answer(id="b", contact="c1", pos_before=None, pos_after=None, poc_moved=None)
     assert change_of(mission.inputs["b"]) == "contact c1"
     mission.receive("live/answers", lambda: String(data="[]"))
     assert list(mission.inputs) == ["a", "b"]
     assert mission.trouble["live/answers"].startswith("answer must be an object")
     for i in range(1000):
-        tell(id=str(i))
+        answer(id=str(i))
     assert len(mission.inputs) == 200
 
 

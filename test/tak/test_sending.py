@@ -178,13 +178,13 @@ def test_a_server_that_is_not_whom_its_certificate_names_gets_nothing(
     server: tuple[int, list[bytes], threading.Event],
 ) -> None:  # fmt: skip
     port, got, has_all = server
-    said: list[str] = []
-    sender = CotSender(CotSettings(url=f"tls://localhost:{port}", **keys).of_pytak, said.append)
+    reported: list[str] = []
+    sender = CotSender(CotSettings(url=f"tls://localhost:{port}", **keys).of_pytak, reported.append)
     sender.send(picture.events(now_s=101.0))
     assert has_all.wait(TIMEOUT_S)
     sender.close()
     assert got == [b""]
-    assert len(said) == 1 and "certificate verify failed" in said[0]
+    assert len(reported) == 1 and "certificate verify failed" in reported[0]
 
 
 @pytest.mark.parametrize(
