@@ -409,7 +409,9 @@ def main(argv: Sequence[str] | None = None) -> int:
         finds, differ, largest = through_the_door(arguments.missions)
         print(f"{arguments.missions} missions with a truth: {finds} finds, {differ} differ through "
               f"the live door, POS differs by at most {largest:.1e}\n")  # fmt: skip
-    print("| Case | Stated | Bins, in their interval | Mean | Share | POC of the person's cell |")
+    print(
+        "| Case | Stated | Bins, in their interval | Mean | Share | POC where unfound persons are |"
+    )
     print("| --- | --- | --- | --- | --- | --- |")
     for number, case in enumerate(CASES):
         if arguments.only not in case.name:
@@ -422,7 +424,8 @@ def main(argv: Sequence[str] | None = None) -> int:
         for stated, pairs in measured.items():
             rows = bins(pairs)
             mean = np.array(pairs, np.float64).mean(axis=0)
-            before, after = np.array([one.here for one in flown]).mean(axis=0)
+            unfound = [one.here for one in flown if not one.found]
+            before, after = np.array(unfound).mean(axis=0)
             print(f"| {case.name} | {stated} | {sum(row[3] for row in rows)} of {len(rows)} "
                   f"| {mean[0]:.1%} | {mean[1]:.1%} | {before:.2%} to {after:.2%} |",
                   flush=True)  # fmt: skip

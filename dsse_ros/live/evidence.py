@@ -31,6 +31,9 @@ MOST_OF_CONTACT = 12
 """Looks whose detections count for a contact."""
 LATEST_STEPS = 3
 """Steps before a detection in which its look is: a pass takes time, and so does a detector."""
+LEAST_SEEN = 0.02
+"""How well the look of the detection's own step has seen the place, relative to the best: it is
+almost always its look, also if the error of the position leads elsewhere."""
 MOST_MISSED = 100
 """Looks whose effect is kept."""
 NOBODY = -1
@@ -108,7 +111,7 @@ class Evidence:
         return max(round(time_s / self._step_s), 0)
 
     def look_of(self, contact: str, detection: Detection, steps: Sequence[StepLooks]) -> Look:
-        """Return the look of a detection: the last of the drone's that saw the place well.
+        """Return the look of a detection: the last of the drone's that saw the place.
 
         It is a look to come if the step of the detection is not done, and nobody's if the drone has
         not looked there.
@@ -127,7 +130,7 @@ class Evidence:
             there = self.places.density(*detection[1:5])
             seen = [(there * (1.0 - self._missed(steps[look[0]], look))).sum() for look in looks]
             for look, by_look in zip(looks, seen, strict=True):
-                if by_look > 0.0 and by_look >= max(seen) / 2:
+                if by_look > 0.0 and by_look >= LEAST_SEEN * max(seen):
                     return look
         return self.step_of(detection.time_s), NOBODY
 
