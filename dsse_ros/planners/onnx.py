@@ -123,7 +123,7 @@ class Policy:
             present: Cells of the live drones.
             probability: (G, G), the map [y, x].
             masks: (N, A), action masks of the live drones.
-            known: What the scenario tells, see `known_of`.
+            known: What is known of the scenario, see `known_of`.
         """
         self._cells.update(present)
         names = list(self._cells)
@@ -217,7 +217,7 @@ class OnnxOnBelief(DrawsNothing):
 
 
 def known_of(scenario: ResolvedScenario, rules: Rules, step: int) -> dict[str, Sequence[float]]:
-    """Return what a scenario tells of the map after so many steps of the mission, by input."""
+    """Return what a scenario says of the map after so many steps of the mission, by input."""
     map_steps = scenario.pre_search_steps + rules.reset_sea_steps + step
     growth = scenario.dispersion_inc
     grown = max(map_steps - 1, 0) * growth
@@ -243,7 +243,7 @@ def encode(
         numbers: The N drones to act.
         probability: (G, G), the map [y, x].
         masks: (N, A), action masks of the N drones.
-        known: What the scenario tells, see `known_of`.
+        known: What is known of the scenario, see `known_of`.
     """
     places = np.asarray(cells, np.float32) / max(len(probability) - 1, 1)
     likely = probability / max(float(probability.max()), float(np.finfo(np.float32).tiny))

@@ -16,7 +16,8 @@ Arguments with the same names mean the same everywhere: `constants` is an elemen
 
 from __future__ import annotations
 
-from math import ceil, cos, floor, log, pi, sin, sqrt
+import math
+from math import ceil, cos, log, pi, sin, sqrt
 
 import numpy as np
 
@@ -362,8 +363,8 @@ def observe(constants, faults, world, flyer):
         turn = 2.0 * pi * draw_unit(world)
         edge = constants.grid_size - 1
         # Cut the error to the size of the grid: the cast of a larger one is undefined.
-        error_x = floor(min(max(reach * cos(turn) + 0.5, -edge), edge))
-        error_y = floor(min(max(reach * sin(turn) + 0.5, -edge), edge))
+        error_x = math.floor(min(max(reach * cos(turn) + 0.5, -edge), edge))
+        error_y = math.floor(min(max(reach * sin(turn) + 0.5, -edge), edge))
         condition.seen_x = min(max(drone.x + error_x, 0), edge)
         condition.seen_y = min(max(drone.y + error_y, 0), edge)
 
