@@ -119,10 +119,10 @@ class Training:
         signal.signal(signal.SIGINT, self.stop)
         checked_s = self.seconds
         while self.seconds < self.total_s and not self.stopped:
-            told = self.update()
+            figures = self.update()
             last = self.stopped or self.seconds >= self.total_s
             if last or self.seconds - checked_s >= self.check_every_s:
-                self.keep(told)
+                self.keep(figures)
                 checked_s = self.seconds
         signal.signal(signal.SIGINT, signal.default_int_handler)
         self.export()
@@ -138,19 +138,19 @@ class Training:
         done = self.seconds / self.total_s
         fly(self.learner, self.generator, self.flights)
         shared = min(0.5 + 0.5 * done / SHARED_FROM, 1.0)
-        told = self.learner.learn(self.flights, 1 - done, shared)
+        figures = self.learner.learn(self.flights, 1 - done, shared)
         mean = float(self.flights.missing.sum(0).mean())
         self.seconds += time.monotonic() - began_s
         self.drone_steps += LIMIT * self.flights.there[0].numel()
-        return {"mean_steps": mean, **told}
+        return {"mean_steps": mean, **figures}
 
-    def keep(self, told: dict[str, float]) -> None:
+    def keep(self, figures: dict[str, float]) -> None:
         """Check the policy, save it, and keep the best one."""
         row = {
             "seconds": round(self.seconds),
             "drone_steps": self.drone_steps,
             **check(self.learner),
-            **{name: round(value, 4) for name, value in told.items()},
+            **{name: round(value, 4) for name, value in figures.items()},
         }
         self.curve.append(row)
         with (self.out / "curve.csv").open("w", encoding="utf-8", newline="") as file:

@@ -102,7 +102,7 @@ class Foveated(nn.Module):
 
 def _blocks(offsets: Tensor, level: int, blocks: int) -> Tensor:
     """Return (..., blocks, L): 1 where one of the offsets (..., L) in cells lies in a block."""
-    index = ((offsets + (level * blocks - 1) // 2) / level).floor()
+    index = (offsets + (level * blocks - 1) // 2) // level
     numbers = torch.arange(blocks, dtype=offsets.dtype, device=offsets.device)
     return (index[..., None, :] == numbers[:, None]).to(offsets.dtype)
 

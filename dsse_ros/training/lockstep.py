@@ -163,7 +163,7 @@ def sea_of(cases: Cases, grid: int, drifts: int) -> Sea:
     gauss[0] = (away[0] == 0).double()
     along_x, along_y = (gauss / gauss.sum(-1, keepdim=True)).float().unbind(2)
     moved = torch.stack(moving).flatten(1)
-    # One transfer for all steps tells their numbers.
+    # One transfer has the numbers of all steps.
     rows = moved.nonzero()[:, 1].split(moved.sum(1).tolist())
     led = [step.flatten(0, 1)[row].long() for step, row in zip(steps, rows, strict=True)]
     return Sea(along_x, along_y, drift.float(), spread.float(), rows, tuple(led))

@@ -176,7 +176,7 @@ class Learner:
         return total
 
     def learn(self, flights: Flights, left: float, shared: float) -> dict[str, float]:
-        """Improve the policy; return what tells how it goes.
+        """Improve the policy; return figures of how it goes.
 
         Args:
             flights: The missions.
@@ -200,15 +200,15 @@ class Learner:
                 returns, weights, there,
             )
         ]  # fmt: skip
-        told = torch.zeros(3, device=self.device)
+        figures = torch.zeros(3, device=self.device)
         entropy_weight = torch.tensor(settings.entropy * left, device=self.device)
         count = LIMIT * settings.worlds
         for _ in range(settings.epochs):
             order = torch.randperm(count, device=self.device)
             for rows in order.tensor_split(settings.batches):
-                told += self._improve(*(part[rows] for part in data), entropy_weight)
-        told /= settings.epochs * settings.batches
-        return dict(zip(("entropy", "value_loss", "clipped"), told.tolist(), strict=True))
+                figures += self._improve(*(part[rows] for part in data), entropy_weight)
+        figures /= settings.epochs * settings.batches
+        return dict(zip(("entropy", "value_loss", "clipped"), figures.tolist(), strict=True))
 
     def advantages(self, flights: Flights, shared: float) -> Tensor:
         """Return the advantages (T, B, N) of the actions."""

@@ -156,8 +156,8 @@ def test_the_policy_learns_to_find_sooner() -> None:
     for _ in range(12):
         learner.fly(Searches(random_cases(24, 8, generator), 8, 4), flights, slice(None))
         means.append(float(flights.missing.sum(0).mean()))
-        told = learner.learn(flights, left=1.0, shared=0.5)
-        assert all(np.isfinite(value) for value in told.values())
+        figures = learner.learn(flights, left=1.0, shared=0.5)
+        assert all(np.isfinite(value) for value in figures.values())
     assert np.mean(means[-3:]) < 0.7 * np.mean(means[:3])
 
 
