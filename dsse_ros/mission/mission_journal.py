@@ -183,7 +183,7 @@ def last_mission(texts: Iterable[str]) -> list[Record]:
     """Return the records of the last mission of a journal, none if it has none.
 
     Raises:
-        ValueError: If a text is no record.
+        ValueError: If a text is not a record.
     """
     records: list[Record] = []
     for number, text in enumerate(texts):

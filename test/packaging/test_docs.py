@@ -420,6 +420,8 @@ PYTHON = {
     f"{page.name}-{number}": block
     for page in PAGES
     for number, block in enumerate(blocks(page, "python"), start=1)
+    # It is in the environment for learning only.
+    if "import torch" not in block
 }
 # One process, as each would import the same for a second.
 RUN_ALL = """
