@@ -277,6 +277,7 @@ class LiveMission:
                     self._scenario.grid_size, self._scenario.cell_size,
                     col + across[0], row + across[1],
                 )  # fmt: skip
+                x, y = ((x, y) + self._rng.normal(0.0, RADIUS_M, 2)).tolist()
             else:
                 continue
             taken = self._take("detection", name, time=time_s, x=x, y=y, radius=RADIUS_M,

@@ -4,10 +4,10 @@
 
 A look in which a drone detects something has not failed: somebody at a place has been detected
 there with the POD, or was missed and the detection is a false alarm. With the rate of false alarms
-f in the area A that the drone looked at, and the density g of the report for somebody at the place,
-the place counts by (1 - POD) + POD g A / f, where a failed look counts 1 - POD (Stone, "Theory of
-Optimal Search", 1975, chapter 6, has false targets). A report by anybody else counts by
-(1 - c) + c g A, with its confidence c and the area A of the grid.
+f and their density u, spread over what the drone looked at, and the density g of the report for
+somebody at the place, the place counts by (1 - POD) + POD g / (f u), where a failed look counts
+1 - POD (Stone, "Theory of Optimal Search", 1975, chapter 6, has false targets). A report by anybody
+else counts by (1 - c) + c g A, with its confidence c and the area A of the grid.
 """
 
 from __future__ import annotations
@@ -27,6 +27,8 @@ LEAST_FALSE_ALARMS = 1e-6
 """Rate of false alarms of a detector for which the scenario states none."""
 CONFIDENCE = 0.5
 """Of a report that states none."""
+LEAST_DENSITY = 1e-15
+"""Of false alarms, 1/m^2: less would be certainty."""
 MOST_OF_CONTACT = 12
 """Looks whose detections count for a contact."""
 LATEST_STEPS = 3
@@ -169,26 +171,27 @@ class Evidence:
         self._sensors.apply(belief, done.of(others))
         for look in looks:
             missed, kind = self._missed(done, look), self._sensors.looks.kind[look[1]]
-            area_m2 = self._sensors.area_m2(done, look[1]) / self._false_alarms[kind]
-            real = self._real(self.detections[look], (1.0 - missed) * area_m2)
+            rate = self._false_alarms[kind]
+            real = {
+                contact: (1.0 - missed)
+                * self.places.density(*one[1:5])
+                / max(rate * self._false_density(one, look, done), LEAST_DENSITY)
+                for contact, one in sorted(self.detections[look].items())
+            }
             self._learn(belief, look, missed, real)
 
     def _reported(self, belief: AnyBelief, look: Look, by_contact: Mapping[str, Detection]) -> None:
         """Apply reports that are of no drone's look."""
         for contact, one in sorted(by_contact.items()):
             sure = CONFIDENCE if math.isnan(one.confidence) else one.confidence
-            real = self._real({contact: one}, np.full(1, sure * self._area_m2))
+            real = {contact: sure * self._area_m2 * self.places.density(*one[1:5])}
             false = np.full(belief.mass.layers.shape[-1], 1.0 - sure)
             self._learn(belief, look, false, real)
 
-    def _real(
-        self, by_contact: Mapping[str, Detection], scale: NDArray[np.float64]
-    ) -> dict[str, NDArray[np.float64]]:
-        """Return how each contact counts at each place as the person."""
-        return {
-            contact: scale * self.places.density(one.time_s, one.x_m, one.y_m, one.radius_m)
-            for contact, one in sorted(by_contact.items())
-        }
+    def _false_density(self, one: Detection, look: Look, done: StepLooks) -> float:
+        """Return the density of a report if it is a false alarm of a look."""
+        place, spread_m = (one.x_m, one.y_m), self.places.spread_m(*one[1:5])
+        return self._sensors.false_density(done, look[1], place, spread_m)
 
     def _learn(
         self, belief: AnyBelief, look: Look, false: NDArray[np.float64],

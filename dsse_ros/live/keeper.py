@@ -97,7 +97,7 @@ class Keeper:
         else:
             rates = false_alarms(scenario, looks).max(axis=1)
         step_s = scenario.step_duration_s
-        self._sensors = Sensors(looks, eyes, scenario.cell_size, step_s)
+        self._sensors = Sensors(looks, eyes, scenario.cell_size, step_s, scenario.grid_size)
         self._forecast = self.forecast_of(scenario)
         self._evidence = Evidence(self._sensors, rates, step_s, self._frame.side_m**2)
         self._evidence.draw(self._start, Places(self._forecast))

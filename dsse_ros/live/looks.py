@@ -63,12 +63,14 @@ class Sensors:
         eyes: (K,) of `sightings.EYES`, how each kind sees in passing; None over cells.
         cell_m: Side of a cell.
         step_s: Duration of a step.
+        grid_size: Cells along a side.
     """
 
     looks: Looks
     eyes: NDArray[np.void] | None
     cell_m: float
     step_s: float
+    grid_size: int
 
     @property
     def count(self) -> int:
@@ -114,10 +116,31 @@ class Sensors:
             return np.zeros(places.shape)
         return np.asarray(np.minimum(even.density * (left * places.size), 1.0))
 
-    def area_m2(self, done: StepLooks, drone: int) -> float:
-        """Return the area in which the looks of a drone in a step raise false alarms."""
-        if self.eyes is None:
-            return max(int((done.drones == drone).sum()), 1) * self.cell_m**2
+    def false_density(
+        self, done: StepLooks, drone: int, place: tuple[float, float], spread_m: float
+    ) -> float:
+        """Return the density at a place of the reports of a false alarm in a step, 1/m^2.
+
+        What raises it is anywhere in the cells that the drone looked at, or beside its path.
+
+        Args:
+            done: The looks of the step.
+            drone: The drone.
+            place: Metres to the east and north in the map frame.
+            spread_m: Standard deviation of the reports along each axis.
+        """
+        if self.eyes is not None:
+            return 1.0 / self._strip_m2(done, drone)
+        col, row = done.cells[done.drones == drone].T
+        shares = [
+            normal_between((low * self.cell_m - at) / spread_m, self.cell_m / spread_m)
+            for low, at in zip((col, self.grid_size - 1 - row), place, strict=True)
+        ]
+        return float((shares[0] * shares[1]).mean()) / self.cell_m**2
+
+    def _strip_m2(self, done: StepLooks, drone: int) -> float:
+        """Return the area beside the path of a drone within its sweep width."""
+        assert self.eyes is not None
         eye, path = self.eyes[self.looks.kind[drone]], done.paths[drone]
         length_m = max(float(np.hypot(*np.diff(path, axis=0).T).sum()), 1.0)
         width_m = 2.0 * float(eye["reach"])
@@ -125,6 +148,12 @@ class Sensors:
             # Its rate is W^2 v / (8 pi).
             width_m = math.sqrt(8.0 * math.pi * float(eye["rate"]) * self.step_s / length_m)
         return width_m * (length_m + math.pi / 4 * width_m)
+
+
+def normal_between(low: NDArray[np.float64], width: float) -> NDArray[np.float64]:
+    """Return the probability of a standard normal value between low and low + width."""
+    return np.array([(math.erf((at + width) / math.sqrt(2)) - math.erf(at / math.sqrt(2))) / 2
+                     for at in low.tolist()])  # fmt: skip
 
 
 def weigh(belief: AnyBelief, factors: NDArray[np.float64], *, searched: bool) -> None:

@@ -87,20 +87,30 @@ class Places:
             time_s: Time of the report.
             x_m: Metres to the east.
             y_m: Metres to the north.
-            radius_m: Standard deviation along each axis. That of a position in its cell is added;
-                among particles it is at least the distance to the eighth.
+            radius_m: Standard deviation along each axis, see `spread_m`.
 
         Returns:
             (M,) 1/m^2.
         """
-        dx, dy = (self.at(time_s) - (x_m, y_m)).T
-        squared = dx**2 + dy**2
-        if self.are_particles:
-            last = min(COVERED, len(squared)) - 1
-            variance = max(radius_m**2, float(np.partition(squared, last)[last]))
-        else:
-            variance = radius_m**2 + self._scenario.cell_size**2 / 12.0
+        variance = self.spread_m(time_s, x_m, y_m, radius_m) ** 2
+        squared = self._squared(time_s, x_m, y_m)
         return np.asarray(np.exp(-squared / (2.0 * variance)) / (2.0 * math.pi * variance))
+
+    def spread_m(self, time_s: float, x_m: float, y_m: float, radius_m: float) -> float:
+        """Return the standard deviation with which a report counts along each axis.
+
+        That of a position in its cell is added; among particles it is at least the distance to the
+        eighth. Arguments are those of `density`.
+        """
+        if not self.are_particles:
+            return math.sqrt(radius_m**2 + self._scenario.cell_size**2 / 12.0)
+        squared = self._squared(time_s, x_m, y_m)
+        last = min(COVERED, len(squared)) - 1
+        return max(radius_m, math.sqrt(np.partition(squared, last)[last]))
+
+    def _squared(self, time_s: float, x_m: float, y_m: float) -> NDArray[np.float64]:
+        dx, dy = (self.at(time_s) - (x_m, y_m)).T
+        return np.asarray(dx**2 + dy**2)
 
 
 def inside(points: Points, rings: list[Points]) -> NDArray[np.bool_]:
