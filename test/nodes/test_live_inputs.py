@@ -81,6 +81,7 @@ def test_a_node_that_is_killed_continues_from_its_journal(rig: Rig, tmp_path: Pa
         if not restarted:
             sim.fly(1, 1)
             sim.fly(2, 2)
+            rig.until(lambda sim=sim: sim.step_number == 2)  # type: ignore[misc]
             known.append((sim.step_number, sim.cells))
         seen = len(answers)
         rig.talk(String, "/live/detection", RELIABLE).publish(String(data=found))

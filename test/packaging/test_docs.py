@@ -507,6 +507,8 @@ def test_the_commands_name_what_exists(interface: dict[str, Any]) -> None:
     programs = set(re.findall(r"(?:\.venv/bin/|ros2 run dsse_ros )(\w+)", text))
     assert programs - {"pytest", "python"} <= SCRIPTS
     known = {name for node in interface.values() for name in node["parameters"]}
+    detector = (ROOT / "examples" / "detector.py").read_text(encoding="utf-8")
+    known |= set(re.findall(r"^    (\w+): ", detector, re.MULTILINE))
     assert set(re.findall(r"-p ([\w.]+):=", text)) <= known | SHORT_NAMES.keys()
     for flags in re.findall(r"\brun_mission( --.*)", text):
         if "--help" not in flags:
@@ -584,6 +586,7 @@ def test_every_dependency_is_explained() -> None:
                 "record",
                 "routes",
                 "sb3",
+                "tak",
                 "train",
                 "viewer",
                 "viz",

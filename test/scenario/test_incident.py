@@ -181,7 +181,7 @@ def test_the_grid_of_an_incident_is_laid_once_and_forgotten_with_it(
         laid.append(1)
         return drift_tracks(*arguments, **options)
 
-    monkeypatch.setattr("dsse_ros.scenario.incident.drift_tracks", drift)
+    monkeypatch.setattr("dsse_ros.scenario.both_ways.drift_tracks", drift)
     first, equal = (scenario(jibing=0.031) for _ in range(2))
     for one in (first, first, equal):
         one.resolve(SEA)

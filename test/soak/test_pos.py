@@ -6,6 +6,7 @@ from __future__ import annotations
 
 from pathlib import Path
 from typing import Any
+from unittest.mock import patch
 
 import numpy as np
 import pytest
@@ -30,9 +31,11 @@ class _WrongPod(WorldBeliefs):
 class _NoDrift(WorldBeliefs):
     """Assume that there is no current."""
 
-    def _placed(self) -> Any:
-        rules = self._world.rules
-        return super()._placed().override(vector=(0.0, 0.0)).resolve(rules)
+    def reset(self, *args: Any) -> None:
+        world = self._world
+        still = world.placed_scenario().override(vector=(0.0, 0.0)).resolve(world.rules)
+        with patch.object(world, "placed_scenario", lambda: still):
+            super().reset(*args)
 
 
 class _NoScatter(WorldBeliefs):
