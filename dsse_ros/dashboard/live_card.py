@@ -18,6 +18,7 @@ from nicegui import ui
 from dsse_ros.dashboard import live_inputs
 from dsse_ros.dashboard.clicks import BUTTON, Clicks
 from dsse_ros.dashboard.commands import Command
+from dsse_ros.dashboard.confirmation import Confirmation
 from dsse_ros.dashboard.live_marks import NO_SKETCH, Sketch
 from dsse_ros.dashboard.missions import ShownMission
 
@@ -95,7 +96,6 @@ class LiveCard:
         self._fields: dict[str, dict[str, Any]] = {kind: {} for kind in _MAKE}
         # Two clicks on a form are one input; the next input gets another identity.
         self._ids = {kind: _new_id() for kind in _MAKE}
-        self._to_confirm: Command | None = None
         self._answered = ""
         with ui.element("div").classes("card live") as self._card:
             ui.html("Live search", tag="h2", sanitize=False)
@@ -113,12 +113,7 @@ class LiveCard:
                         build()
             self._answer = ui.label().classes("note answer").props("role=status")
         self._card.set_visibility(False)
-        with ui.dialog().props("aria-label='Contact'") as self._confirm, ui.card():
-            self._question = ui.label()
-            with ui.row():
-                cancel = ui.button("Cancel", icon="close", on_click=self._confirm.close, color=None)
-                cancel.props(BUTTON).props("autofocus")
-                self._yes = clicks.button("", "check", self._on_confirmed)
+        self._confirmation = Confirmation(clicks, "Contact", send)
 
     # Layout
 
@@ -241,17 +236,11 @@ class LiveCard:
         if kind == "dismiss":
             self._send(command)
             return
-        # Confirming is about the contact in the question, even if the selection changes meanwhile.
-        self._to_confirm = command
-        self._question.set_text(f"Is {contact} the person? This ends the search for him or her.")
-        self._yes.set_text(f"Confirm that {contact} is the person")
-        self._confirm.open()
-
-    def _on_confirmed(self, clicked_s: float) -> None:
-        self._confirm.close()
-        command, self._to_confirm = self._to_confirm, None
-        if command is not None:
-            self._send(command._replace(clicked_s=clicked_s))
+        self._confirmation.ask(
+            command,
+            f"Is {contact} the person? This ends the search for him or her.",
+            f"Confirm that {contact} is the person",
+        )
 
     def _on_withdraw(self, clicked_s: float) -> None:
         if self._input.is_meant(clicked_s):

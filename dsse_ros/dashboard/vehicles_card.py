@@ -9,8 +9,9 @@ from functools import partial
 
 from nicegui import ui
 
-from dsse_ros.dashboard.clicks import BUTTON, Clicks
+from dsse_ros.dashboard.clicks import Clicks
 from dsse_ros.dashboard.commands import Command
+from dsse_ros.dashboard.confirmation import Confirmation
 from dsse_ros.dashboard.missions import ShownMission
 
 _OPERATIONS = {
@@ -42,14 +43,8 @@ class VehiclesCard:
         send: Callable[[Command], None],
     ) -> None:  # fmt: skip
         self._clicks, self._mission, self._send = clicks, mission, send
-        self._to_confirm: Command | None = None
         self._build()
-        with ui.dialog().props("aria-label='Vehicles'") as self._confirm, ui.card():
-            self._question = ui.label()
-            with ui.row():
-                cancel = ui.button("Cancel", icon="close", on_click=self._confirm.close, color=None)
-                cancel.props(BUTTON).props("autofocus")
-                self._yes = clicks.button("", "check", self._on_confirmed)
+        self._confirmation = Confirmation(clicks, "Vehicles", send)
 
     def _build(self) -> None:
         self._operate: dict[tuple[str, bool], ui.button] = {}
@@ -81,20 +76,10 @@ class VehiclesCard:
         if name not in _TO_CONFIRM:
             self._send(command)
             return
-        # Confirming runs the command in the question, even if the selection changes meanwhile.
-        # Awaiting the dialog would not do: after two quick clicks it answers the first one.
-        self._to_confirm = command
         whom = command.vehicle or "all vehicles"
         where = f" in {mission.namespace}" if mission.namespace else ""
-        self._question.set_text(_TO_CONFIRM[name].format(f"{whom}{where}"))
-        self._yes.set_text(f"{_OPERATIONS[name][0]} {whom}")
-        self._confirm.open()
-
-    def _on_confirmed(self, clicked_s: float) -> None:
-        self._confirm.close()
-        command, self._to_confirm = self._to_confirm, None
-        if command is not None:
-            self._send(command._replace(clicked_s=clicked_s))
+        question = _TO_CONFIRM[name].format(f"{whom}{where}")
+        self._confirmation.ask(command, question, f"{_OPERATIONS[name][0]} {whom}")
 
     def update(self) -> None:
         """Show the bridge of the shown mission, and its last answer."""

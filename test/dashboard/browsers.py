@@ -52,3 +52,14 @@ def choose_option(page: Any, select: str, option: str) -> None:
             page.keyboard.press("Escape")
             # On a busy machine a click may take longer.
             patience_ms *= 2
+
+
+@pytest.fixture(scope="module")
+def page(browser: Any, address: str) -> Iterator[Any]:
+    """The page in a browser of 1400 by 900 pixels."""
+    context = browser.new_context(viewport={"width": 1400, "height": 900}, reduced_motion="reduce")
+    context.set_default_timeout(TIMEOUT_S * 1000)
+    opened = context.new_page()
+    opened.goto(address)
+    yield opened
+    context.close()

@@ -13,7 +13,7 @@ import pytest
 
 sys.path[:0] = [str(Path(__file__).parent), str(Path(__file__).resolve().parents[1] / "nodes")]
 
-from browsers import browser  # noqa: E402, F401
+from browsers import browser, page  # noqa: E402, F401
 from rig import ENVIRONMENT, Rig, rig_of_module  # noqa: E402, F401
 
 os.environ.update(ENVIRONMENT)

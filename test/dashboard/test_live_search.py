@@ -6,7 +6,6 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Iterator
 from typing import Any
 
 import pytest
@@ -25,16 +24,6 @@ LIVE = {
     "publish_belief": True, "step_mode": "manual",
 }  # fmt: skip
 CHANGED = r"POS \d+\.\d% → \d+\.\d%, \d+\.\d% of the POC moved$"
-
-
-@pytest.fixture(scope="module")
-def page(browser: Any, address: str) -> Iterator[Any]:
-    context = browser.new_context(viewport={"width": 1400, "height": 900}, reduced_motion="reduce")
-    context.set_default_timeout(TIMEOUT_S * 1000)
-    opened = context.new_page()
-    opened.goto(address)
-    yield opened
-    context.close()
 
 
 @pytest.fixture(scope="module")

@@ -23,16 +23,6 @@ WIDTHS = (390, 1024, 1920)
 
 
 @pytest.fixture(scope="module")
-def page(browser: Any, address: str) -> Iterator[Any]:
-    context = browser.new_context(viewport={"width": 1400, "height": 900}, reduced_motion="reduce")
-    context.set_default_timeout(TIMEOUT_S * 1000)
-    opened = context.new_page()
-    opened.goto(address)
-    yield opened
-    context.close()
-
-
-@pytest.fixture(scope="module")
 def sim(rig: Rig, page: Any) -> Sim:
     return rig.sim({**SEARCHED, "num_drones": 2, "step_mode": "manual"})
 
