@@ -97,5 +97,6 @@ def _run(module: str, arguments: list[str], log: str, environment: dict[str, str
     output = os.open(log, os.O_WRONLY | os.O_APPEND)
     os.dup2(output, 1)
     os.dup2(output, 2)
+    os.chdir(Path(log).parent)
     sys.argv = [module, *arguments]
     sys.exit(importlib.import_module(module).main())

@@ -328,15 +328,16 @@ class Attack:
         texts = [str(self._guarded / name) for name in ("file.npy", "pipe.npy", "new.npy", "")]
         self._files = self._found()
         self.relay = Relay(
-            rig, Mutator(random.Random(seed), [*texts, "/dev/zero", f"{UP}precious"])
+            rig,
+            Mutator(
+                random.Random(seed), [*texts, "/dev/zero", f"{UP}{rig.folder.name}{os.sep}precious"]
+            ),
         )
 
     def _found(self) -> dict[str, tuple[int, int]]:
         return {
-            str(path): (path.lstat().st_mtime_ns, path.lstat().st_size)
-            for folder in (self._guarded, Path.cwd())
-            for path in folder.iterdir()
-            if not path.name.startswith(".")
+            path.name: (path.lstat().st_mtime_ns, path.lstat().st_size)
+            for path in self._guarded.iterdir()
         }
 
     def run(self, messages: int, turn: int = 50) -> None:
@@ -357,6 +358,9 @@ class Attack:
             for word in ("Traceback", "defect", "FATAL"):
                 assert word not in process.output, process.output[-20000:]
         assert self._found() == self._files
+        # Where the nodes run they leave their logs, and the bridge its state.
+        made = {path.name for path in self.rig.folder.iterdir() if path.suffix != ".log"}
+        assert made <= {self._guarded.name, "state"}
         # The flight goes on.
         self.rig.call(SetBool, "/mavlink_bridge/arm", data=True)
 

@@ -72,11 +72,12 @@ def test_a_node_that_is_killed_continues_from_its_journal(rig: Rig, tmp_path: Pa
         **FIELDS, "journal": str(tmp_path / "journal.mcap"), "grid_size": 15,
         "drones_positions": [7, 7, 8, 8],
     }  # fmt: skip
-    answers, pos = rig.listen(String, "/live/answers"), rig.listen(Float64MultiArray, POS, LATCHED)
+    answers = rig.listen(String, "/kept/live/answers")
+    pos = rig.listen(Float64MultiArray, f"/kept{POS}", LATCHED)
     found = '{"id": "d", "x": 400, "y": 400, "radius": 30}'
     known = []
     for restarted in (False, True):
-        sim = rig.sim(given)
+        sim = rig.sim(given, namespace="/kept")
         known.append((sim.step_number, sim.cells))
         if not restarted:
             sim.fly(1, 1)
@@ -84,7 +85,7 @@ def test_a_node_that_is_killed_continues_from_its_journal(rig: Rig, tmp_path: Pa
             rig.until(lambda sim=sim: sim.step_number == 2)  # type: ignore[misc]
             known.append((sim.step_number, sim.cells))
         seen = len(answers)
-        rig.talk(String, "/live/detection", RELIABLE).publish(String(data=found))
+        sim.talk(String, "live/detection").publish(String(data=found))
         rig.until(lambda seen=seen: len(answers) > seen)  # type: ignore[misc]
         assert json.loads(answers.last.data)["code"] == ("again" if restarted else "")
         known.append(list(pos.last.data[1:]))
