@@ -15,11 +15,9 @@ import itertools
 import math
 import re
 import textwrap
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 from pathlib import Path
 from typing import Any
-
-from rcl_interfaces.msg import ParameterType
 
 from dsse_ros.bridge.custody import MAY_ORDER, NEXT, Custody, Event
 from dsse_ros.bridge.settings import BridgeSettings
@@ -39,26 +37,14 @@ from dsse_ros.nodes.settings import (
 from dsse_ros.planners.options import PatternOptions
 from dsse_ros.planners.registry import OPTIONS
 from dsse_ros.report.metrics import METRICS
-from dsse_ros.runtime.parameters import descriptor
 from dsse_ros.scenario.fault_fields import FAULTS, FaultFields
 from dsse_ros.scenario.fields import Spec, shown_number, specs
 from dsse_ros.scenario.rules import GROUPS
 from dsse_ros.search import PROFILES, Rules, Scenario, parallel_env
 from dsse_ros.tak.settings import CotSettings
-from msg_adapters.topics import Topic, published_by, subscribed_by
+from msg_adapters.topics import TOPICS, Topic, published_by, subscribed_by
 
 ROOT = Path(__file__).resolve().parents[1]
-TYPES = {
-    ParameterType.PARAMETER_BOOL: "bool",
-    ParameterType.PARAMETER_INTEGER: "integer",
-    ParameterType.PARAMETER_DOUBLE: "double",
-    ParameterType.PARAMETER_STRING: "string",
-    ParameterType.PARAMETER_INTEGER_ARRAY: "integer_array",
-    ParameterType.PARAMETER_DOUBLE_ARRAY: "double_array",
-    ParameterType.PARAMETER_STRING_ARRAY: "string_array",
-}
-
-
 Rows = list[list[str]]
 _MOST_CHOICES = 15
 """Number of choices that a table lists."""
@@ -69,11 +55,6 @@ def table(head: list[str], rows: Rows) -> str:
     lines = [head, ["---"] * len(head), *rows]
     kept = [i for i in range(len(head)) if any(row[i] for row in rows)]
     return "".join("| " + " | ".join(cells[i] for i in kept) + " |\n" for cells in lines)
-
-
-def type_of(spec: Spec) -> str:
-    """Return the type of a field's ROS parameter."""
-    return TYPES[descriptor("", spec, read_only=True).type]
 
 
 def shown(value: Any) -> str:
@@ -134,13 +115,13 @@ def settings_table(cls: type, run_time: Collection[str] = ()) -> str:
     values = defaults(cls)
     rows = [
         [
-            f"`{name}`", type_of(spec), shown(values[name]), allowed(spec),
+            f"`{name}`", shown(values[name]), allowed(spec),
             "yes" if name in run_time else "", spec.doc,
         ]
         # What it shares with others comes last.
         for name, spec in sorted(specs(cls).items(), key=lambda s: s[0] not in cls.__annotations__)
     ]  # fmt: skip
-    return table(["Parameter", "Type", "Default", "Allowed", "At run time", "Meaning"], rows)
+    return table(["Parameter", "Default", "Allowed", "At run time", "Meaning"], rows)
 
 
 def scenario_table() -> str:
@@ -156,8 +137,8 @@ def scenario_table() -> str:
         default = shown(values[name])
         if values[name] is None and name in of_rules:
             default = by_profile(name)
-        rows.append([f"`{name}`", type_of(spec), default, allowed(spec), spec.doc])
-    return table(["Field", "Type", "Default", "Allowed", "Meaning"], rows)
+        rows.append([f"`{name}`", default, allowed(spec), spec.doc])
+    return table(["Field", "Default", "Allowed", "Meaning"], rows)
 
 
 def faults_table() -> str:
@@ -169,11 +150,11 @@ def faults_table() -> str:
             spec = of_fields[field]
             rows.append(
                 [
-                    name.replace("_", " ") if number == 0 else "", f"`{field}`", type_of(spec),
+                    name.replace("_", " ") if number == 0 else "", f"`{field}`",
                     shown(values[field]), allowed(spec), spec.doc,
                 ]
             )  # fmt: skip
-    return table(["Fault", "Field", "Type", "Default", "Allowed", "Meaning"], rows)
+    return table(["Fault", "Field", "Default", "Allowed", "Meaning"], rows)
 
 
 def planner_options_table() -> str:
@@ -194,11 +175,8 @@ def rules_table() -> str:
     """Return a table of the rules' fields for each group of them."""
     texts = []
     for name, group in GROUPS.items():
-        rows = [
-            [f"`{field}`", type_of(spec), by_profile(field), spec.doc]
-            for field, spec in specs(group).items()
-        ]
-        head = ["Field", "Type", "Default", "Meaning"]
+        rows = [[f"`{field}`", by_profile(field), spec.doc] for field, spec in specs(group).items()]
+        head = ["Field", "Default", "Meaning"]
         texts.append(f"\n**{name}.** {group.__doc__}\n\n{table(head, rows)}")
     return "".join(texts) + "\n"
 
@@ -250,10 +228,10 @@ def fields_table(cls: type) -> str:
     """Return the table of the fields of a file."""
     values = defaults(cls)
     rows = [
-        [f"`{name}`", type_of(spec), shown(values[name]), allowed(spec), spec.doc]
+        [f"`{name}`", shown(values[name]), allowed(spec), spec.doc]
         for name, spec in specs(cls).items()
     ]
-    return table(["Field", "Type", "Default", "Allowed", "Meaning"], rows)
+    return table(["Field", "Default", "Allowed", "Meaning"], rows)
 
 
 def measures_table() -> str:
@@ -322,31 +300,28 @@ def topic_row(name: str, topic: Topic, subscriber: str = "") -> list[str]:
     return [f"`{name}`", f"`{topic.type_name.replace('/msg/', '/')}`", QOS[qos]]
 
 
-def published_table() -> str:
-    """Return the topics that `sim_node` publishes."""
+def topics_table(topics: Mapping[str, Topic], subscriber: str = "") -> str:
+    """Return topics with their contents."""
+    rows = [[*topic_row(name, topic, subscriber), topic.content] for name, topic in topics.items()]
+    return table(["Topic", "Type", "QoS", "Content"], rows)
+
+
+def others_table() -> str:
+    """Return the topics between other nodes than `sim_node`."""
+    of_sim = {*published_by("sim_node"), *subscribed_by("sim_node")}
+    return topics_table({name: topic for name, topic in TOPICS.items() if name not in of_sim})
+
+
+def nodes_table() -> str:
+    """Return the names of the topics of the other nodes."""
     rows = [
-        [*topic_row(name, topic), topic.content, topic.use]
-        for name, topic in published_by("sim_node").items()
+        [
+            f"`{node}`",
+            *(", ".join(f"`{name}`" for name in of(node)) for of in (subscribed_by, published_by)),
+        ]
+        for node in ("planner_node", "mavlink_bridge", "dashboard", "cot_gateway", "show")
     ]
-    return table(["Topic", "Type", "QoS", "Content", "For"], rows)
-
-
-def subscribed_table() -> str:
-    """Return the topics that `sim_node` subscribes to."""
-    rows = [
-        [*topic_row(name, topic, "sim_node"), topic.content, topic.use]
-        for name, topic in subscribed_by("sim_node").items()
-    ]
-    return table(["Topic", "Type", "QoS", "Meaning", "For"], rows)
-
-
-def topics_table(program: str) -> str:
-    """Return the topics of another node."""
-    rows = [
-        [*topic_row(name, topic, program), "in"] for name, topic in subscribed_by(program).items()
-    ]
-    rows += [[*topic_row(name, topic), "out"] for name, topic in published_by(program).items()]
-    return table(["Topic", "Type", "QoS", "Direction"], rows)
+    return table(["Node", "Subscribes to", "Publishes"], rows)
 
 
 def meanings(enum: type) -> dict[str, str]:
@@ -361,12 +336,10 @@ def meanings(enum: type) -> dict[str, str]:
 
 
 TABLES = {
-    "published": published_table,
-    "subscribed": subscribed_table,
-    "topics_of_planner_node": lambda: topics_table("planner_node"),
-    "topics_of_mavlink_bridge": lambda: topics_table("mavlink_bridge"),
-    "topics_of_show": lambda: topics_table("show"),
-    "topics_of_dashboard": lambda: topics_table("dashboard"),
+    "published": lambda: topics_table(published_by("sim_node")),
+    "subscribed": lambda: topics_table(subscribed_by("sim_node"), "sim_node"),
+    "others": others_table,
+    "nodes": nodes_table,
     "states": states_table,
     "events": events_table,
     "requests": requests_table,
@@ -401,6 +374,7 @@ PAGES = tuple(
         "recording",
         "report",
         "ros",
+        "rules",
         "topics",
         "viewers",
     )

@@ -36,7 +36,6 @@ class Topic:
         subscribers: Programs that subscribe to it by name; others record or show every topic.
         subscriber_qos: What a subscriber requests, by program, where it is not what is offered.
         content: What it contains or commands, for docs/topics.md.
-        use: Who needs it, for docs/topics.md.
         replay: How `replay` reads it; empty if it does not.
     """
 
@@ -46,7 +45,6 @@ class Topic:
     subscribers: tuple[str, ...] = ()
     subscriber_qos: Mapping[str, Qos] = field(default_factory=dict)
     content: str = ""
-    use: str = ""
     replay: tuple[Reading, ...] = ()
 
 
@@ -63,8 +61,7 @@ def _input(content: str, publishers: tuple[str, ...] = ("dashboard", *_PEOPLE)) 
         qos="queued",
         publishers=publishers,
         subscribers=_SIM,
-        content=f"with truth none: JSON ([fields](live.md#inputs)), {content}",
-        use="people who keep the search",
+        content=f"live search: {content}",
     )
 
 
@@ -74,9 +71,8 @@ TOPICS = {
         qos="latched",
         publishers=_SIM,
         subscribers=("dashboard",),
-        content="the map for display, 0 to 100 by `grid_scaling`; any p > 0 gives at least 1; "
-        "unknown and [not searched](rules.md#searching-part-of-the-grid) is -1",
-        use="RViz, Foxglove, the dashboard",
+        content="the map for display, 0 to 100 by `grid_scaling`, at least 1 for any p > 0; -1 for "
+        "unknown and [not searched](rules.md#searching-part-of-the-grid)",
         replay=("compared", "between steps"),
     ),
     "probability": Topic(
@@ -85,7 +81,6 @@ TOPICS = {
         publishers=_SIM,
         subscribers=("planner_node", "dashboard", "cot_gateway", "ros_env", "run_mission"),
         content="the exact map, 32FC1, row 0 in the north; sums to 1",
-        use="planners",
         replay=("compared",),
     ),
     "belief_grid": Topic(
@@ -95,7 +90,6 @@ TOPICS = {
         subscribers=("dashboard",),
         content="with `publish_belief`: the [belief](belief.md) for display, 0 to 100 by "
         "`grid_scaling`",
-        use="RViz, Foxglove, the dashboard",
         replay=("compared", "belief", "between steps"),
     ),
     "belief": Topic(
@@ -104,7 +98,6 @@ TOPICS = {
         publishers=_SIM,
         subscribers=("dashboard", "cot_gateway", "run_mission"),
         content="with `publish_belief`: the exact belief, 32FC1, row 0 in the north",
-        use="your own nodes",
         replay=("compared", "belief"),
     ),
     "particles": Topic(
@@ -114,7 +107,6 @@ TOPICS = {
         content="with `publish_belief`, where persons follow an [ensemble](drift.md): the "
         "particles of the belief after each step, x, y, z in m and `weight`, which sum to 1 "
         "(float32); those off the grid too",
-        use="RViz, Foxglove, your own nodes",
         replay=("compared", "belief"),
     ),
     "drone<i>/pose": Topic(
@@ -122,7 +114,6 @@ TOPICS = {
         qos="latched",
         publishers=_SIM,
         content="centre of the drone's cell, m; in metres its position and heading",
-        use="RViz, and nodes for one drone",
         replay=("compared",),
     ),
     "drone<i>/odom": Topic(
@@ -131,14 +122,12 @@ TOPICS = {
         publishers=_SIM,
         content="pose in m, twist in m/s; once a step, in real time `odom_rate` times a second, "
         "interpolated between cells or, in metres, on the path flown",
-        use="RViz and nodes that need motion between cells",
     ),
     "drone<i>/fix": Topic(
         type_name="sensor_msgs/msg/NavSatFix",
         qos="sensor",
         publishers=_SIM,
         content="WGS84, degrees, and ellipsoidal height, m; exact, covariance 0",
-        use="map displays: Foxglove, Mapviz",
         replay=("compared",),
     ),
     "drone<i>/battery": Topic(
@@ -146,7 +135,6 @@ TOPICS = {
         qos="latched",
         publishers=_SIM,
         content="with [batteries](faults.md): the remaining charge after each step",
-        use="battery displays and monitors",
         replay=("compared",),
     ),
     "drone<i>/path": Topic(
@@ -154,7 +142,6 @@ TOPICS = {
         qos="latched",
         publishers=_SIM,
         content="the track flown, m; at most twice a second, only with subscribers",
-        use="RViz, Foxglove",
         replay=("compared", "after report", "between steps"),
     ),
     "drone<i>/remaining_path": Topic(
@@ -162,7 +149,6 @@ TOPICS = {
         qos="latched",
         publishers=_SIM,
         content="in metres: what is left of the track of a command, m; empty without one",
-        use="RViz, Foxglove",
     ),
     "drone<i>/plan": Topic(
         type_name="nav_msgs/msg/Path",
@@ -170,7 +156,6 @@ TOPICS = {
         publishers=("planner_node",),
         content="where the planner will fly the drone, m; at most twice a second, only with "
         "subscribers; empty once the mission is over",
-        use="RViz, Foxglove",
     ),
     "drones": Topic(
         type_name="geometry_msgs/msg/PoseArray",
@@ -178,7 +163,6 @@ TOPICS = {
         publishers=_SIM,
         subscribers=("cot_gateway",),
         content="all drones in the order of `agents`, m",
-        use="RViz and nodes for the whole fleet: one subscription for any number of drones",
         replay=("compared",),
     ),
     "step_report": Topic(
@@ -191,7 +175,6 @@ TOPICS = {
         subscriber_qos={"planner_node": "latched", "run_mission": "latched"},
         content="one point per drone: run, mission, step, position, action, reward, flags, action "
         "mask ([layout](ros.md#step-report))",
-        use="planners, the bridge, recordings",
         replay=("followed",),
     ),
     "vehicle_tasks": Topic(
@@ -201,7 +184,6 @@ TOPICS = {
         subscribers=_OF_BRIDGE,
         content="not with `vehicle_time` `ignored`: what each drone's vehicle has to do, once its "
         "drone has begun an action ([layout](ros.md#vehicle-tasks))",
-        use="the bridge",
     ),
     "mission_report": Topic(
         type_name="sensor_msgs/msg/PointCloud2",
@@ -209,7 +191,6 @@ TOPICS = {
         publishers=_SIM,
         subscribers=("mavlink_bridge", "dashboard"),
         content="at the end of a mission, all its steps at once ([layout](ros.md#mission-report))",
-        use="the bridge and other late joiners",
         replay=("compared", "after report", "once"),
     ),
     "probability_of_success": Topic(
@@ -220,7 +201,6 @@ TOPICS = {
         subscriber_qos={"run_mission": "latched"},
         content="`[run_id, mission, step, POS]`: the [cumulative probability of "
         "success](belief.md) after each step, if the node computes a belief",
-        use="plots, the dashboard",
         replay=("compared", "belief"),
     ),
     "agents": Topic(
@@ -232,7 +212,6 @@ TOPICS = {
         ),
         content="JSON: run and mission, order of the drones, names of the actions, rules, seed, "
         "origin ([keys](ros.md#agents))",
-        use="planners, the bridge",
         replay=("followed",),
     ),
     "markers": Topic(
@@ -242,7 +221,6 @@ TOPICS = {
         content="drones, tracks, datum, circle; for an [incident](drift.md) the wind (its path in "
         "a minute), current (its path in ten), shore and last known positions; persons with "
         "`reveal_person`; at most twice a second, only with subscribers",
-        use="RViz, Foxglove",
         replay=("compared", "after report", "between steps"),
     ),
     "/clock": Topic(
@@ -250,7 +228,6 @@ TOPICS = {
         qos="reliable",
         publishers=_SIM,
         content="mission time, with `publish_clock`; repeated once a second while the node waits",
-        use="nodes with `use_sim_time`",
     ),
     "/tf": Topic(
         type_name="tf2_msgs/msg/TFMessage",
@@ -258,7 +235,6 @@ TOPICS = {
         publishers=_SIM,
         content="`map` to `drone<i>/base_link`, where `tf2_msgs` is installed; repeated like "
         "`/clock`",
-        use="RViz and tf2",
     ),
     "/tf_static": Topic(
         type_name="tf2_msgs/msg/TFMessage",
@@ -266,7 +242,6 @@ TOPICS = {
         publishers=_SIM,
         content="`earth` (ECEF) to `map`, where `tf2_msgs` is installed: [where the map "
         "lies](frames.md)",
-        use="RViz and tf2 with several maps, map displays",
     ),
     "/diagnostics": Topic(
         type_name="diagnostic_msgs/msg/DiagnosticArray",
@@ -277,7 +252,6 @@ TOPICS = {
         "drone<i>` the cell, the action and the state of each drone; of the node step, POS, for an "
         "incident `poc_outside` and `stranded`, what the node is waiting for, timeouts, refused "
         "commands by reason",
-        use="`rqt_robot_monitor`, the dashboard",
     ),
     "drone<i>/cmd_action_name": Topic(
         type_name="std_msgs/msg/String",
@@ -285,7 +259,6 @@ TOPICS = {
         publishers=_PEOPLE,
         subscribers=_SIM,
         content="name of an action",
-        use="tutorials, the command line, planners for one drone",
     ),
     "drone<i>/command_pose": Topic(
         type_name="geometry_msgs/msg/PoseStamped",
@@ -293,7 +266,6 @@ TOPICS = {
         publishers=_PEOPLE,
         subscribers=_SIM,
         content="go to this position, m in `map`: cell by cell, in metres straight",
-        use="RViz and Foxglove, by a click",
     ),
     "drone<i>/command_path": Topic(
         type_name="nav_msgs/msg/Path",
@@ -301,7 +273,6 @@ TOPICS = {
         publishers=_PEOPLE,
         subscribers=_SIM,
         content="[in metres](rules.md#in-metres): fly this track, m in `map`",
-        use="Nav2's planners, your own",
     ),
     "drone<i>/cmd_vel": Topic(
         type_name="geometry_msgs/msg/TwistStamped",
@@ -310,33 +281,36 @@ TOPICS = {
         subscribers=_SIM,
         content="[in metres](rules.md#in-metres): airspeed `linear.x`, m/s, and turn to the left "
         "`angular.z`, rad/s, in the body frame; held for the next step, as far as the drone can",
-        use="teleoperation, controllers",
     ),
     "drone<i>/vehicle_pose": Topic(
         type_name="geometry_msgs/msg/PoseStamped",
         qos="reliable",
         publishers=_OF_BRIDGE,
         subscribers=("sim_node", "dashboard"),
-        content="position of the drone's vehicle, m in `map`; not with `vehicle_time` `ignored`",
-        use="`mavlink_bridge`",
+        content="position and attitude of the vehicle, m in `map`; z is the height above the "
+        "[datum](flight.md#altitudes)",
     ),
     "drone<i>/vehicle_time": Topic(
         type_name="sensor_msgs/msg/TimeReference",
         qos="reliable",
         publishers=_OF_BRIDGE,
         subscribers=_SIM,
-        content="clock of the drone's vehicle: time since its autopilot was started; only with "
-        "`vehicle_time` `followed`",
-        use="`mavlink_bridge`",
+        content="clock of the vehicle: `time_ref` is the time since its autopilot was started",
     ),
     "drone<i>/vehicle_fix": Topic(
         type_name="sensor_msgs/msg/NavSatFix",
         qos="sensor",
         publishers=_OF_BRIDGE,
         subscribers=("cot_gateway",),
+        content="WGS84 of the vehicle; its altitude is above the ellipsoid, NaN if the GPS does "
+        "not report it, and its covariance is unknown",
     ),
     "drone<i>/vehicle_battery": Topic(
-        type_name="sensor_msgs/msg/BatteryState", qos="latched", publishers=_OF_BRIDGE
+        type_name="sensor_msgs/msg/BatteryState",
+        qos="latched",
+        publishers=_OF_BRIDGE,
+        content="charge of the vehicle as the autopilot reports it; with [batteries]"
+        "(faults.md#batteries) the charge of the drone",
     ),
     "drone<i>/vehicle_state": Topic(
         type_name="diagnostic_msgs/msg/DiagnosticArray",
@@ -345,9 +319,8 @@ TOPICS = {
         subscribers=("sim_node", "dashboard"),
         # A new simulation must not take the last state that was for another one.
         subscriber_qos={"sim_node": "reliable"},
-        content="its progress, its battery, and whether it is lost; not with `vehicle_time` "
-        "`ignored`",
-        use="`mavlink_bridge`",
+        content="[state](flight.md#vehicle-state) of the vehicle: its task, who controls it, "
+        "whether it is lost",
     ),
     "joint_action": Topic(
         type_name="std_msgs/msg/Int32MultiArray",
@@ -355,7 +328,6 @@ TOPICS = {
         publishers=("planner_node", "ros_env", *_PEOPLE),
         subscribers=_SIM,
         content="`[mission, step, a0, a1, ...]`: all drones at once, only for that step",
-        use="planners",
     ),
     "joint_command": Topic(
         type_name="std_msgs/msg/Float64MultiArray",
@@ -364,7 +336,6 @@ TOPICS = {
         subscribers=_SIM,
         content="[in metres](rules.md#in-metres): `[mission, step, turn0, speed0, turn1, ...]`, "
         "-1 to 1: all drones at once, only for that step",
-        use="planners",
     ),
     "live/detection": _input("somebody was detected", _PEOPLE),
     "live/sighting": _input("the object was seen"),
@@ -378,39 +349,34 @@ TOPICS = {
         qos="queued",
         publishers=_PEOPLE,
         subscribers=_SIM,
-        content="with truth none: somebody was detected here, m in `map`",
-        use="detectors",
+        content="live search: somebody was detected here, m in `map`",
     ),
     "live/detections": Topic(
         type_name="vision_msgs/msg/Detection3DArray",
         qos="queued",
         publishers=_PEOPLE,
         subscribers=_SIM,
-        content="with truth none, where `vision_msgs` is installed: detections, m in `map`",
-        use="detectors",
+        content="live search, where `vision_msgs` is installed: detections, m in `map`",
     ),
     "live/answers": Topic(
         type_name="std_msgs/msg/String",
         qos="queued",
         publishers=_SIM,
         subscribers=("dashboard",),
-        content="with truth none: JSON, the [answer](live.md#answers) to each input",
-        use="those who send inputs",
+        content="live search: [answers](live.md#answers) to inputs",
     ),
     "live/contacts": Topic(
         type_name="std_msgs/msg/String",
         qos="latched",
         publishers=_SIM,
         subscribers=("dashboard", "cot_gateway"),
-        content="with truth none: JSON, the [contacts](live.md#contacts)",
-        use="people who keep the search",
+        content="live search: [contacts](live.md#contacts)",
     ),
     "live/contact_markers": Topic(
         type_name="visualization_msgs/msg/MarkerArray",
         qos="latched",
         publishers=_SIM,
-        content="with truth none: the contacts",
-        use="RViz, Foxglove",
+        content="live search: the contacts",
     ),
 }  # fmt: skip
 """The topics by name, relative to the namespace of the search unless it begins with a slash."""

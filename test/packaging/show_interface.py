@@ -12,7 +12,6 @@ from typing import Any
 
 import rclpy
 from rclpy.node import Node
-from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
 from dsse_ros.dashboard.history import EXACT_LAYERS
@@ -61,18 +60,15 @@ def topics(node: Node, endpoints: Iterable[Any]) -> dict[str, tuple[str, str]]:
     }
 
 
-def parameter(node: Node, name: str) -> tuple[str, bool]:
-    """Type of a parameter, and whether it is read-only."""
-    described = node.describe_parameter(name)
-    return Parameter.Type(described.type).name.lower(), described.read_only
-
-
 def interface(node: Node) -> dict[str, Any]:
     return {
         "published": topics(node, node.publishers),
         "subscribed": topics(node, node.subscriptions),
         "services": {name_of(node, s.service_name): type_of(s.srv_type) for s in node.services},
-        "parameters": {name: parameter(node, name) for name in node.get_parameters_by_prefix("")},
+        "read_only": {
+            name: node.describe_parameter(name).read_only
+            for name in node.get_parameters_by_prefix("")
+        },
     }
 
 
