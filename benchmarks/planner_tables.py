@@ -21,13 +21,6 @@ from benchmarks.reference_values import Source
 NO_DIFFERENCE, NO_STATEMENT = "none shown", "–"
 WIDEST_SHARE = 0.03
 BASELINE = "greedy"
-SHOWN = {
-    "v2": ("expanding_square", "greedy", "belief_greedy", "belief"),
-    "v1": ("expanding_square", "greedy", "belief_greedy", "belief"),
-    "santos_4": ("sector", "greedy", "belief_greedy", "belief"),
-    "shore": ("spiral", "greedy", "belief_greedy", "belief"),
-}
-"""Rows of the short tables, by case: the best pattern, on the map, and on a belief."""
 TITLES = {"v2": "`v2`", "v1": "`v1`", "santos_4": "`paper`", "shore": "Shore"}
 SHOWN_AT_SEA = (
     incidents.STOPS, "expanding_square", "greedy", "route", "belief_greedy", "belief",
@@ -36,8 +29,8 @@ SHOWN_IN_METRES = (
     f"spiral{incidents.IN_METRES}", f"{incidents.BASELINE}{incidents.IN_METRES}", incidents.ROUND,
 )  # fmt: skip
 """Rows of the table of searches in metres, once they have been flown."""
-ON_A_BELIEF = ("optimal_effort", "route", "belief_greedy", "belief")
-WITH_FAULTS = ("greedy", "optimal_effort", "belief_greedy", "belief")
+ON_A_BELIEF = ("route", "belief_greedy", "belief")
+WITH_FAULTS = ("greedy", "belief_greedy", "belief")
 FIELDS = (
     "part", "case", "condition", "planner", "planner_seeds", "quantity", "value", "low", "high",
 )  # fmt: skip
@@ -67,16 +60,6 @@ def markdown(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
     """Return a Markdown table."""
     lines = [head, ["---"] * len(head), *rows]
     return "".join(f"| {' | '.join(line)} |\n" for line in lines)
-
-
-def case_table(rows: Mapping[str, Row]) -> str:
-    """Return share found, mean steps and paired difference of planners."""
-    lines = []
-    for name, row in rows.items():
-        more = difference(row["difference"], row["difference_interval"], 1)
-        beside = "" if name == BASELINE else more
-        lines.append([f"`{name}`", share(row), f"{row['steps']:.1f}", beside])
-    return markdown(["Planner", "Found, %", "Mean steps", f"Steps more than `{BASELINE}`"], lines)
 
 
 def all_table(results: Mapping[str, Any], published: Mapping[str, Sequence[Source]]) -> str:
@@ -151,11 +134,7 @@ def tables(
         conditions: Titles of what is wrong, by key.
     """  # fmt: skip
     written = {"all": all_table(results, published)}
-    for key, rows in results["cases"].items():
-        if key in SHOWN:
-            written[key] = case_table(_chosen(rows, SHOWN[key]))
-    for key, by_condition in results["disturbed"].items():
-        written[f"{key}, disturbed"] = cost_table(by_condition, conditions, ON_A_BELIEF)
+    written["disturbed"] = cost_table(results["disturbed"]["v2"], conditions, ON_A_BELIEF)
     written["faults"] = cost_table(results["faults"], conditions, WITH_FAULTS)
     baseline = f"`{incidents.BASELINE}`"
     at_sea = {

@@ -7,6 +7,7 @@ The value of a problem is the probability of success of all looks.
 
 from __future__ import annotations
 
+import itertools
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
@@ -30,6 +31,7 @@ SEED = 1
 WORLDS = 20_000
 CUTS = 300
 """Linear functions for the bound of several searchers."""
+_OPTIMAL = "0, optimal"
 
 
 @dataclass(frozen=True)
@@ -238,20 +240,41 @@ def row_of_mpso(flown: mpso.Flown, ours: dict[str, Any]) -> dict[str, Any]:
     return {**ours, **judged, **of_mpso}
 
 
+def _line(of: dict[str, Any]) -> str:
+    """Return what problems in one line of the table have in common."""
+    title: str = of["title"]
+    return title.partition(",")[0] if _gap(of) == _OPTIMAL else title
+
+
+def _gap(of: dict[str, Any]) -> str:
+    """Return by how much the bound exceeds the value."""
+    gap = max(of["bound"] / of["value"] - 1.0, 0.0)
+    return _OPTIMAL if gap < 1e-8 else f"{gap:.1%}" if np.isfinite(gap) else "-"
+
+
+def _shown(values: list[float]) -> str:
+    """Return a value, or the least and the greatest of several."""
+    low, high = (f"{end(values):.6f}" for end in (min, max))
+    return low if low == high else f"{low} to {high}"
+
+
 def table(rows: list[dict[str, Any]]) -> str:
-    """Return the figures as a table in Markdown."""
+    """Return the figures as a table in Markdown, of problems that others have solved.
+
+    Proven optima of one source are in one line.
+    """
     lines = [
-        "| Problem | Published | Best known | Value | Gap to the bound | CPU time, s |",
-        "| --- | --- | --- | --- | --- | --- |",
+        "| Problem | Published, else best known | Value | Gap to the bound |",
+        "| --- | --- | --- | --- |",
     ]
-    for of in rows:
-        texts = ["-" if of[k] is None else f"{of[k]:.6f}" for k in ("published", "best_known")]
-        gap = max(of["bound"] / of["value"] - 1.0, 0.0)
-        closed = "0, optimal" if gap < 1e-8 else f"{gap:.1%}" if np.isfinite(gap) else "-"
-        lines.append(
-            f"| {of['title']} | {texts[0]} | {texts[1]} | {of['value']:.6f} | {closed} | "
-            f"{of['seconds']:.3f} |"
-        )
+    known = [of for of in rows if of["published"] or of["best_known"]]
+    for _, group in itertools.groupby(known, _line):
+        same = list(group)
+        first = same[0]["title"]
+        title = first if len(same) == 1 else f"{first.partition(',')[0]}, {len(same)} problems"
+        published = _shown([of["published"] or of["best_known"] for of in same])
+        value = _shown([of["value"] for of in same])
+        lines.append(f"| {title} | {published} | {value} | {_gap(same[0])} |")
     return "\n".join(lines)
 
 
