@@ -180,7 +180,7 @@ def table(judged: list[dict[str, Any]]) -> str:
 
 
 def markdown(judged: list[dict[str, Any]]) -> str:
-    """Return the figures as the table in docs/speed.md."""
+    """Return the figures as the table in README.md."""
     lines = ["| Figure | Goal | Best | Median |", "| --- | --- | --- | --- |"]
     for row in judged:
         values = ("-" if row[kind] is None else f"{row[kind]:.3g}" for kind in ("best", "median"))
