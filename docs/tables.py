@@ -218,10 +218,10 @@ def cards_table() -> str:
 def metrics_table() -> str:
     """Return the table of the metrics of a report."""
     rows = [
-        [metric.label, f"`{metric.name}`", metric.unit, metric.meaning, metric.source]
+        [metric.label, f"`{metric.name}`", metric.unit, metric.meaning]
         for metric in METRICS
     ]  # fmt: skip
-    return table(["Metric", "Column", "Unit", "Meaning", "Source"], rows)
+    return table(["Metric", "Column", "Unit", "Meaning"], rows)
 
 
 def fields_table(cls: type) -> str:

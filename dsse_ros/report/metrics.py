@@ -210,7 +210,6 @@ class Metric:
         label: Label in reports.
         unit: `share` (0 to 1), `s`, `m`, or "" for a count or a sum.
         meaning: Its definition.
-        source: Source of the definition, "" if it needs none.
         value: Computes it; None if unknown, or if there is nothing to measure.
     """
 
@@ -218,7 +217,6 @@ class Metric:
     label: str
     unit: str
     meaning: str
-    source: str
     value: Callable[[RecordedMission, Curves], float | None]
 
 
@@ -228,19 +226,16 @@ METRICS = (
         "Probability, before their outcomes are known, that the searches find the person: the sum "
         "of POC times POD, with the POC that remains after earlier searches; with several persons "
         "the expected share of finds.",
-        "IAMSAR Manual, volume II, chapter 4; Koopman 1946; Stone 1975",
         lambda record, progress: _last(progress.pos),
     ),
     Metric(
         "poc_outside", "POC outside", "share",
         "Incident: share of the particles that leave the grid before the time limit.",
-        "",
         lambda record, progress: _of_incident(record, lambda laid: 1.0 - laid.inside),
     ),
     Metric(
         "stranded", "Stranded", "share",
         "Incident: share of the particles that lie ashore at the time limit.",
-        "",
         lambda record, progress: _of_incident(record, lambda laid: laid.stranded),
     ),
     Metric(
@@ -249,109 +244,92 @@ METRICS = (
         "not (a restricted mean): the sum of 1 - POS over the steps up to the limit, times the "
         "duration of a step. Searches after the first find, or the end of the record, are "
         "unknown: here, the next step is certain to detect.",
-        "Lanillos and others 2014; Royston and Parmar 2013",
         lambda record, progress: _expected_time(record, progress)[0],
     ),
     Metric(
         "expected_time_at_most", "Expected time to detection, at most", "s",
         "The same without further searches. In a complete mission without a "
         "find, both bounds are equal.",
-        "Lanillos and others 2014; Royston and Parmar 2013",
         lambda record, progress: _expected_time(record, progress)[1],
     ),
     Metric(
         "time_to_detection", "Time to detection", "s",
         "Mission time of the first find.",
-        "Bourgault, Furukawa and Durrant-Whyte 2003",
         _first_detection,
     ),
     Metric(
         "share_found", "Persons found", "share",
         "Share of all persons; unknown for several persons in a bag.",
-        "",
         _share_found,
     ),
     Metric(
         "coverage", "Area coverage", "share",
         "Share of the cells of the search area that were searched; in metres, flown over.",
-        "Galceran and Carreras 2013",
         lambda record, progress: float(progress.cells_searched[-1]) / num_cells(record),
     ),
     Metric(
         "coverage_rate", "Coverage rate", "share",
         "Coverage task: share of the cells to cover that were covered.",
-        "the [rules](rules.md) of the search",
         lambda record, progress: _last(record.coverage_rate),
     ),
     Metric(
         "repeated_coverage", "Repeated coverage", "share",
         "Coverage task: visits of cells that were covered before or had no probability, per cell "
         "to cover.",
-        "the [rules](rules.md) of the search",
         lambda record, progress: _last(record.repeated_coverage),
     ),
     Metric(
         "coverage_factor", "Coverage factor C", "",
         "Search effort divided by search area, C = Z / A: the mean number of searches per cell.",
-        "IAMSAR Manual, volume II, chapter 4",
         lambda record, progress: float(progress.num_searches[-1]) / num_cells(record),
     ),
     Metric(
         "redundancy", "Redundancy", "share",
         "Share of the searches in cells searched before; not wasted if persons move or detection "
         "is uncertain.",
-        "Galceran and Carreras 2013 (overlap)",
         _redundancy,
     ),
     Metric(
         "searches", "Searches", "",
         "Number of searches; a cell counts each time.",
-        "",
         lambda record, progress: float(progress.num_searches[-1]),
     ),
     Metric(
         "path_length", "Path length, all drones", "m",
         "Sum of the distances between the centres of the cells flown through; in metres along "
         "the paths.",
-        "Cabreira, Brisolara and Ferreira 2019",
         lambda record, progress: float(progress.path_length_m[-1]),
     ),
     Metric(
         "longest_path", "Path length, longest", "m",
         "Path of the drone that flew farthest.",
-        "Cabreira, Brisolara and Ferreira 2019",
         lambda record, progress: float(path_lengths(record)[-1].max()),
     ),
     Metric(
         "collisions", "Collisions", "",
         "Pairs of drones in the search that share a cell after a step, summed over the steps, even "
         "if the rules have no collisions.",
-        "the rule *Collision* of the [rules](rules.md)",
         lambda record, progress: float(progress.num_collisions[-1]),
     ),
     Metric(
         "separation", "Least separation", "m",
         "Least distance between the cells of two drones in the search, at the start or after any "
         "step.",
-        "",
         _separation,
     ),
     Metric(
         "drones_lost", "Drones lost", "",
         "Drones out of the search before it ended: collided, off the grid, or with a lost vehicle.",
-        "",
         lambda record, progress: float(record.lost[-1].sum()),
     ),
     Metric(
         "duration", "Duration", "s",
         "Mission time of the last step in which a drone acted.",
-        "",
         lambda record, progress: float(progress.times_s[record.acted.any(axis=1)].max(initial=0.0)),
     ),
     Metric(
         "episode_return", "Return", "",
         "Sum of the rewards of all drones.",
-        "the [rules](rules.md) of the search",
         lambda record, progress: float(record.rewards.sum()),
     ),
 )  # fmt: skip
