@@ -20,9 +20,8 @@ from unittest import mock
 import numpy as np
 
 from benchmarks.bench import RESULTS, machine, own_versions, rounded
-from benchmarks.compare import CASES, RESULTS_PAGE
+from benchmarks.compare import CASES
 from benchmarks.intervals import quantile
-from benchmarks.pages import with_table
 from dsse_ros.belief.beliefs import forecast_for
 from dsse_ros.planners.beam_search import BeamSearch, steps_planned
 from dsse_ros.planners.belief import DRIFT_SAMPLES
@@ -128,10 +127,6 @@ def main(arguments: list[str] | None = None) -> int:
     path = given.out / "decision_time.json"
     path.write_text(json.dumps(result, indent=1) + "\n", encoding="utf-8")
     print(f"{table(rows)}\n\n{path}")
-    if given.out == RESULTS:
-        page = RESULTS_PAGE.read_text(encoding="utf-8")
-        page = with_table(page, "decision time", table(rows))
-        RESULTS_PAGE.write_text(page, encoding="utf-8")
     return 0
 
 

@@ -29,8 +29,7 @@ SHOWN_IN_METRES = (
     f"spiral{incidents.IN_METRES}", f"{incidents.BASELINE}{incidents.IN_METRES}", incidents.ROUND,
 )  # fmt: skip
 """Rows of the table of searches in metres, once they have been flown."""
-ON_A_BELIEF = ("route", "belief_greedy", "belief")
-WITH_FAULTS = ("greedy", "belief_greedy", "belief")
+WITH_FAULTS = ("greedy", "belief")
 FIELDS = (
     "part", "case", "condition", "planner", "planner_seeds", "quantity", "value", "low", "high",
 )  # fmt: skip
@@ -134,7 +133,6 @@ def tables(
         conditions: Titles of what is wrong, by key.
     """  # fmt: skip
     written = {"all": all_table(results, published)}
-    written["disturbed"] = cost_table(results["disturbed"]["v2"], conditions, ON_A_BELIEF)
     written["faults"] = cost_table(results["faults"], conditions, WITH_FAULTS)
     baseline = f"`{incidents.BASELINE}`"
     at_sea = {

@@ -12,7 +12,6 @@ import ast
 import dataclasses
 import inspect
 import itertools
-import math
 import re
 import textwrap
 from collections.abc import Collection, Mapping
@@ -38,7 +37,7 @@ from dsse_ros.planners.options import PatternOptions
 from dsse_ros.planners.registry import OPTIONS
 from dsse_ros.report.metrics import METRICS
 from dsse_ros.scenario.fault_fields import FAULTS, FaultFields
-from dsse_ros.scenario.fields import Spec, shown_number, specs
+from dsse_ros.scenario.fields import Spec, specs
 from dsse_ros.scenario.rules import GROUPS
 from dsse_ros.search import PROFILES, Rules, Scenario, parallel_env
 from dsse_ros.tak.settings import CotSettings
@@ -70,36 +69,17 @@ def shown(value: Any) -> str:
     return f"`[{', '.join(shown(item).strip('`') for item in value)}]`"
 
 
-def allowed(spec: Spec) -> str:
-    """Return the allowed values, with their unit."""
-    return f"{limits(spec)} {spec.unit}".strip()
+def with_unit(default: str, spec: Spec) -> str:
+    """Return a default with the unit of its field; the unit in brackets if there is none."""
+    return f"{default} {spec.unit}".strip() if default or not spec.unit else f"({spec.unit})"
 
 
-def limits(spec: Spec) -> str:
-    """Return the allowed values without their unit."""
+def meaning(spec: Spec) -> str:
+    """Return what a field means, with its choices; the error for another value has its limits."""
     if len(spec.choices or ()) > _MOST_CHOICES:
-        return f"{len(spec.choices)} names, which the error for another name lists"
-    if spec.choices:
-        return ", ".join(f"`{choice}`" for choice in spec.choices)
-    if math.isfinite(spec.low) and math.isfinite(spec.high):
-        return f"{number(spec.low)} to {number(spec.high)}"
-    bounds = [
-        f"{sign} {number(bound)}"
-        for sign, bound in ((">", spec.above), ("≥", spec.low), ("≤", spec.high))
-        if math.isfinite(bound)
-    ]
-    return ", ".join(bounds)
-
-
-def number(value: float) -> str:
-    """Return a bound; large round ones as powers."""
-    for base in (10, 2):
-        exponent = round(math.log(max(abs(value), 1), base))
-        if exponent > 3 and value == base**exponent:
-            return f"{base}^{exponent}"
-        if exponent > 3 and value == -(base**exponent):
-            return f"-{base}^{exponent}"
-    return shown_number(value)
+        return f"{spec.doc} The error for another one lists the {len(spec.choices)} names."
+    choices = ", ".join(f"`{choice}`" for choice in spec.choices or ())
+    return f"{spec.doc} One of {choices}." if choices else spec.doc
 
 
 def defaults(cls: type) -> dict[str, Any]:
@@ -115,13 +95,13 @@ def settings_table(cls: type, run_time: Collection[str] = ()) -> str:
     values = defaults(cls)
     rows = [
         [
-            f"`{name}`", shown(values[name]), allowed(spec),
-            "yes" if name in run_time else "", spec.doc,
+            f"`{name}`", with_unit(shown(values[name]), spec),
+            "yes" if name in run_time else "", meaning(spec),
         ]
         # What it shares with others comes last.
         for name, spec in sorted(specs(cls).items(), key=lambda s: s[0] not in cls.__annotations__)
     ]  # fmt: skip
-    return table(["Parameter", "Default", "Allowed", "At run time", "Meaning"], rows)
+    return table(["Parameter", "Default", "At run time", "Meaning"], rows)
 
 
 def scenario_table() -> str:
@@ -137,8 +117,8 @@ def scenario_table() -> str:
         default = shown(values[name])
         if values[name] is None and name in of_rules:
             default = by_profile(name)
-        rows.append([f"`{name}`", default, allowed(spec), spec.doc])
-    return table(["Field", "Default", "Allowed", "Meaning"], rows)
+        rows.append([f"`{name}`", with_unit(default, spec), meaning(spec)])
+    return table(["Field", "Default", "Meaning"], rows)
 
 
 def faults_table() -> str:
@@ -151,10 +131,10 @@ def faults_table() -> str:
             rows.append(
                 [
                     name.replace("_", " ") if number == 0 else "", f"`{field}`",
-                    shown(values[field]), allowed(spec), spec.doc,
+                    with_unit(shown(values[field]), spec), meaning(spec),
                 ]
             )  # fmt: skip
-    return table(["Fault", "Field", "Default", "Allowed", "Meaning"], rows)
+    return table(["Fault", "Field", "Default", "Meaning"], rows)
 
 
 def planner_options_table() -> str:
@@ -165,10 +145,10 @@ def planner_options_table() -> str:
             continue
         values = defaults(options)
         for name, spec in specs(options).items():
-            row = (f"`{name}`", shown(values[name]), allowed(spec) or spec.allowed(), spec.doc)
+            row = (f"`{name}`", with_unit(shown(values[name]), spec), meaning(spec))
             planners.setdefault(row, []).append(f"`{planner}`")
     rows = [[row[0], ", ".join(names), *row[1:]] for row, names in planners.items()]
-    return table(["Option", "Planners", "Default", "Allowed", "Meaning"], rows)
+    return table(["Option", "Planners", "Default", "Meaning"], rows)
 
 
 def rules_table() -> str:
@@ -197,13 +177,11 @@ def card(profile: str) -> dict[str, str]:
     agent, limit = env.possible_agents[0], env.scenario.timestep_limit
     _, infos = env.reset(seed=0)
     return {
-        "Actions, in order": ", ".join(f"`{name}`" for name in env.rules.actions),
         "Action space": f"`{env.action_space(agent)}`",
         "Observation space": f"`{env.observation_space(agent)}`",
         "State space": f"`{env.state_space}`",
         "Keys of `infos`": ", ".join(f"`{key}`" for key in infos[agent]),
         "Grid": f"{env.scenario.grid_size} x {env.scenario.grid_size}",
-        "Steps": f"{limit}",
         "Steps of a failed episode": f"{limit + 1 + env.rules.time_out_grace}",
     }
 
@@ -228,10 +206,10 @@ def fields_table(cls: type) -> str:
     """Return the table of the fields of a file."""
     values = defaults(cls)
     rows = [
-        [f"`{name}`", shown(values[name]), allowed(spec), spec.doc]
+        [f"`{name}`", with_unit(shown(values[name]), spec), meaning(spec)]
         for name, spec in specs(cls).items()
     ]
-    return table(["Field", "Default", "Allowed", "Meaning"], rows)
+    return table(["Field", "Default", "Meaning"], rows)
 
 
 def measures_table() -> str:

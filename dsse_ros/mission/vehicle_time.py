@@ -24,8 +24,7 @@ class VehicleTimeSettings(ArrivalSettings):
 
     vehicle_time: str = field(
         "str",
-        "What the time of vehicles counts for the sea: nothing; the sea follows their clocks, and "
-        "an action lasts as long as its vehicle needs; or the sea stands still until the vehicles "
+        "Whether the sea goes on without the vehicles, follows their clocks, or waits until they "
         "have done their actions.",
         IGNORED,
         choices=(IGNORED, FOLLOWED, AWAITED),

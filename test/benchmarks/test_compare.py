@@ -90,6 +90,17 @@ def test_the_pages_show_the_kept_results() -> None:
     assert CSV.read_text(encoding="utf-8") == as_csv(results)
 
 
+def test_wrong_assumptions_cost_what_the_page_states() -> None:
+    rows = json.loads((RESULTS / "compare.json").read_text(encoding="utf-8"))["disturbed"]["v2"]
+    of_drift = [
+        rows[key]["belief"]["difference_interval"] for key in ("speed", "slow", "direction")
+    ]
+    low, high = zip(*of_drift, strict=True)
+    assert max(low) <= 0.0 <= min(high)
+    for key, steps in {"pod": 3, "pod_known": 2, "lost": 3}.items():
+        assert round(rows[key]["belief"]["difference"]) == steps
+
+
 def test_the_table_of_the_incidents_is_short() -> None:
     written = tables(json.loads((RESULTS / "compare.json").read_text(encoding="utf-8")))
     head, _, *rows = written["incidents"].splitlines()
