@@ -80,7 +80,8 @@ TOPICS = {
         qos="latched",
         publishers=_SIM,
         subscribers=("planner_node", "dashboard", "cot_gateway", "ros_env", "run_mission"),
-        content="the exact map, 32FC1, row 0 in the north; sums to 1",
+        content="the exact map, 32FC1, row 0 in the north; sums to 1. In a live search the "
+        "[belief](live.md#planners)",
         replay=("compared",),
     ),
     "belief_grid": Topic(
@@ -358,9 +359,16 @@ TOPICS = {
         subscribers=_SIM,
         content="live search, where `vision_msgs` is installed: detections, m in `map`",
     ),
+    "live/history": Topic(
+        type_name="std_msgs/msg/String",
+        qos="complete",
+        publishers=_SIM,
+        subscribers=("planner_node",),
+        content="live search: the [looks and inputs](live.md#planners) since the last message",
+    ),
     "live/answers": Topic(
         type_name="std_msgs/msg/String",
-        qos="queued",
+        qos="complete",
         publishers=_SIM,
         subscribers=("dashboard",),
         content="live search: [answers](live.md#answers) to inputs",

@@ -310,10 +310,10 @@ class ShownMission:
             self._former_run = before.key[0]
             for vehicle in self.vehicles.values():
                 vehicle.place = None
-        if before is not None:
-            self.inputs.clear()
-            self.live_answer = ""
         history = self.history = SearchHistory(*_key(report), len(report))
+        self._forget_inputs_before(history.key)
+        if before is not None:
+            self.live_answer = ""
         for *key, step, pos in self._early_pos:
             if tuple(key) == history.key:
                 history.add_pos(step, pos)
@@ -363,9 +363,19 @@ class ShownMission:
 
     def _on_input(self, message: Any) -> None:
         answer = answer_from_json(message.data)
+        run_id, number = self.history.key if self.history else answer.search
+        if answer.search[0] == run_id and answer.search[1] < number:
+            # A page that comes later gets those of earlier missions, too.
+            return
+        self._forget_inputs_before(answer.search)
         # A repeated input must not hide what it has changed.
         if answer.id not in self.inputs or (answer.ok and answer.code != "again"):
             self.inputs.put(answer.id, answer)
+
+    def _forget_inputs_before(self, search: tuple[int, int]) -> None:
+        last = self.inputs.last
+        if last is not None and last.search != search:
+            self.inputs.clear()
 
     def _on_vehicle_state(self, drone: str, message: Any) -> None:
         for status in message.status:

@@ -6,8 +6,9 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -16,6 +17,7 @@ from dsse_ros.belief.belief import Belief, Forecast
 from dsse_ros.belief.beliefs import forecast_for
 from dsse_ros.belief.ensemble_belief import EnsembleBelief, EnsembleForecast
 from dsse_ros.belief.followers import DRIFT_SAMPLES
+from dsse_ros.belief.protocol import TargetForecast
 from dsse_ros.drift.flow import Kind, utc
 from dsse_ros.live.chain import Chain
 from dsse_ros.live.contacts import (
@@ -42,6 +44,7 @@ EARLIEST_S = 86400.0
 """Time from a sighting to the search: particles drift for so long, which takes time."""
 FLOWS: tuple[Kind, ...] = ("wind", "current")
 """What a report of weather may have."""
+Forecasts = Callable[[ResolvedScenario], TargetForecast]
 _OF_CONTACT = {"confirm": CONFIRMED, "dismiss": DISMISSED}
 
 
@@ -76,6 +79,7 @@ class Keeper:
     Args:
         scenario: The scenario.
         rules: The rules.
+        forecasts: Makes the forecast of a scenario; by default that of a mission's belief.
 
     Attributes:
         scenario: As given, with what inputs changed.
@@ -85,9 +89,14 @@ class Keeper:
         found: Number of persons who were confirmed.
     """
 
-    def __init__(self, scenario: ResolvedScenario, rules: Rules) -> None:
+    def __init__(
+        self, scenario: ResolvedScenario, rules: Rules, forecasts: Forecasts | None = None
+    ) -> None:
         self.scenario = self._stated = scenario
         self.rules = rules
+        self._forecasts = forecasts or partial(
+            forecast_for, rules=rules, drift_samples=DRIFT_SAMPLES
+        )
         self._frame = scenario_frame(scenario)
         looks = looks_of(scenario, rules)
         eyes = None
@@ -121,7 +130,7 @@ class Keeper:
         Raises:
             ValueError: If its particles cannot be drawn.
         """
-        forecast = forecast_for(scenario, self.rules, drift_samples=DRIFT_SAMPLES)
+        forecast = self._forecasts(scenario)
         assert isinstance(forecast, Forecast | EnsembleForecast)
         return forecast
 

@@ -53,9 +53,10 @@ class Answer:
     pos_after: float | None = None
     poc_moved: float | None = None
 
-    def to_json(self) -> str:
-        """Return the answer as JSON."""
-        return json.dumps(dataclasses.asdict(self), allow_nan=False)
+    def to_json(self, run_id: int, mission: int) -> str:
+        """Return the answer as JSON, with the search that it is of."""
+        search = {"run_id": run_id, "mission": mission}
+        return json.dumps(dataclasses.asdict(self) | search, allow_nan=False)
 
 
 class LiveIntake:

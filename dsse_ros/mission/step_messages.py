@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from dsse_ros.live.beliefs import LiveBeliefs
 from dsse_ros.message_types import message_class
 from dsse_ros.mission.mission import Mission, StepResult
 from dsse_ros.mission.step_reports import mission_report_of, step_report_of
@@ -105,6 +106,13 @@ class StepMessages:
         if found is None or found[0] is not result:
             found = self._positions = result, map_positions(self.frame, result.places)
         return found[1]
+
+    @property
+    def probability(self) -> NDArray[np.float32]:
+        """The map that drones observe: that of the rules, in a live search the belief."""
+        mission = self.mission
+        is_live = isinstance(mission.beliefs, LiveBeliefs)
+        return mission.belief() if is_live else mission.env.probability
 
     @property
     def belief(self) -> NDArray[np.float32] | None:
@@ -204,10 +212,8 @@ def _at_sea(frame: GridFrame, col: int, row: int) -> Position:
 
 
 MESSAGES: dict[str, Callable[[StepMessages, Any, int, Display], Any]] = {
-    "probability_grid": lambda of, stamp, _, show: _grid(
-        of, stamp, show, of.mission.env.probability
-    ),
-    "probability": lambda of, stamp, *_: _image(of, stamp, of.mission.env.probability),
+    "probability_grid": lambda of, stamp, _, show: _grid(of, stamp, show, of.probability),
+    "probability": lambda of, stamp, *_: _image(of, stamp, of.probability),
     "belief_grid": lambda of, stamp, _, show: _grid(of, stamp, show, of.belief),
     "belief": lambda of, stamp, *_: _image(of, stamp, of.belief),
     "particles": lambda of, stamp, *_: _particles(of, stamp),

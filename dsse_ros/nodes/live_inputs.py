@@ -13,6 +13,7 @@ from geometry_msgs.msg import PoseWithCovarianceStamped
 from std_msgs.msg import String
 
 from dsse_ros.live.beliefs import LiveBeliefs
+from dsse_ros.live.history import HistoryTexts
 from dsse_ros.live.inputs import KINDS
 from dsse_ros.message_types import message_class
 from dsse_ros.mission.live_intake import LiveIntake
@@ -63,10 +64,11 @@ class LiveInputs:
         self._intake = LiveIntake(node.mission, node.warn, rejected, node.files.journal)
         self._alarm = node.alarms.make(self._decide)
         self._due = False
-        self._answers, self._contacts, self._markers = (
+        self._answers, self._contacts, self._markers, self._history = (
             endpoints.publisher(f"live/{name}")
-            for name in ("answers", "contacts", "contact_markers")
+            for name in ("answers", "contacts", "contact_markers", "history")
         )
+        self._texts = HistoryTexts()
         for kind in KINDS:
             endpoints.subscription(f"live/{kind}", partial(self._on_text, kind))
         endpoints.subscription("live/detection_pose", self._on_pose)
@@ -74,9 +76,15 @@ class LiveInputs:
             endpoints.subscription(DETECTIONS, self._on_array)
 
     def on_step(self) -> None:
-        """Take up the stamp of a step, and publish the contacts as they are then."""
+        """Take up the stamp of a step, and publish its looks and the contacts as they are then."""
         self._intake.clock.set(self._mission.result.step, self._seconds())
+        self._publish_history()
         self._publish_contacts()
+
+    @property
+    def _search(self) -> tuple[int, int]:
+        """run_id and number of the mission."""
+        return self._node.publishers_.run_id, self._mission.number
 
     def _seconds(self) -> float:
         return to_nanoseconds(self._node.stamp()) / 1e9
@@ -110,15 +118,21 @@ class LiveInputs:
     def _decide(self) -> None:
         self._due, was_over = False, self._mission.done
         answers = self._intake.decide(self._seconds())
-        for answer in answers:
-            self._answers.publish(String(data=answer.to_json()))
         if any(answer.ok for answer in answers):
+            self._publish_history()
             self._publish_contacts()
             self._node.publishers_.publish_belief(
                 self._node.stamp(), self._node.settings.grid_scaling
             )
             if self._mission.done and not was_over:
                 self._node.publish_change()
+        for answer in answers:
+            self._answers.publish(String(data=answer.to_json(*self._search)))
+
+    def _publish_history(self) -> None:
+        beliefs = self._mission.beliefs
+        assert isinstance(beliefs, LiveBeliefs)
+        self._history.publish(String(data=self._texts.next(self._search, beliefs.keeper)))
 
     def _publish_contacts(self) -> None:
         contacts = self._intake.contacts()

@@ -16,7 +16,9 @@ from numpy.typing import NDArray
 from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Float64MultiArray, Int32MultiArray, String
 
+from dsse_ros.belief.protocol import TargetBelief
 from dsse_ros.defects import describe
+from dsse_ros.live.history import FollowedHistory
 from dsse_ros.nodes.node_diagnostics import PERIOD_S, NodeDiagnostics
 from dsse_ros.nodes.plan_publishers import PLAN, PLAN_PERIOD_S, PlanPublishers
 from dsse_ros.nodes.settings import PlannerSettings
@@ -28,7 +30,7 @@ from dsse_ros.planners import (
     planner_with,
     read_options,
 )
-from dsse_ros.planners.planner import Planning
+from dsse_ros.planners.planner import OnBelief, Planning
 from dsse_ros.runtime.observed_step import ObservedStep, StepId, StepInbox, step_id_of
 from dsse_ros.runtime.qos import read_settings
 from dsse_ros.runtime.run_node import AlarmNode, run_node
@@ -70,6 +72,8 @@ class PlannerNode(AlarmNode):
                 f"got {self.settings.model!r}; only onnx has one"
             )
         self._inbox = StepInbox()
+        # In a live search, its looks and inputs.
+        self._history = FollowedHistory()
         self._planner: Planner | None = None
         self._answered: StepId | None = None
         self._map_used: object = None
@@ -93,6 +97,7 @@ class PlannerNode(AlarmNode):
                 ("step_report", self._on_report),
             )
         ]
+        endpoints.subscription("live/history", partial(self._on, self._on_history))
         self._diagnostics = NodeDiagnostics(self, endpoints)
         self._plans = PlanPublishers(endpoints)
         self._planned: ObservedStep | None = None
@@ -112,6 +117,9 @@ class PlannerNode(AlarmNode):
     def _on_agents(self, message: String) -> None:
         info = self._inbox.infos.take(message.data)
         self._leave_search(info.run_id, info.mission)
+
+    def _on_history(self, message: String) -> None:
+        self._history.take(message.data)
 
     def _leave_search(self, run_id: int, mission: int) -> None:
         """Stop sending an answer that was for a different search."""
@@ -135,6 +143,10 @@ class PlannerNode(AlarmNode):
         step, last = observed.step_id, self._answered
         # A map names no search: a map of another search may have the same stamp.
         if last is not None and last[:2] != step[:2] and self._inbox.map is self._map_used:
+            return
+        if is_live(observed.info) and (self._history.search, self._history.steps) != (
+            step[:2], step[2],
+        ):  # fmt: skip
             return
         live = observed.live
         if step == last:
@@ -185,7 +197,7 @@ class PlannerNode(AlarmNode):
         if late is not None and np.array_equal(late[0], places):
             return late[1]
         began_s, time_s = time.monotonic(), observed.info.decision_time_s
-        actions = _ask(self._planner, observed)
+        actions = _ask(self._planner, observed, self._belief(observed.info))
         took_s = time.monotonic() - began_s
         if time_s is not None and took_s > time_s:
             self._late = places, actions
@@ -196,6 +208,19 @@ class PlannerNode(AlarmNode):
                 f"mission {mission}, which waited {time_s:g} s",
             )
         return actions
+
+    def _belief(self, info: AgentsInfo) -> TargetBelief | None:
+        """Return the belief of a live search for a planner on a belief, else None.
+
+        Raises:
+            ValueError: If a record of the search is damaged.
+        """
+        if not is_live(info) or not isinstance(self._planner, OnBelief):
+            return None
+        assert info.definition is not None
+        rules = info.definition.rules
+        scenario = info.definition.scenario.resolve(rules)
+        return self._history.keeper(scenario, rules, self._planner.forecasts).belief
 
     def _publish_plans(self) -> None:
         """Publish the plans of the last decision; none once its mission is over or replaced."""
@@ -259,7 +284,8 @@ class PlannerNode(AlarmNode):
         if step == self._failed:
             return ""
         if step != self._answered:
-            return "agents, probability and step_report of one and the same step"
+            of_live = " and live/history" if self._history else ""
+            return f"agents, probability, step_report{of_live} of one and the same step"
         if self._answer is None:
             return f"a new mission: mission {step[1]} is over"
         publisher = self._publishers_of[type(self._answer)]
@@ -282,8 +308,18 @@ class PlannerNode(AlarmNode):
             self._resend_alarm.set(self.settings.resend_period)
 
 
-def _ask(planner: Planner, observed: ObservedStep) -> dict[int, Any]:
+def is_live(info: AgentsInfo) -> bool:
+    """Return whether nobody simulates the truth of a search."""
+    return info.definition is not None and not info.definition.scenario.has_persons
+
+
+def _ask(planner: Planner, observed: ObservedStep, belief: TargetBelief | None) -> dict[int, Any]:
     """Return a planner's actions by number of the drone.
+
+    Args:
+        planner: The planner.
+        observed: The step.
+        belief: For the planner; None if it keeps its own.
 
     Raises:
         Exception: Whatever the planner raises, or an error for an invalid answer.
@@ -294,6 +330,8 @@ def _ask(planner: Planner, observed: ObservedStep) -> dict[int, Any]:
         info |= {"step": int(report["step"][i]), "action": int(report["action"][i])}
         if time_s is not None:
             info["decision_time_s"] = _SHARE * time_s
+        if belief is not None:
+            info["belief"] = belief
     numbers = dict(zip(infos, drones, strict=True))
     actions = planner(observed.observations(drones), infos)
     return {numbers[name]: action for name, action in actions.items()}

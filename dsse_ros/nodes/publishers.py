@@ -45,8 +45,11 @@ _EACH_STEP = tuple(
     name for name in MESSAGES if not {"after report", "followed"} & {*TOPICS[name].replay}
 )
 """Topics with a message for each step, before the step report."""
-OF_BELIEF = ("belief", "belief_grid", "particles", "probability_of_success")
-"""Topics that show the belief."""
+OF_BELIEF = (
+    "belief", "belief_grid", "particles", "probability_of_success", "probability",
+    "probability_grid",
+)  # fmt: skip
+"""Topics that show the belief of a live search."""
 LIVE_OUTPUTS = tuple(name for name in published_by("sim_node") if name.startswith("live/"))
 """Topics of a live search."""
 

@@ -124,9 +124,8 @@ class SimSettings(VehicleTimeSettings):
 
     def __post_init__(self) -> None:
         check_all(self)
-        if self.journal and (self.resume or self.compute_pos == "never"):
-            name = "resume must be false" if self.resume else "compute_pos must not be never"
-            raise FieldError(f"{name} with a journal")
+        if self.journal and self.resume:
+            raise FieldError("resume must be false with a journal")
         if self.run_id == 0:
             raise FieldError(f"run_id must be -1 or 1 to {MAX_ID}, got 0")
         if self.publish_belief and self.compute_pos == "never":
@@ -142,10 +141,15 @@ class SimSettings(VehicleTimeSettings):
         if self.resume and not self.snapshot_file:
             raise FieldError("resume must be false without snapshot_file, got true")
 
-    def has_belief(self, grid_size: int) -> bool:
-        """Return whether a belief follows a mission on a grid of this size."""
+    def has_belief(self, grid_size: int, *, live: bool = False) -> bool:
+        """Return whether a belief follows a mission on a grid of this size.
+
+        Args:
+            grid_size: Cells along a side.
+            live: Whether it is a live search.
+        """
         if self.compute_pos == "auto":
-            return self.publish_belief or bool(self.journal) or grid_size <= LARGEST_AUTO_GRID
+            return self.publish_belief or live or grid_size <= LARGEST_AUTO_GRID
         return self.compute_pos == "always"
 
 

@@ -72,7 +72,8 @@ class SimNode(AlarmNode):
         self.settings, env, endpoints = read_parameters(self)
         settings = self.settings
         self.frame = grid_frame(env.scenario, settings)
-        has_belief = settings.has_belief(env.world.grid_size)
+        live = not env.scenario.has_persons
+        has_belief = settings.has_belief(env.world.grid_size, live=live)
         self.mission = mission_of(env, draw_seed(self.settings), belief=has_belief)
         self.mission.prepare_belief()
         self.files = MissionFiles(

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import contextlib
 import secrets
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -67,13 +68,18 @@ def read_parameters(node: AlarmNode) -> tuple[SimSettings, SearchEnv, Endpoints]
         )
     if settings.reveal_person and not scenario.has_persons:
         raise FieldError(f"reveal_person must be false with truth {scenario.truth}, got true")
+    if settings.compute_pos == "never" and not scenario.has_persons:
+        raise FieldError(
+            f"compute_pos must be auto or always with truth {scenario.truth}, got 'never'"
+        )
     if settings.journal and scenario.has_persons:
         raise FieldError(f"journal must be empty with truth {scenario.truth}, got "
                          f"{settings.journal!r}")  # fmt: skip
     log = node.get_logger().info
+    has_belief = partial(settings.has_belief, live=not scenario.has_persons)
     with announced(lambda line: log(f"{line}; topics and services appear when it is done")):
         _check_size(settings, scenario, rules)
-        env = prepared_env(scenario, rules, has_belief=settings.has_belief)
+        env = prepared_env(scenario, rules, has_belief=has_belief)
     _log_incident(node, env.scenario)
     values = {
         **vars(settings),

@@ -209,6 +209,8 @@ class BeliefPlanner:
         while step is not None and self.belief.step < step:
             # The planner does not know what the drones did in a step that it has not observed.
             self._follow([])
+        if "belief" in infos[agents[0]]:
+            self._take_over(infos[agents[0]]["belief"])
         self._observe_map(probability_of(observations))
         assert self._tactic is not None
         limit_s = infos[agents[0]].get("decision_time_s", math.inf)
@@ -295,6 +297,14 @@ class BeliefPlanner:
             if found:
                 self.belief.observe_find(look)
         self.belief.advance()
+
+    def _take_over(self, belief: TargetBelief) -> None:
+        """Go on from a belief of the present step that somebody else has computed."""
+        assert self.belief is not None
+        if belief.forecast is not self.belief.forecast:
+            self._forecast = belief.forecast
+            self._tactic = self._new_tactic(belief.forecast, seed=self._seed)
+        self.belief, self._drift = belief.copy(), None
 
     def _observe_map(self, probability: NDArray[np.float32]) -> None:
         """Record the observed datum; learn the drift if the datum is not where it was expected."""

@@ -202,16 +202,25 @@ class FlightBelief(FlightPlanner):
             twin._plans = self._plans.with_seed(seed)
         return twin
 
+    def forecasts(self, scenario: ResolvedScenario) -> EnsembleForecast:
+        """Return the forecast of a scenario, see `OnBelief`."""
+        return EnsembleForecast(scenario, self._search.rules, planning=True)
+
     def _start(self, observations: Observations, step: int) -> None:
-        forecast = EnsembleForecast(self._scenario, self._search.rules, planning=True)
-        positions = forecast.tracks.particles_m
+        self._take_over(self.forecasts(self._scenario).belief())
+        self._skip(step)
+
+    def _take_over(self, belief: EnsembleBelief) -> None:
+        """Go on from a belief."""
+        before, self.belief = self.belief, belief.copy()
+        if before is not None and before.forecast is belief.forecast:
+            return
+        positions = belief.forecast.tracks.particles_m
         assert positions is not None
-        self.belief = forecast.belief()
         multiplier = float(np.mean(self._scenario.person_pod_multipliers))
         self._plans = FlightPlans(
             self._swarm, positions, self._options, multiplier=multiplier, seed=self._seed
         )
-        self._skip(step)
 
     def _ahead(self) -> dict[str, Floats]:
         return self._paths
@@ -230,9 +239,12 @@ class FlightBelief(FlightPlanner):
         self._skip(step)
 
     def _decide(self, observations: Observations, infos: Infos) -> dict[str, Any]:
-        assert self.belief is not None
         swarm, began_s = self._swarm, time.monotonic()
-        limit_s = infos[next(iter(observations))].get("decision_time_s", math.inf)
+        info = infos[next(iter(observations))]
+        if "belief" in info:
+            self._take_over(info["belief"])
+        assert self.belief is not None
+        limit_s = info.get("decision_time_s", math.inf)
         numbers = [number_of(agent) for agent in observations]
         flights, live = np.zeros(len(swarm.kinds), FLIGHTS), np.zeros(len(swarm.kinds), np.bool_)
         flights[numbers], live[numbers] = flights_of(observations, swarm), True

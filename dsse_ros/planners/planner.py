@@ -12,10 +12,10 @@ from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, TypeAlias, runtime_
 import numpy as np
 from numpy.typing import NDArray
 
-from dsse_ros.belief.protocol import TargetBelief
+from dsse_ros.belief.protocol import TargetBelief, TargetForecast
 from dsse_ros.scenario.actions import Cell as Cell
 from dsse_ros.scenario.rules import Rules
-from dsse_ros.scenario.scenario import Scenario
+from dsse_ros.scenario.scenario import ResolvedScenario, Scenario
 from dsse_ros.search.observation import AgentObservation as AgentObservation
 from dsse_ros.search.observation import Observation as Observation
 
@@ -43,9 +43,9 @@ class Planner(Protocol):
                 in the last step; with sensors that look at several cells at once, `finds` has a
                 bit for each look of the action that found one. Over ROS, `step` is the number of
                 steps done, `action` is the drone's last action, and `decision_time_s` is the wall
-                time for the answer, if the step has a limit. With faults, or drones of different
-                kinds, there are `status`, `action` and, if batteries run down, `battery`: see
-                `faults.Faults.infos`.
+                time for the answer, if the step has a limit. In a live search, an `OnBelief` gets
+                `belief`. With faults, or drones of different kinds, there are `status`, `action`
+                and, if batteries run down, `battery`: see `faults.Faults.infos`.
         """
         ...
 
@@ -67,6 +67,19 @@ class Shareable(Protocol):
 
     def with_seed(self, seed: int) -> Self:
         """Return a copy as if made with this seed; it must not have drawn yet."""
+        ...
+
+
+@runtime_checkable
+class OnBelief(Protocol):
+    """A planner on a belief; it goes on from the one that infos have as `belief`.
+
+    Others follow what the planner does not know, such as the inputs of a live search.
+    """
+
+    @property
+    def forecasts(self) -> Callable[[ResolvedScenario], TargetForecast]:
+        """Makes the forecasts of its beliefs."""
         ...
 
 

@@ -58,6 +58,7 @@ class Answer(NamedTuple):
         pos_before: POS without it; None if unknown.
         pos_after: POS with it.
         poc_moved: Share of the POC that it has moved to other cells; None if unknown.
+        search: run_id and number of its mission.
     """
 
     id: str
@@ -70,6 +71,7 @@ class Answer(NamedTuple):
     pos_before: float | None
     pos_after: float | None
     poc_moved: float | None
+    search: tuple[int, int]
 
 
 def contacts_from_json(text: str) -> tuple[Contact, ...]:
@@ -120,6 +122,7 @@ def answer_from_json(text: str) -> Answer:
         pos_before=_number(keys, "pos_before"),
         pos_after=_number(keys, "pos_after"),
         poc_moved=_number(keys, "poc_moved"),
+        search=(keys.integer("run_id", 0), keys.integer("mission", 0)),
     )
 
 

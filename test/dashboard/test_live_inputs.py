@@ -71,7 +71,7 @@ def test_the_forms_make_the_inputs_of_the_topics() -> None:
 
 ANSWER = {
     "id": "a", "kind": "sighting", "ok": True, "code": "", "reason": "", "contact": None,
-    "pos_before": 0.342, "pos_after": 0.31, "poc_moved": 0.12,
+    "pos_before": 0.342, "pos_after": 0.31, "poc_moved": 0.12, "run_id": 5, "mission": 2,
 }  # fmt: skip
 
 
@@ -99,6 +99,8 @@ def test_an_input_shows_what_it_has_changed_until_another_search_begins() -> Non
     for i in range(1000):
         answer(id=str(i))
     assert len(mission.inputs) == 200
+    answer(id="next", mission=3)
+    assert list(mission.inputs) == ["next"]
 
 
 def test_a_repeated_input_says_so() -> None:

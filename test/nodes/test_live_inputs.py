@@ -10,9 +10,15 @@ from typing import Any
 
 import pytest
 from geometry_msgs.msg import PoseWithCovarianceStamped
-from rig import LATCHED, RELIABLE, Rig
+from rig import LATCHED, RELIABLE, Rig, cells
+from sensor_msgs.msg import Image
 from std_msgs.msg import Float64MultiArray, String
 from visualization_msgs.msg import MarkerArray
+
+from dsse_ros.scenario.agents import agents_from_json
+from dsse_ros.scenario.frames import cell_to_map
+from msg_adapters.images import image_to_probability
+from msg_adapters.step_report import step_report_from_message
 
 POS = "/probability_of_success"
 INCIDENT = {
@@ -34,11 +40,10 @@ def test_every_input_is_answered_and_a_confirmed_contact_ends_the_search(rig: Ri
     markers = rig.listen(MarkerArray, "/live/contact_markers", LATCHED)
 
     def put(kind: str, text: str) -> dict[str, Any]:
-        before = len(answers)
+        answers.clear()
         rig.talk(String, f"/live/{kind}", RELIABLE).publish(String(data=text))
-        rig.until(lambda: len(answers) > before)
+        rig.until(lambda: answers and json.loads(answers.last.data)["kind"] == kind)
         answer: dict[str, Any] = json.loads(answers.last.data)
-        assert answer["kind"] == kind
         return answer
 
     sim.fly(0, 0)
@@ -64,6 +69,36 @@ def test_every_input_is_answered_and_a_confirmed_contact_ends_the_search(rig: Ri
     assert sim.process.running
     sim.reset()
     assert put("confirm", '{"id": "yes", "contact": "c1"}')["code"] == "unknown_contact"
+
+
+def test_planners_that_come_later_fly_to_what_was_detected_on_the_map_and_in_the_belief(
+    rig: Rig,
+) -> None:
+    wide = {**INCIDENT, "seen": {**INCIDENT["seen"], "radius": 600}}  # type: ignore[dict-item]
+    fields = {**FIELDS, "scenario.incident": json.dumps(wide), "num_drones": 1, "grid_size": 15}
+    fields["particles"] = 2000
+    goals = {"belief": (5, 8), "greedy": (10, 8)}
+    for planner, goal in goals.items():
+        given = {**fields, "drones_positions": [7, 7]}
+        sim = rig.sim(given, namespace=f"/{planner}")
+        frame = agents_from_json(rig.first(String, sim.topic("agents")).data).frame
+        x, y = cell_to_map(frame, *map(float, goal))
+        found = {"id": "d", "x": x, "y": y, "radius": 50.0, "confidence": 0.95}
+        maps = rig.listen(Image, sim.topic("probability"), LATCHED)
+        rig.until(lambda maps=maps: maps)  # type: ignore[misc]
+        sim.talk(String, "live/detection").publish(String(data=json.dumps(found)))
+        # Answers are there for late clients, too.
+        answer = json.loads(rig.first(String, sim.topic("live/answers")).data)
+        assert (answer["ok"], (answer["run_id"], answer["mission"])) == (True, sim.search)
+        rig.until(lambda maps=maps: len(maps) > 1)  # type: ignore[misc]
+        likely = image_to_probability(maps.last)
+        row, col = divmod(int(likely.argmax()), len(likely))
+        assert max(abs(col - goal[0]), abs(row - goal[1])) <= 1
+        rig.start("planner_node", {"planner": planner}, "-r", f"__ns:=/{planner}")
+        rig.until(lambda sim=sim: sim.step_number >= 4)  # type: ignore[misc]
+        reports = map(step_report_from_message, sim.reports)
+        (end,) = cells(next(one for one in reports if one["step"][0] == 4))
+        assert max(abs(end[0] - goal[0]), abs(end[1] - goal[1])) <= 1
 
 
 @pytest.mark.slow

@@ -19,7 +19,7 @@ CONTACT = {
 }  # fmt: skip
 ANSWER = {
     "id": "a", "kind": "weather", "ok": True, "code": "", "reason": "", "contact": None,
-    "pos_before": 0.3, "pos_after": 0.2, "poc_moved": 0.6,
+    "pos_before": 0.3, "pos_after": 0.2, "poc_moved": 0.6, "run_id": 5, "mission": 2,
 }  # fmt: skip
 
 
@@ -27,7 +27,7 @@ def test_a_contact_and_an_answer_are_read() -> None:
     (contact,) = contacts_from_json(json.dumps([CONTACT]))
     assert contact == Contact("c1", "open", -24.0, -46.0, 1.0, 2.0, 25.0, 60.0, "", 2, 0.4)
     answer = answer_from_json(json.dumps(ANSWER))
-    assert answer == Answer("a", "weather", True, "", "", "", "", 0.3, 0.2, 0.6)
+    assert answer == Answer("a", "weather", True, "", "", "", "", 0.3, 0.2, 0.6, (5, 2))
 
 
 VALUES = st.recursive(

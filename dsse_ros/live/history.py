@@ -1,0 +1,102 @@
+# Copyright 2026 dsse_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""The looks and inputs of a live search as texts, from which others compute its belief.
+
+Each text has the records since the last one. Now and then one has all of them, so that the last
+texts are enough for those who come late.
+"""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+from dsse_ros.live.keeper import Forecasts, Keeper
+from dsse_ros.live.records import STEP, from_json, to_json
+from dsse_ros.scenario.json_keys import Keys, parse_json
+from dsse_ros.scenario.rules import Rules
+from dsse_ros.scenario.scenario import ResolvedScenario
+
+WHOLE_EVERY = 500
+"""Texts from one that has all records to the next; late joiners get twice as many."""
+Search = tuple[int, int]
+"""run_id and number of a mission."""
+
+
+class HistoryTexts:
+    """Makes the texts of one search after the other."""
+
+    def __init__(self) -> None:
+        self._of: tuple[Search, Keeper] | None = None
+        self._sent = self._count = 0
+
+    def next(self, search: Search, keeper: Keeper) -> str:
+        """Return the text of what is new in a search.
+
+        Args:
+            search: The search.
+            keeper: Its keeper.
+        """
+        if self._of != (search, keeper) or self._count % WHOLE_EVERY == 0:
+            self._of, self._sent, self._count = (search, keeper), 0, 0
+        self._count += 1
+        begin, self._sent = self._sent, len(keeper.history)
+        run_id, mission = search
+        records = [to_json(one) for one in keeper.history[begin:]]
+        values = {"run_id": run_id, "mission": mission, "begin": begin, "records": records}
+        return json.dumps(values, allow_nan=False)
+
+
+class FollowedHistory:
+    """The last search of which texts came.
+
+    Attributes:
+        search: The search; None before the first text.
+        steps: Number of its steps as far as they are known; -1 if none is.
+    """
+
+    def __init__(self) -> None:
+        self.search: Search | None = None
+        self.steps = -1
+        self._records: list[Any] = []
+        self._keeper: Keeper | None = None
+        self._forecasts: Forecasts | None = None
+
+    def __bool__(self) -> bool:
+        return self.search is not None
+
+    def take(self, text: str) -> None:
+        """Take a text of `HistoryTexts`.
+
+        Raises:
+            ValueError: If it is none.
+        """
+        keys = Keys(parse_json(text, "history"), "history")
+        search = keys.integer("run_id", 0), keys.integer("mission", 0)
+        begin, records = keys.integer("begin", 0), keys.entries("records")
+        known = self._records[begin:]
+        if search != self.search or known != records[: len(known)]:
+            self.search, self.steps, self._records, self._keeper = search, -1, [], None
+        if begin <= len(self._records):
+            new = records[len(self._records) - begin :]
+            steps = sum(Keys(one, "history.records").value("kind") == STEP for one in new)
+            self._records += new
+            self.steps = max(self.steps, 0) + steps
+
+    def keeper(self, scenario: ResolvedScenario, rules: Rules, forecasts: Forecasts) -> Keeper:
+        """Return the keeper of all records so far.
+
+        Args:
+            scenario: The scenario of the search, as for `Keeper`.
+            rules: Its rules.
+            forecasts: As for `Keeper`; with others than in the last call, all is computed again.
+
+        Raises:
+            ValueError: If a record is damaged.
+        """
+        keeper, self._keeper = self._keeper, None
+        if keeper is None or self._forecasts != forecasts:
+            keeper, self._forecasts = Keeper(scenario, rules, forecasts), forecasts
+        keeper.repeat(map(from_json, self._records[len(keeper.history) :]))
+        self._keeper = keeper
+        return keeper
