@@ -1,6 +1,6 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""Whoever gets the history of a live search has its belief, and planners fly by it."""
+"""The history of a live search gives its belief to others, and planners fly by it."""
 
 from __future__ import annotations
 
