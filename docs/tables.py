@@ -1,6 +1,6 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""Writes the tables of topics, parameters, metrics, states and profiles into the pages.
+"""Writes the tables of topics, parameters, states and profiles into the pages.
 
 Run `python docs/tables.py` after a change of a topic, of a scenario's, a rule's or a node's fields,
 of the arguments of a launch file, of the states of a vehicle, or of the spaces of an environment.
@@ -21,7 +21,6 @@ from typing import Any
 from dsse_ros.bridge.custody import MAY_ORDER, NEXT, Custody, Event
 from dsse_ros.bridge.settings import BridgeSettings
 from dsse_ros.campaign.config import CampaignSettings, PlannerEntry
-from dsse_ros.campaign.statistics import MEASURES
 from dsse_ros.dashboard.settings import DashboardSettings
 from dsse_ros.mission.simulation_state import NEXT as NEXT_STATE
 from dsse_ros.mission.simulation_state import SimulationState
@@ -35,7 +34,6 @@ from dsse_ros.nodes.settings import (
 )
 from dsse_ros.planners.options import PatternOptions
 from dsse_ros.planners.registry import OPTIONS
-from dsse_ros.report.metrics import METRICS
 from dsse_ros.scenario.fault_fields import FAULTS, FaultFields
 from dsse_ros.scenario.fields import Spec, specs
 from dsse_ros.scenario.rules import GROUPS
@@ -193,15 +191,6 @@ def cards_table() -> str:
     return table(["", *(f"`{profile}`" for profile in PROFILES)], rows)
 
 
-def metrics_table() -> str:
-    """Return the table of the metrics of a report."""
-    rows = [
-        [metric.label, f"`{metric.name}`", metric.unit, metric.meaning]
-        for metric in METRICS
-    ]  # fmt: skip
-    return table(["Metric", "Column", "Unit", "Meaning"], rows)
-
-
 def fields_table(cls: type) -> str:
     """Return the table of the fields of a file."""
     values = defaults(cls)
@@ -210,12 +199,6 @@ def fields_table(cls: type) -> str:
         for name, spec in specs(cls).items()
     ]
     return table(["Field", "Default", "Meaning"], rows)
-
-
-def measures_table() -> str:
-    """Return the table of the measures of a campaign."""
-    rows = [[one.label, f"`{one.name}`", one.unit, one.meaning] for one in MEASURES]
-    return table(["Measure", "Name", "Unit", "Meaning and interval"], rows)
 
 
 def states_table() -> str:
@@ -323,12 +306,10 @@ TABLES = {
     "requests": requests_table,
     "campaign": lambda: fields_table(CampaignSettings),
     "campaign_planner": lambda: fields_table(PlannerEntry),
-    "measures": measures_table,
     "sim_node": lambda: settings_table(SimSettings, RUN_TIME_SETTINGS),
     "planner_node": lambda: settings_table(PlannerSettings),
     "mavlink_bridge": lambda: settings_table(BridgeSettings),
     "dashboard": lambda: settings_table(DashboardSettings),
-    "metrics": metrics_table,
     "show": lambda: settings_table(ShowSettings),
     "recorder": lambda: settings_table(RecorderSettings),
     "viewer": lambda: settings_table(ViewerSettings),
@@ -350,7 +331,6 @@ PAGES = tuple(
         "planners",
         "profiles",
         "recording",
-        "report",
         "ros",
         "rules",
         "topics",
