@@ -570,7 +570,9 @@ def test_every_dependency_is_explained() -> None:
     }  # fmt: skip
     stated: dict[str, set[str]] = {}
     for extra, packages in re.findall(
-        r"^\| (?:`(\w+)` )?\| (`.+?`) \|", section(DOCS / "install.md", "Dependencies"), re.MULTILINE
+        r"^\| (?:`(\w+)` )?\| (`.+?`) \|",
+        section(DOCS / "install.md", "Dependencies"),
+        re.MULTILINE,
     ):
         stated.setdefault(extra, set()).update(re.findall("`([^`]+)`", packages))
     assert stated == needed
