@@ -29,30 +29,29 @@ class FramedDetection(NamedTuple):
     values: dict[str, Any]
 
 
-def detection_of_pose(message: PoseWithCovarianceStamped) -> FramedDetection:
-    """Return the detection of a pose, whose identity is its frame and stamp."""
-    return _detection(message.header, message.pose, "")
+def detection_of_pose(drone: str, message: PoseWithCovarianceStamped) -> FramedDetection:
+    """Return a drone's detection of a pose, whose identity is drone and stamp."""
+    return _detection(drone, message.header, message.pose, "")
 
 
-def detections_of_array(message: Any) -> Iterator[FramedDetection]:
-    """Yield the detections of a vision_msgs/Detection3DArray: the best hypothesis of each.
+def detections_of_array(drone: str, message: Any) -> Iterator[FramedDetection]:
+    """Yield a drone's detections of a vision_msgs/Detection3DArray: the best hypothesis of each.
 
-    Its place is that of the hypothesis, with its covariance. One without an id has that of the
-    header, stamp and place in the array.
+    Its place is that of the hypothesis, with its covariance. Its identity is drone, stamp, and its
+    id or number in the array.
     """
     for number, one in enumerate(message.detections):
         header = one.header if one.header.frame_id else message.header
         if not one.results:
             continue
         best = max(one.results, key=lambda result: result.hypothesis.score)
-        detection = _detection(header, best.pose, f"#{number}")
+        detection = _detection(drone, header, best.pose, f"#{one.id or number}")
+        # It counts where no look of the drone has seen the place.
         detection.values["confidence"] = float(best.hypothesis.score)
-        if one.id:
-            detection.values["id"] = f"{one.id}@{to_nanoseconds(header.stamp)}"
         yield detection
 
 
-def _detection(header: Header, pose: Any, suffix: str) -> FramedDetection:
+def _detection(drone: str, header: Header, pose: Any, suffix: str) -> FramedDetection:
     nanoseconds = to_nanoseconds(header.stamp)
     place, covariance = pose.pose.position, pose.covariance
     # Rows and columns are x, y, z and three rotations.
@@ -60,7 +59,8 @@ def _detection(header: Header, pose: Any, suffix: str) -> FramedDetection:
     return FramedDetection(
         header.frame_id,
         {
-            "id": f"{header.frame_id}@{nanoseconds}{suffix}",
+            "id": f"{drone}@{nanoseconds}{suffix}",
+            "drone": drone,
             "time": nanoseconds / 1e9,
             "x": float(place.x),
             "y": float(place.y),

@@ -345,19 +345,19 @@ TOPICS = {
     "live/confirm": _input("a contact is the person"),
     "live/dismiss": _input("a contact is a false alarm"),
     "live/withdraw": _input("an input was wrong"),
-    "live/detection_pose": Topic(
+    "drone<i>/detection_pose": Topic(
         type_name="geometry_msgs/msg/PoseWithCovarianceStamped",
         qos="queued",
         publishers=_PEOPLE,
         subscribers=_SIM,
-        content="live search: somebody was detected here, m in `map`",
+        content="live search: the drone has detected somebody here, m in `map`",
     ),
-    "live/detections": Topic(
+    "drone<i>/detections": Topic(
         type_name="vision_msgs/msg/Detection3DArray",
         qos="queued",
         publishers=_PEOPLE,
         subscribers=_SIM,
-        content="live search, where `vision_msgs` is installed: detections, m in `map`",
+        content="the same for several, where `vision_msgs` is installed",
     ),
     "live/history": Topic(
         type_name="std_msgs/msg/String",

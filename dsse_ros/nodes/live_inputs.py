@@ -27,14 +27,14 @@ from msg_adapters.live import (
     detections_of_array,
 )
 from msg_adapters.stamps import header, to_nanoseconds
-from msg_adapters.topics import TOPICS
+from msg_adapters.topics import EACH_DRONE, TOPICS
 
 if TYPE_CHECKING:
     from dsse_ros.nodes.sim_node import SimNode
 
 ANSWER_S = 0.05
 """Wall time from an input to its answer: inputs that come together share the work."""
-DETECTIONS = "live/detections"
+DETECTIONS = f"{EACH_DRONE}detections"
 
 
 def serve(node: SimNode, endpoints: Endpoints, rejected: Counter[str]) -> None:
@@ -71,9 +71,11 @@ class LiveInputs:
         self._texts = HistoryTexts()
         for kind in KINDS:
             endpoints.subscription(f"live/{kind}", partial(self._on_text, kind))
-        endpoints.subscription("live/detection_pose", self._on_pose)
-        if is_installed(DETECTIONS):
-            endpoints.subscription(DETECTIONS, self._on_array)
+        for name in node.mission.env.possible_agents:
+            endpoints.subscription(f"{name}/detection_pose", partial(self._on_pose, name))
+            if is_installed(DETECTIONS):
+                topic = DETECTIONS.replace(EACH_DRONE, f"{name}/")
+                endpoints.subscription(topic, partial(self._on_array, name))
 
     def on_step(self) -> None:
         """Take up the stamp of a step, and publish its looks and the contacts as they are then."""
@@ -93,11 +95,11 @@ class LiveInputs:
         self._intake.take(kind, message.data)
         self._arm()
 
-    def _on_pose(self, message: PoseWithCovarianceStamped) -> None:
-        self._take(detection_of_pose(message))
+    def _on_pose(self, drone: str, message: PoseWithCovarianceStamped) -> None:
+        self._take(detection_of_pose(drone, message))
 
-    def _on_array(self, message: Any) -> None:
-        for detection in detections_of_array(message):
+    def _on_array(self, drone: str, message: Any) -> None:
+        for detection in detections_of_array(drone, message):
             self._take(detection)
 
     def _take(self, detection: FramedDetection) -> None:

@@ -24,16 +24,17 @@ def pose(variance: float = 400.0, x: float = 3.0) -> PoseWithCovarianceStamped:
     return message
 
 
-def test_a_pose_is_a_detection_with_an_id_of_its_frame_and_stamp() -> None:
-    found = detection_of_pose(pose())
-    values = {"id": "map@1500000000", "time": 1.5, "x": 3.0, "y": 4.0, "radius": 20.0}
+def test_a_pose_is_a_detection_with_an_id_of_its_drone_and_stamp() -> None:
+    found = detection_of_pose("drone1", pose())
+    values = {"id": "drone1@1500000000", "drone": "drone1", "time": 1.5, "x": 3.0, "y": 4.0,
+              "radius": 20.0}  # fmt: skip
     assert (found.frame_id, found.values) == ("map", values)
     assert isinstance(read("detection", found.values), Accepted)
 
 
 @pytest.mark.parametrize("bad", [pose(math.nan), pose(-1.0), pose(0.0), pose(x=math.inf)])
 def test_a_pose_without_a_place_or_its_uncertainty_is_refused(bad: Any) -> None:
-    refused = read("detection", detection_of_pose(bad).values)
+    refused = read("detection", detection_of_pose("drone0", bad).values)
     assert isinstance(refused, Rejected) and refused.code == "bad_value"
 
 
@@ -51,10 +52,10 @@ def test_the_best_hypothesis_of_each_detection_in_an_array_counts() -> None:
             SimpleNamespace(header=none, id="", results=[]),
         ],
     )
-    first, second = detections_of_array(array)
+    first, second = detections_of_array("drone0", array)
     assert (first.frame_id, first.values["x"], first.values["confidence"]) == ("map", 2.0, 0.9)
     assert [one.values["id"] for one in (first, second)] == [
-        "map@1500000000#0", "track7@1500000000",
+        "drone0@1500000000#0", "drone0@1500000000#track7",
     ]  # fmt: skip
 
 

@@ -57,10 +57,11 @@ def test_every_input_is_answered_and_a_confirmed_contact_ends_the_search(rig: Ri
     pose.header.frame_id, pose.header.stamp = "map", sim.reports.last.header.stamp
     pose.pose.pose.position.x = pose.pose.pose.position.y = 400.0
     pose.pose.covariance[0] = pose.pose.covariance[7] = 900.0
-    rig.talk(PoseWithCovarianceStamped, "/live/detection_pose", RELIABLE).publish(pose)
+    rig.talk(PoseWithCovarianceStamped, "/drone1/detection_pose", RELIABLE).publish(pose)
     rig.until(lambda: contacts and json.loads(contacts.last.data))
     (contact,) = json.loads(contacts.last.data)
     assert (contact["contact"], contact["state"], contact["radius"]) == ("c1", "open", 30.0)
+    assert contact["drones"] == ["drone1"]
     assert 0.0 < contact["probability"] < 1.0
     rig.until(lambda: len(markers.last.markers) == 3)
     assert put("confirm", '{"id": "yes", "contact": "c1"}')["ok"]

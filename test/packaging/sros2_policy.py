@@ -13,7 +13,7 @@ from msg_adapters.topics import EACH_DRONE, TOPICS
 POLICY = Path(__file__).resolve().parents[2] / "config" / "sros2_policy.xml"
 EVERYTHING = {"/*"}
 WITH_TF2_MSGS = {"/tf", "/tf_static"}
-WITH_VISION_MSGS = {"live/detections"}
+WITH_VISION_MSGS = {f"{EACH_DRONE}detections"}
 WITH_SIMULATION_INTERFACES = {
     f"~/{name}"
     for name in (

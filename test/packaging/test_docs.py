@@ -279,7 +279,11 @@ def test_the_policy_for_sros2_allows_what_the_nodes_do_and_nothing_else(
 ) -> None:
     # rcl publishes /rosout by itself.
     optional = (
-        {"/rosout"} | WITH_TF2_MSGS | WITH_VISION_MSGS | WITH_SIMULATION_INTERFACES | WITH_SIM_TIME
+        {"/rosout"}
+        | WITH_TF2_MSGS
+        | WITH_SIMULATION_INTERFACES
+        | WITH_SIM_TIME
+        | as_expressions(WITH_VISION_MSGS)
     )
     for name, node in interface.items():
         rights = policy()[name]
