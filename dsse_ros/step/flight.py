@@ -100,14 +100,14 @@ def fly(constants, crew, flight, n):
             looked[k + 1] = True
     side, inside = constants.grid_size * flight.cell_m, True
     for k in range(len(path)):
-        for axis in range(2):
-            within = min(max(path[k, axis], 0.0), side)
-            inside = inside and within == path[k, axis]
-            path[k, axis] = within
+        east, south = path[k, 0], path[k, 1]
+        if not (0.0 <= east <= side and 0.0 <= south <= side):
+            inside = False
+            path[k, 0], path[k, 1] = min(max(east, 0.0), side), min(max(south, 0.0), side)
     state.east, state.south = path[-1, 0], path[-1, 1]
     edge = constants.grid_size - 1
-    drone.x = min(np.int64(math.floor(state.east / flight.cell_m)), edge)
-    drone.y = min(np.int64(math.floor(state.south / flight.cell_m)), edge)
+    drone.x = min(np.int64(state.east / flight.cell_m), edge)
+    drone.y = min(np.int64(state.south / flight.cell_m), edge)
     return inside
 
 

@@ -116,18 +116,18 @@ def write_path(flyer, wind, flight, turn, speed, path):
         write_arc(flyer, wind, flight, turn, speed, path)
     else:
         write_corner(flyer, wind, flight, turn, speed, path)
-    flight.east, flight.south = path[-1, 0], path[-1, 1]
 
 
 @inlined
 def write_arc(flyer, wind, flight, turn, speed, path):
-    """Write the path of a drone with a turn radius, and its heading and speed after it."""
+    """Write the path of a drone with a turn radius, and its state after it."""
     x, y, heading = flight.east, flight.south, flight.heading
     radius, side = flyer.radius, 1.0 if turn >= 0.0 else -1.0
     change = speed - flight.speed
     ramp_s = abs(change) / flyer.acceleration if flyer.acceleration > 0.0 else 0.0
-    center_x = x + side * radius * math.cos(heading)
-    center_y = y + side * radius * math.sin(heading)
+    east, south = math.sin(heading), -math.cos(heading)
+    center_x = x - side * radius * south
+    center_y = y + side * radius * east
     after, pieces = heading, len(path) - 1
     path[0, 0], path[0, 1] = x, y
     for k in range(1, pieces + 1):
@@ -137,38 +137,42 @@ def write_arc(flyer, wind, flight, turn, speed, path):
         if early > 0.0:
             flown += change * early * early / (2.0 * ramp_s)
         arc = min(radius * abs(turn), flown)
-        after = heading + side * arc / radius
-        east, south = math.sin(after), -math.cos(after)
-        path[k, 0] = center_x + side * radius * south + (flown - arc) * east + wind.east * t
-        path[k, 1] = center_y - side * radius * east + (flown - arc) * south + wind.south * t
-    flight.heading = after
+        reached = heading + side * arc / radius
+        if reached != after:
+            after, east, south = reached, math.sin(reached), -math.cos(reached)
+        x = center_x + side * radius * south + (flown - arc) * east + wind.east * t
+        y = center_y - side * radius * east + (flown - arc) * south + wind.south * t
+        path[k, 0], path[k, 1] = x, y
+    flight.east, flight.south, flight.heading = x, y, after
     flight.speed += change * (min(wind.step_s / ramp_s, 1.0) if ramp_s > 0.0 else 1.0)
 
 
 @inlined
 def write_corner(flyer, wind, flight, turn, speed, path):
-    """Write the path of a drone without a turn radius, and its heading and speed after it."""
+    """Write the path of a drone without a turn radius, and its state after it."""
     heading = flight.heading + turn
     east, south = speed * math.sin(heading), -speed * math.cos(heading)
-    from_east = flight.speed * math.sin(flight.heading)
-    from_south = -flight.speed * math.cos(flight.heading)
-    change_x, change_y = east - from_east, south - from_south
-    ramp_s = 0.0
+    from_east = from_south = change_x = change_y = ramp_s = 0.0
     if flyer.acceleration > 0.0:
+        from_east = flight.speed * math.sin(flight.heading)
+        from_south = -flight.speed * math.cos(flight.heading)
+        change_x, change_y = east - from_east, south - from_south
         ramp_s = math.hypot(change_x, change_y) / flyer.acceleration
-    x, y, pieces = flight.east, flight.south, len(path) - 1
+    from_x, from_y, pieces = flight.east, flight.south, len(path) - 1
+    x, y = from_x, from_y
     path[0, 0], path[0, 1] = x, y
     for k in range(1, pieces + 1):
         t = wind.step_s * k / pieces
         early = min(t, ramp_s)
-        path[k, 0] = x + from_east * early + east * (t - early) + wind.east * t
-        path[k, 1] = y + from_south * early + south * (t - early) + wind.south * t
+        x = from_x + from_east * early + east * (t - early) + wind.east * t
+        y = from_y + from_south * early + south * (t - early) + wind.south * t
         if early > 0.0:
-            path[k, 0] += change_x * early * early / (2.0 * ramp_s)
-            path[k, 1] += change_y * early * early / (2.0 * ramp_s)
+            x += change_x * early * early / (2.0 * ramp_s)
+            y += change_y * early * early / (2.0 * ramp_s)
+        path[k, 0], path[k, 1] = x, y
     if ramp_s > wind.step_s:
         share = wind.step_s / ramp_s
         east, south = from_east + share * change_x, from_south + share * change_y
         speed = math.hypot(east, south)
         heading = math.atan2(east, -south)
-    flight.heading, flight.speed = heading, speed
+    flight.east, flight.south, flight.heading, flight.speed = x, y, heading, speed
