@@ -120,19 +120,13 @@ def scenario_table() -> str:
 
 
 def faults_table() -> str:
-    """Return the table of the faults and of the fields of a scenario that say how."""
+    """Return the table of the fields of a scenario for faults."""
     values, of_fields = defaults(FaultFields), specs(FaultFields)
-    rows = []
-    for name, fault in FAULTS.items():
-        for number, field in enumerate((*fault.switches, *fault.options)):
-            spec = of_fields[field]
-            rows.append(
-                [
-                    name.replace("_", " ") if number == 0 else "", f"`{field}`",
-                    with_unit(shown(values[field]), spec), meaning(spec),
-                ]
-            )  # fmt: skip
-    return table(["Fault", "Field", "Default", "Meaning"], rows)
+    rows = [
+        [f"`{field}`", with_unit(shown(values[field]), of_fields[field]), meaning(of_fields[field])]
+        for fault in FAULTS.values() for field in (*fault.switches, *fault.options)
+    ]  # fmt: skip
+    return table(["Field", "Default", "Meaning"], rows)
 
 
 def planner_options_table() -> str:
