@@ -219,9 +219,9 @@ TOPICS = {
         type_name="visualization_msgs/msg/MarkerArray",
         qos="latched",
         publishers=_SIM,
-        content="drones, tracks, datum, circle; for an [incident](drift.md) the wind (its path in "
-        "a minute), current (its path in ten), shore and last known positions; persons with "
-        "`reveal_person`; at most twice a second, only with subscribers",
+        content="drones, tracks, datum, circle; for an [incident](drift.md) wind, current, shore "
+        "and last known positions; persons with `reveal_person`; at most twice a second, only with "
+        "subscribers",
         replay=("compared", "after report", "between steps"),
     ),
     "/clock": Topic(
@@ -249,10 +249,8 @@ TOPICS = {
         qos="reliable",
         publishers=("sim_node", "planner_node", "mavlink_bridge"),
         subscribers=("dashboard",),
-        content="once a second, in wall time, as `dsse_ros: sim_node`, and as `dsse_ros: sim_node: "
-        "drone<i>` the cell, the action and the state of each drone; of the node step, POS, for an "
-        "incident `poc_outside` and `stranded`, what the node is waiting for, timeouts, refused "
-        "commands by reason",
+        content="once a second, in wall time: step, POS, what the node is waiting for, timeouts, "
+        "refused commands by reason; as `dsse_ros: sim_node: drone<i>` the state of each drone",
     ),
     "drone<i>/cmd_action_name": Topic(
         type_name="std_msgs/msg/String",
