@@ -22,8 +22,6 @@ from dsse_ros.bridge.custody import MAY_ORDER, NEXT, Custody, Event
 from dsse_ros.bridge.settings import BridgeSettings
 from dsse_ros.campaign.config import CampaignSettings, PlannerEntry
 from dsse_ros.dashboard.settings import DashboardSettings
-from dsse_ros.mission.simulation_state import NEXT as NEXT_STATE
-from dsse_ros.mission.simulation_state import SimulationState
 from dsse_ros.nodes.settings import (
     RUN_TIME_SETTINGS,
     PlannerSettings,
@@ -223,21 +221,6 @@ def events_table() -> str:
     return table(["When", "State before → after"], rows)
 
 
-def requests_table() -> str:
-    """Return the state of a simulation after each request, by the state before."""
-    rows = [
-        [
-            request.value,
-            *(
-                after[state].name.lower() if state in after else "refused"
-                for state in SimulationState
-            ),
-        ]
-        for request, after in NEXT_STATE.items()
-    ]
-    return table(["Request", *(state.name.lower() for state in SimulationState)], rows)
-
-
 QOS = {
     "latched": "latched",
     "complete": "latched, 1000",
@@ -297,7 +280,6 @@ TABLES = {
     "nodes": nodes_table,
     "states": states_table,
     "events": events_table,
-    "requests": requests_table,
     "campaign": lambda: fields_table(CampaignSettings),
     "campaign_planner": lambda: fields_table(PlannerEntry),
     "sim_node": lambda: settings_table(SimSettings, RUN_TIME_SETTINGS),

@@ -2,8 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """State of a simulation: which requests it allows, and what they change.
 
-The services of `sim_node` and those of simulation_interfaces both use `NEXT`, which docs/ros.md
-prints as a table.
+The services of `sim_node` and those of simulation_interfaces both use `NEXT`.
 """
 
 from __future__ import annotations
