@@ -24,10 +24,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.intervals import contains, of_share
+from dsse_ros.belief.beliefs import forecast_for
 from dsse_ros.live.admission import Admission, Clocks
 from dsse_ros.live.beliefs import LiveBeliefs
 from dsse_ros.live.inputs import read
-from dsse_ros.live.keeper import Keeper
+from dsse_ros.live.keeper import Forecasts, Keeper
 from dsse_ros.live.places import inside
 from dsse_ros.progress import say
 from dsse_ros.result import Accepted
@@ -66,6 +67,18 @@ def env_of(false_alarms: float, truth: str = "none") -> SearchEnv:
         "probability_of_detection": 0.7, "false_alarm_rate": false_alarms, "grid_size": 21,
     }  # fmt: skip
     return parallel_env(fields, rules="sea", truth=truth)
+
+
+@cache
+def forecasts_of(env: SearchEnv) -> Forecasts:
+    """Return what makes the forecasts of keepers; that of the environment's scenario is kept."""
+    first = forecast_for(env.scenario, env.rules)
+    return lambda scenario: first if scenario is env.scenario else forecast_for(scenario, env.rules)
+
+
+def new_keeper(env: SearchEnv) -> Keeper:
+    """Return a keeper of the environment's scenario."""
+    return Keeper(env.scenario, env.rules, forecasts_of(env))
 
 
 class Plan:
@@ -116,13 +129,11 @@ class Outcome:
         found: Whether a look or a search by others detected the person.
         chances: Probability of each contact, at the end or when it was verified, and whether it is
             the person.
-        here: Probability of the person's cell at the end, without and with the inputs.
     """
 
     pos: float
     found: bool
     chances: list[tuple[float, bool]] = field(default_factory=list)
-    here: tuple[float, float] = (0.0, 0.0)
 
 
 @dataclass
@@ -219,7 +230,7 @@ class LiveMission:
         assert incident is not None
         self._inputs, law = case.inputs(self._rng, incident)
         self._truth = self._track(law)
-        self._keeper = Keeper(self._scenario, self._env.rules)
+        self._keeper = new_keeper(self._env)
         self._real: set[str] = set()
         self._checked: dict[str, float] = {}
         self._found = False
@@ -323,16 +334,7 @@ class LiveMission:
             stated = {one.name: keeper.probability(one) or 0.0
                       for one in keeper.contacts.of_state("open")}  # fmt: skip
         chances = [(chance, name in self._real) for name, chance in stated.items()]
-        without = Keeper(self._scenario, self._env.rules)
-        for done in keeper.steps:
-            without.step(done)
-        col, row = self._cell_at(STEPS)
-        edge = self._scenario.grid_size
-        here = [
-            float(one.belief.poc()[row, col]) if 0 <= col < edge and 0 <= row < edge else 0.0
-            for one in (without, keeper)
-        ]
-        return Outcome(keeper.pos, self._found, chances, (here[0], here[1]))
+        return Outcome(keeper.pos, self._found, chances)
 
 
 def bins(pairs: Sequence[tuple[float, bool]]) -> list[tuple[int, float, float, bool]]:
@@ -410,10 +412,8 @@ def main(argv: Sequence[str] | None = None) -> int:
         finds, differ, largest = through_the_door(arguments.missions)
         print(f"{arguments.missions} missions with a truth: {finds} finds, {differ} differ through "
               f"the live door, POS differs by at most {largest:.1e}\n")  # fmt: skip
-    print(
-        "| Case | Stated | Bins, in their interval | Mean | Share | POC where unfound persons are |"
-    )
-    print("| --- | --- | --- | --- | --- | --- |")
+    print("| Case | Stated | Bins, in their interval | Mean | Share |")
+    print("| --- | --- | --- | --- | --- |")
     for number, case in enumerate(CASES):
         if arguments.only not in case.name:
             continue
@@ -425,11 +425,8 @@ def main(argv: Sequence[str] | None = None) -> int:
         for stated, pairs in measured.items():
             rows = bins(pairs)
             mean = np.array(pairs, np.float64).mean(axis=0)
-            unfound = [one.here for one in flown if not one.found]
-            before, after = np.array(unfound).mean(axis=0)
             print(f"| {case.name} | {stated} | {sum(row[3] for row in rows)} of {len(rows)} "
-                  f"| {mean[0]:.1%} | {mean[1]:.1%} | {before:.2%} to {after:.2%} |",
-                  flush=True)  # fmt: skip
+                  f"| {mean[0]:.1%} | {mean[1]:.1%} |", flush=True)  # fmt: skip
             for count, stated_mean, share, fits in rows:
                 say(f"  {stated} {stated_mean:.3f} {share:.3f} of {count} {'' if fits else '!'}")
     return 0
