@@ -363,6 +363,7 @@ TOPICS = {
         publishers=_SIM,
         subscribers=("planner_node",),
         content="live search: the [looks and inputs](live.md#planners) since the last message",
+        replay=("followed",),
     ),
     "live/answers": Topic(
         type_name="std_msgs/msg/String",

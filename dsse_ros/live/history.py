@@ -53,12 +53,13 @@ class FollowedHistory:
     Attributes:
         search: The search; None before the first text.
         steps: Number of its steps as far as they are known; -1 if none is.
+        records: Its looks and inputs as far as they are known, as in `records.to_json`.
     """
 
     def __init__(self) -> None:
         self.search: Search | None = None
         self.steps = -1
-        self._records: list[Any] = []
+        self.records: list[Any] = []
         self._keeper: Keeper | None = None
         self._forecasts: Forecasts | None = None
 
@@ -74,13 +75,13 @@ class FollowedHistory:
         keys = Keys(parse_json(text, "history"), "history")
         search = keys.integer("run_id", 0), keys.integer("mission", 0)
         begin, records = keys.integer("begin", 0), keys.entries("records")
-        known = self._records[begin:]
+        known = self.records[begin:]
         if search != self.search or known != records[: len(known)]:
-            self.search, self.steps, self._records, self._keeper = search, -1, [], None
-        if begin <= len(self._records):
-            new = records[len(self._records) - begin :]
+            self.search, self.steps, self.records, self._keeper = search, -1, [], None
+        if begin <= len(self.records):
+            new = records[len(self.records) - begin :]
             steps = sum(Keys(one, "history.records").value("kind") == STEP for one in new)
-            self._records += new
+            self.records += new
             self.steps = max(self.steps, 0) + steps
 
     def keeper(self, scenario: ResolvedScenario, rules: Rules, forecasts: Forecasts) -> Keeper:
@@ -97,6 +98,6 @@ class FollowedHistory:
         keeper, self._keeper = self._keeper, None
         if keeper is None or self._forecasts != forecasts:
             keeper, self._forecasts = Keeper(scenario, rules, forecasts), forecasts
-        keeper.repeat(map(from_json, self._records[len(keeper.history) :]))
+        keeper.repeat(map(from_json, self.records[len(keeper.history) :]))
         self._keeper = keeper
         return keeper

@@ -179,6 +179,15 @@ def end_found(mission: Mission) -> None:
     mission.result = dataclasses.replace(mission.result, terminated=terminated)
 
 
+def take_entry(mission: Mission, entry: Entry) -> None:
+    """Have a live mission take up an accepted input again."""
+    assert isinstance(mission.beliefs, LiveBeliefs)
+    mission.beliefs.keeper.apply(entry)
+    mission.belief_map = None
+    if mission.beliefs.keeper.over and not mission.done:
+        end_found(mission)
+
+
 def last_mission(texts: Iterable[str]) -> list[Record]:
     """Return the records of the last mission of a journal, none if it has none.
 

@@ -211,6 +211,11 @@ def _at_sea(frame: GridFrame, col: int, row: int) -> Position:
     return (*cell_to_map(frame, col, row), 0.0)
 
 
+OF_BELIEF = (
+    "belief", "belief_grid", "particles", "probability_of_success", "probability",
+    "probability_grid",
+)  # fmt: skip
+"""Topics that show the belief of a live search: inputs change them between steps."""
 MESSAGES: dict[str, Callable[[StepMessages, Any, int, Display], Any]] = {
     "probability_grid": lambda of, stamp, _, show: _grid(of, stamp, show, of.probability),
     "probability": lambda of, stamp, *_: _image(of, stamp, of.probability),

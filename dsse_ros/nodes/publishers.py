@@ -17,7 +17,7 @@ from dsse_ros.mission.flight_follower import TrackLeft
 from dsse_ros.mission.flight_mission import FlightMission
 from dsse_ros.mission.flown import Motion, motions
 from dsse_ros.mission.mission import Mission, StepResult
-from dsse_ros.mission.step_messages import DEFAULT, MESSAGES, Display, StepMessages
+from dsse_ros.mission.step_messages import DEFAULT, MESSAGES, OF_BELIEF, Display, StepMessages
 from dsse_ros.mission.step_scheduler import Timing
 from dsse_ros.mission.vehicle_tasks import VehicleTasks
 from dsse_ros.runtime.news import News
@@ -45,11 +45,6 @@ _EACH_STEP = tuple(
     name for name in MESSAGES if not {"after report", "followed"} & {*TOPICS[name].replay}
 )
 """Topics with a message for each step, before the step report."""
-OF_BELIEF = (
-    "belief", "belief_grid", "particles", "probability_of_success", "probability",
-    "probability_grid",
-)  # fmt: skip
-"""Topics that show the belief of a live search."""
 LIVE_OUTPUTS = tuple(name for name in published_by("sim_node") if name.startswith("live/"))
 """Topics of a live search."""
 

@@ -23,10 +23,17 @@ from sensor_msgs.msg import PointCloud2
 
 from dsse_ros.mission.flight_mission import FlightMission, mission_of
 from dsse_ros.mission.mission import Mission
-from dsse_ros.mission.step_messages import StepMessages
+from dsse_ros.mission.mission_journal import take_entry
+from dsse_ros.mission.step_messages import OF_BELIEF, StepMessages
 from dsse_ros.mission.step_reports import step_report_of
 from dsse_ros.recording.bag import Recorded
 from dsse_ros.recording.computed import computed, digest
+from dsse_ros.recording.recorded_inputs import (
+    HISTORY,
+    RecordedInputs,
+    inputs_of,
+    reason_not_to_compute,
+)
 from dsse_ros.scenario.agents import AgentsInfo, agents_from_json
 from dsse_ros.scenario.limits import LARGEST_GRID_CELLS, check_cells
 from dsse_ros.search import HOLD, FieldError, search_env
@@ -144,6 +151,7 @@ class _Recording:
     infos: dict[tuple[int, int], AgentsInfo] = field(default_factory=dict)
     reports: list[_Report] = field(default_factory=list)
     others: list[_Other] = field(default_factory=list)
+    texts: list[tuple[int, str]] = field(default_factory=list)
 
     def missions(self) -> dict[tuple[int, int], list[_Report]]:
         """Return the reports of each mission in order, with the other messages of their steps."""
@@ -192,15 +200,18 @@ class Replay:
         for namespace, recording in sorted(self._recordings.items()):
             belief = any(other.may("belief") for other in recording.others)
             flight: _Flight | None = None
+            all_inputs = inputs_of(recording.texts)
             for search, reports in recording.missions().items():
                 outcome = ReplayedMission(namespace, *search)
-                info = recording.infos.get(search)
-                outcome.incomplete = _reason_not_to_replay(info, reports[0], self._max_cells)
+                info, inputs = recording.infos.get(search), all_inputs.get(search)
+                outcome.incomplete = _reason_not_to_replay(
+                    info, reports[0], self._max_cells
+                ) or reason_not_to_compute(info, reports[-1].step, inputs)
                 if info is not None:
                     outcome.seed, outcome.drones = info.seed, len(info.agents)
                     if not outcome.incomplete:
                         flight = _Flight(info, outcome, flight, belief=belief)
-                        flight.repeat(reports)
+                        flight.repeat(reports, inputs)
                 for name, count in outcome.compared.items():
                     self._compared[namespace + name] += count
                 yield outcome
@@ -233,6 +244,8 @@ def _collect(messages: Iterable[Recorded], counts: Counter[str]) -> dict[str, _R
             if name == "agents":
                 info = agents_from_json(message.data)
                 recording.infos[info.run_id, info.mission] = info
+            elif name == HISTORY:
+                recording.texts.append((time_ns, message.data))
             elif name == "step_report":
                 points = step_report_from_message(message)
                 if len(points):
@@ -287,15 +300,17 @@ class _Flight:
             self.mission.reset(info.seed)
         else:
             env = search_env(info.definition.scenario, info.definition.rules)
-            # The inputs of a live search change its belief, and are not in the reports.
-            belief = belief and env.scenario.has_persons
+            # In a live search the map that drones observe is the belief.
+            belief = belief or not env.scenario.has_persons
             self.mission = mission_of(env, info.seed, belief=belief)
         self.mission.number = outcome.number
         self._messages = StepMessages(self.mission, self.frame, outcome.run_id)
+        self._digests: dict[str, set[bytes]] = {}
+        self._digests_of = -1
         self._mission_time = True
 
-    def repeat(self, reports: Sequence[_Report]) -> None:
-        """Do the steps of the reports, up to the first difference."""
+    def repeat(self, reports: Sequence[_Report], inputs: RecordedInputs | None) -> None:
+        """Do the steps of the reports with the inputs between them, up to the first difference."""
         step_ns = max(round(self.info.step_duration_s * 1e9), 1)
         expected, self._mission_time = _expected_stamps(reports, step_ns)
         outcome = self.outcome
@@ -303,7 +318,7 @@ class _Flight:
             if number:
                 self._go_on(report)
             if not (outcome.difference or outcome.incomplete):
-                outcome.difference = self._compare(report, expected_ns, step_ns)
+                outcome.difference = self._compare(report, expected_ns, step_ns, inputs)
             if outcome.difference or outcome.incomplete:
                 return
         # An aborted mission has a report of all of it, too.
@@ -351,7 +366,9 @@ class _Flight:
             if not self.mission.result.terminated[drone] and self.mission.lose(drone):
                 self.outcome.lost.append(self.info.agents[drone])
 
-    def _compare(self, report: _Report, expected_ns: int, step_ns: int) -> str:
+    def _compare(
+        self, report: _Report, expected_ns: int, step_ns: int, inputs: RecordedInputs | None
+    ) -> str:
         """Return the first difference of the last step to its report and messages, or ""."""
         where = f"step {report.step}, {self.outcome.namespace}"
         self.outcome.compared["step_report"] += 1
@@ -359,20 +376,35 @@ class _Flight:
         if different:
             return f"{where}step_report{different}"
         later = (report.stamp_ns + step_ns, (*report.search, report.step + 1))
-        for other in report.others:
-            if other.key not in report.keys and (
-                # The bag was cut off before the report of the next step.
+        others = [
+            other
+            for other in report.others
+            if other.key in report.keys
+            # Else the bag was cut off before the report of the next step.
+            or not (
                 (other.time_ns > report.time_ns and other.key in later)
                 or (not self._mission_time and other.may("between steps"))
-            ):
-                continue
-            stamp = report.message.header.stamp
-            digests = list(computed(self._messages, other.name, stamp))
-            if digests:
+            )
+        ]
+        if report.step != self._digests_of:
+            self._digests, self._digests_of = {}, report.step
+        self._compute(report, {other.name for other in others})
+        for entry in () if inputs is None else inputs.take(report.step):
+            take_entry(self.mission, entry)
+            self._compute(report, OF_BELIEF)
+        for other in others:
+            if digests := self._digests[other.name]:
                 self.outcome.compared[of_drones(other.name)] += 1
                 if other.digest not in digests:
                     return f"{where}{other.name}{_ANOTHER}"
         return ""
+
+    def _compute(self, report: _Report, names: Iterable[str]) -> None:
+        """Compute what messages of the last step may be now; inputs change them."""
+        stamp = report.message.header.stamp
+        for name in names:
+            digests = self._digests.setdefault(name, set())
+            digests |= set(computed(self._messages, name, stamp))
 
     def _different_report(self, report: _Report, expected_ns: int) -> str:
         """Return where the report of the last step differs, and how; "" if it does not."""

@@ -143,6 +143,7 @@ LAYERS: dict[str, tuple[set[str], set[str]]] = {
         WORLD
         | {
             "dsse_ros.recording",
+            "dsse_ros.live",
             "dsse_ros.mission",
             "dsse_ros.message_types",
             "msg_adapters",

@@ -4,8 +4,10 @@
 
 from __future__ import annotations
 
+import json
 import re
 import struct
+from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -22,6 +24,9 @@ from rclpy.serialization import serialize_message
 from std_msgs.msg import Empty, String
 
 from dsse_ros.cli.replay import main
+from dsse_ros.live.beliefs import LiveBeliefs
+from dsse_ros.live.history import HistoryTexts
+from dsse_ros.mission.live_intake import LiveIntake
 from dsse_ros.recording.bag import Recorded
 from dsse_ros.recording.bag_replay import Replay, ReplayedMission
 from dsse_ros.scenario.frames import cell_to_map
@@ -498,3 +503,36 @@ def test_a_mission_on_a_larger_grid_than_is_allowed_is_not_replayed() -> None:
     assert mission.incomplete.startswith("grid_size must ") and mission.steps == 0
     (mission,) = Replay(of.messages, max_cells=cells).missions()
     assert not mission.incomplete and not mission.difference
+
+
+def test_a_live_search_repeats_with_its_inputs_until_one_is_missing() -> None:
+    of = Flown(rules="v2", truth="none", belief=True, num_drones=2)
+    intake, texts, inputs = LiveIntake(of.mission, lambda *_: None, Counter()), HistoryTexts(), []
+    assert isinstance(of.mission.beliefs, LiveBeliefs)
+    places = ((300.0, 300.0), (600.0, 300.0), (300.0, 600.0))
+    for step, (x, y) in enumerate(places):
+        of.joint(step, SEARCH)
+        of.step()
+        intake.clock.set(of.mission.result.step, float(step))
+        for _ in range(2):
+            intake.take(
+                "detection", json.dumps({"id": f"d{len(inputs)}", "x": x, "y": y, "radius": 40})
+            )
+            intake.decide(step + 1.0)
+            keeper = of.mission.beliefs.keeper
+            of.publish("live/history", String(data=texts.next((7, of.mission.number), keeper)))
+            inputs.append(of.messages[-1])
+            stamp = to_stamp(of.mission.result.stamp_ns)
+            for topic in ("probability", "probability_of_success", "belief"):
+                of.publish(topic, of.messages_of_step.make(topic, stamp))
+    intake.take("confirm", '{"id": "yes", "contact": "c1"}')
+    intake.decide(4.0)
+    of.publish("live/history", String(data=texts.next((7, of.mission.number), keeper)))
+    of.report()
+    mission = one(of.messages)
+    assert repeats(mission) and mission.ended, mission
+    assert mission.compared["probability"] == 2 * len(places)
+    without = one([message for message in of.messages if message is not inputs[-1]])
+    assert without.incomplete or without.difference
+    mission = one([message for message in of.messages if "live" not in message.topic])
+    assert mission.incomplete == "the bag has no live/history of step 1"
