@@ -123,7 +123,7 @@ class LiveInputs:
         if any(answer.ok for answer in answers):
             self._publish_history()
             self._publish_contacts()
-            self._node.publish_belief()
+            self._node.publishers_.publish_belief(self._node.settings.grid_scaling)
             if self._mission.done and not was_over:
                 self._node.publish_change()
         for answer in answers:

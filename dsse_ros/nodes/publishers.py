@@ -105,6 +105,8 @@ class MissionPublishers:
         # The last messages of the topics that are not latched, for late joiners.
         self._of_time: dict[Publisher, Any] = {}
         self._before = self._cells = mission.result.cells
+        # Of the last step.
+        self._stamp = Time()
         # Of paths and markers.
         self._news = News()
         self.after_step: list[Callable[[], None]] = []
@@ -184,10 +186,10 @@ class MissionPublishers:
         for publisher, message in self._of_time.items():
             publisher.publish(message)
 
-    def publish_belief(self, stamp: Time, grid_scaling: str) -> None:
+    def publish_belief(self, grid_scaling: str) -> None:
         """Publish the belief and the POS of the last step again, after inputs have changed them."""
         for topic in OF_BELIEF:
-            self._publish(topic, stamp, Display(grid_scaling=grid_scaling))
+            self._publish(topic, self._stamp, Display(grid_scaling=grid_scaling))
 
     def publish_grid(self, stamp: Time, grid_scaling: str) -> None:
         """Publish the map and, if set, the belief as grids for display."""
@@ -196,6 +198,7 @@ class MissionPublishers:
 
     def publish_step(self, result: StepResult, stamp: Time, grid_scaling: str) -> None:
         """Publish a step, all messages with the same stamp; the step report goes last."""
+        self._stamp = stamp
         self._before = self._cells if result.step else result.cells
         self._cells, display = result.cells, Display(grid_scaling=grid_scaling)
         for topic in _EACH_STEP:

@@ -388,10 +388,6 @@ class SimNode(AlarmNode):
         self.get_logger().warning(f"drone{drone} is lost: {' '.join(reason.split())[:200]}")
         self.publish_change()
 
-    def publish_belief(self) -> None:
-        """Publish the belief of the last step again, after inputs have changed it."""
-        self.publishers_.publish_belief(self._report_stamp, self.settings.grid_scaling)
-
     def publish_change(self) -> None:
         """Publish what has changed since the last step; it may have ended the mission."""
         if self.mission.done:
