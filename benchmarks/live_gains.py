@@ -1,6 +1,6 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""What a live search gains from each kind of input, if its planner is told of it.
+"""What a live search gains from each kind of input, if its planner is informed of it.
 
 `python -m benchmarks.live_gains --missions 200` prints the table of docs/live.md. Each mission is
 flown twice by the planner `belief`, from the same cells and with the same seed: once its belief has
@@ -88,16 +88,16 @@ def planner_of(env: SearchEnv) -> BeliefPlanner:
 
 
 class Arm:
-    """A mission, with a planner that is told of the inputs or not.
+    """A mission, with a planner that is informed of the inputs or not.
 
     Args:
         case: What is reported.
         seed: Seed of the mission.
-        told: Whether the planner is told.
+        informed: Whether the planner is informed.
     """
 
-    def __init__(self, case: Case, seed: int, *, told: bool) -> None:
-        self._case, self._told = case, told
+    def __init__(self, case: Case, seed: int, *, informed: bool) -> None:
+        self._case, self._informed = case, informed
         self._env = env_of(case.false_alarms)
         rng = np.random.default_rng([20260118, seed])
         scenario = self._env.scenario
@@ -135,7 +135,7 @@ class Arm:
             if self._case.detects:
                 self._detect(step, done)
             for number, report in enumerate(self._inputs):
-                if report.step == step and self._told:
+                if report.step == step and self._informed:
                     _take(self._known, report.kind, {"id": f"i{number}", **report.values})
         for number, report in enumerate(self._inputs):
             _take(judge, report.kind, {"id": f"i{number}", **report.values})
@@ -166,7 +166,7 @@ class Arm:
                 "id": f"d{step}-{drone}-{cell}", "time": (step + 1) * scenario.step_duration_s,
                 "x": x, "y": y, "radius": RADIUS_M, "drone": drone,
             }  # fmt: skip
-            if self._told:
+            if self._informed:
                 contact = _take(self._known, "detection", values)
                 self._real |= {contact} if real else set()
 
@@ -201,7 +201,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument("--missions", type=int, default=200, help="missions of each case")
     parser.add_argument("--only", default="", help="part of the names of cases to measure")
     arguments = parser.parse_args(argv)
-    print("| Input | Counts | Not told | Told | Difference, 99 % |")
+    print("| Input | Counts | Not informed | Informed | Difference, 99 % |")
     print("| --- | --- | --- | --- | --- |")
     for number, case in enumerate(CASES):
         if arguments.only not in case.name:
@@ -209,15 +209,18 @@ def main(argv: Sequence[str] | None = None) -> int:
         say(case.name)
         pairs = np.array(
             [
-                [Arm(case, 10**6 * number + one, told=told).fly() for told in (False, True)]
+                [
+                    Arm(case, 10**6 * number + one, informed=informed).fly()
+                    for informed in (False, True)
+                ]
                 for one in range(arguments.missions)
             ]
         )
         gained = pairs[:, 1] - pairs[:, 0]
         low, high = of_mean(float(gained.mean()), float(gained.std(ddof=1)), len(gained))
         counts = "found" if case.detects else "POS"
-        without, told = pairs.mean(axis=0)
-        print(f"| {case.name} | {counts} | {without:.1%} | {told:.1%} | {gained.mean():+.1%} "
+        without, informed = pairs.mean(axis=0)
+        print(f"| {case.name} | {counts} | {without:.1%} | {informed:.1%} | {gained.mean():+.1%} "
               f"({low:+.1%} to {high:+.1%}) |", flush=True)  # fmt: skip
     return 0
 
