@@ -57,7 +57,7 @@ FAULT_FIELDS = (("battery", "<f8"), ("status", "u1"), ("command", "i1"))
 MAX_WORK = 2
 """Largest number of the work that a drone's vehicle still has to do."""
 
-VEHICLE_FIELDS = (("work", "u1"),)
+VEHICLE_FIELDS = (("work", "u1"), ("look_action", "i1"), ("look_col", "<i2"), ("look_row", "<i2"))
 """Fields of a drone in a step of a mission whose actions last as long as the vehicles need."""
 
 FLIGHT_FIELDS = (("heading", "<f8"), ("airspeed", "<f8"), ("turn_action", "<f8"),
@@ -90,7 +90,9 @@ def step_report_dtype(
     `MAX_STATUS`) and command (int8, the commanded action). With sensors that look at several cells
     at once finds (uint32 x 2, a bit for each look that found a person). With actions that last as
     long as the vehicles need, work (uint8, at most `MAX_WORK`): what the vehicle still had to do
-    in the step, 0 nothing, 1 to come back after it had looked, 2 all of it; not in metres.
+    in the step, 0 nothing, 1 to come back after it had looked, 2 all of it; and look_action (int8),
+    look_col and look_row (int16), the action whose looks it has done, -1 for none, and the cell
+    from which; not in metres.
 
     In metres, where there are no actions by number, `path_points` is at least 2 and action_mask is
     missing: heading (float64, radians clockwise from north), airspeed (float64, m/s), turn_action

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dsse_ros.compiled.jit import part
+from dsse_ros.step.viewpoints import viewpoint_of
 
 
 class Followed(NamedTuple):
@@ -64,17 +65,18 @@ def list_looks(followed, b, seen, rows):
     failed = count = 0
     for turn in range(2):
         for n in range(len(actions)):
-            acts = 0 <= actions[n] < followed.batch.constants[0].num_actions
+            drone, kind = crew.drones[b, n], crew.kinds[n]
+            view = viewpoint_of(followed.batch.task.viewpoints, drone, actions[n], b, n)
+            acts = 0 <= view.action < followed.batch.constants[0].num_actions
             if not followed.live[b, n] or not acts:
                 continue
-            drone, kind = crew.drones[b, n], crew.kinds[n]
-            first, last = crew.looks[kind, actions[n]], crew.looks[kind, actions[n] + 1]
+            first, last = crew.looks[kind, view.action], crew.looks[kind, view.action + 1]
             for k in range(first, last):
                 bit = (crew.finds[b, n] >> np.uint64(k - first)) & np.uint64(1)
                 found = drone.found and bit > 0
                 if found == (turn == 1):
-                    seen[count, 0] = drone.x + crew.offsets[k, 0]
-                    seen[count, 1] = drone.y + crew.offsets[k, 1]
+                    seen[count, 0] = view.x + crew.offsets[k, 0]
+                    seen[count, 1] = view.y + crew.offsets[k, 1]
                     rows[count] = k
                     count += 1
         if turn == 0:

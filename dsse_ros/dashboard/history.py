@@ -268,6 +268,9 @@ class SearchHistory:
             drones = np.column_stack([cells, self._flags(i)])
             if looks is None:
                 looked = cells[row["action"] != HOLD]
+            elif has_field(row, "look_action"):
+                at = np.stack([row["look_col"], row["look_row"]], axis=1).astype(np.int64)
+                _, _, looked = looks.at(row["look_action"], at)
             else:
                 _, _, looked = looks.at(row["action"], cells)
             yield [self.steps[i], *drones.ravel().tolist(), *looked.ravel().tolist()]

@@ -15,6 +15,7 @@ from dsse_ros.live.keeper import Entry, Keeper
 from dsse_ros.live.looks import StepLooks
 from dsse_ros.live.records import from_text, to_text
 from dsse_ros.search.snapshot import Snapshot, SnapshotError
+from dsse_ros.search.viewpoints import looks_done
 from dsse_ros.search.world import HOLD, World
 from dsse_ros.search.world_beliefs import WorldBeliefs
 
@@ -66,13 +67,11 @@ class LiveBeliefs:
     def looks(self) -> StepLooks:
         """Return the looks of the last step."""
         world, rules = self._world, self._world.rules
-        drones = world.drones[0]
         limit = world.scenario.timestep_limit + rules.time_out_grace
         acts = rules.time_out_acts or int(world.worlds["t"][0]) - 1 < limit
         live = self._live & acts
         actions = self._actions if world.faults is None else world.faults.applied[0]
-        cells = np.stack([drones["x"], drones["y"]], axis=1)
-        done = world.looks.at(np.where(live, actions, HOLD), cells)
+        done = looks_done(world, np.where(live, actions, HOLD))
         if world.flight is None:
             return StepLooks(*done, np.zeros((0, 0, 2)), np.zeros((0, 0), bool), np.zeros(0, bool))
         none = np.zeros(0, np.int64)

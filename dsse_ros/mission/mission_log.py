@@ -35,9 +35,10 @@ OF_FAULTS = ("command", "status", "battery", "true_col", "true_row")
 """
 
 
-OF_VEHICLES = ("work",)
+OF_VEHICLES = ("work", "look_action", "look_col", "look_row")
 """Further columns of missions with `vehicle_timed_actions`, which have faults too: one of
-`fault_kernels.WORKS`.
+`fault_kernels.WORKS`; the action whose looks the vehicle has done, and the cell from which, empty
+if it has not looked.
 """
 OF_FLOWN = ("path", "looked")
 """Further columns of missions with `vehicle_timed_actions` in metres, empty for persons: `path` and
@@ -174,7 +175,7 @@ class MissionLog:
             repr(float(condition["battery"])) if has_battery else "",
             int(place["x"]),
             int(place["y"]),
-            *((WORKS[condition["work"]],) if self._vehicles else ()),
+            *((WORKS[condition["work"]], *_look(mission, drone)) if self._vehicles else ()),
         )
 
     def _seek(self, step: tuple[int, int]) -> None:
@@ -196,6 +197,15 @@ class MissionLog:
         self._file.close()
         if self._defined is not None:
             self._defined.close()
+
+
+def _look(mission: Mission, drone: int) -> tuple[Any, ...]:
+    """Return the action and the cell of a vehicle's look."""
+    viewpoints = mission.env.world.viewpoints
+    if viewpoints is None or viewpoints.array[0, drone]["action"] < 0:
+        return ("", "", "")
+    look = viewpoints.array[0, drone]
+    return (mission.env.rules.actions[look["action"]], int(look["x"]), int(look["y"]))
 
 
 def _of_flight(result: StepResult, drone: int, *, vehicles: bool) -> tuple[str, ...]:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from dsse_ros.mission.flown import Flown
 from dsse_ros.mission.mission import HISTORY_DTYPE, Mission
 from dsse_ros.scenario.frames import GridFrame, cell_to_map
+from dsse_ros.step.viewpoints import NO_LOOK
 from msg_adapters.mission_report import MISSION_REPORT_DTYPE
 from msg_adapters.step_report import make_step_report
 
@@ -49,11 +50,22 @@ def step_report_of(mission: Mission, frame: GridFrame, run_id: int) -> NDArray[A
         columns["battery"] = result.conditions["battery"] if world.faults.has_battery else np.nan
         if mission.env.rules.vehicle_timed_actions:
             columns["work"] = result.conditions["work"]
+    if mission.env.rules.vehicle_timed_actions and result.flown is None:
+        columns |= _looks_of(mission)
     if mission.env.rules.vehicle_timed_actions and result.flown is not None:
         columns["looked"] = result.flown.looked
     if world.looks.several:
         columns["finds"] = np.where(result.found, world.finds[0], 0)
     return make_step_report(columns)
+
+
+def _looks_of(mission: Mission) -> dict[str, Any]:
+    """Return the fields that state from where vehicles have looked; they do not in coverage."""
+    viewpoints = mission.env.world.viewpoints
+    if viewpoints is None:
+        return {"look_action": NO_LOOK, "look_col": 0, "look_row": 0}
+    looks = viewpoints.array[0]
+    return {"look_action": looks["action"], "look_col": looks["x"], "look_row": looks["y"]}
 
 
 def _of_flown(flown: Flown) -> dict[str, Any]:

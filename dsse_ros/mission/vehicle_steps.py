@@ -4,6 +4,8 @@
 
 from __future__ import annotations
 
+import math
+
 from dsse_ros.mission import status
 from dsse_ros.mission.awaited_vehicles import AwaitedVehicles
 from dsse_ros.mission.commands import parse_place
@@ -11,12 +13,14 @@ from dsse_ros.mission.fleet_clock import FleetClock
 from dsse_ros.mission.flight_mission import FlightMission
 from dsse_ros.mission.mission import Mission
 from dsse_ros.mission.step_scheduler import StepScheduler
+from dsse_ros.mission.vehicle_looks import Flown, VehicleLooks, give_looks
 from dsse_ros.mission.vehicle_tasks import VehicleTasks
 from dsse_ros.mission.vehicle_time import FOLLOWED, IGNORED, VehicleTimeSettings
 from dsse_ros.mission.vehicle_tracks import Position, VehicleTrack, tilt_deg
 from dsse_ros.mission_items.track_missions import acceptance_radius_m
 from dsse_ros.result import Rejected
 from dsse_ros.scenario.frames import GridFrame
+from dsse_ros.step.flight_paths import MOST_PIECES
 from msg_adapters.poses import FramedPose
 
 
@@ -56,6 +60,7 @@ class VehicleSteps:
         self._watched_s = -1.0
         step_s = mission.env.scenario.step_duration_s
         self._flown = [VehicleTrack(step_s) for _ in mission.tracks]
+        self._looks = VehicleLooks(mission)
 
     def restart(self) -> None:
         """Have the vehicles go to where the drones of another mission start."""
@@ -70,26 +75,36 @@ class VehicleSteps:
             self._scheduler.start(self._clock.time_s)
             for track in self._flown:
                 track.begin()
+            self._looks.begin()
         self.tasks.begin(self._mission.begin(missing_action))
 
     def end(self) -> None:
         """End a step that is about to be done.
 
-        What is not done by now is under way; in metres it is what the vehicles have flown.
+        The drones have looked where the vehicles flew. On cells, what is not done by now is under
+        way.
         """
-        if self.follows and isinstance(self._mission, FlightMission):
-            self._set_flown(self._mission)
-        elif self.follows:
-            self._mission.set_work(self.vehicles.work(self._radius_m))
+        if not self.follows:
+            return
+        mission, flown = self._mission, self._take_flown()
+        if isinstance(mission, FlightMission):
+            for drone, of_drone in flown.items():
+                mission.set_flown(drone, *of_drone)
+            return
+        work = self.vehicles.work(self._radius_m)
+        mission.set_work(work)
+        give_looks(mission, self._looks.take(flown, self.tasks, work))
 
-    def _set_flown(self, mission: FlightMission) -> None:
-        """Have the drones fly what their vehicles have flown, as far as that is known."""
+    def _take_flown(self) -> dict[int, Flown]:
+        """Return what the vehicles have flown since the last step, as far as that is known."""
+        mission, taken = self._mission, {}
+        pieces = mission.pieces if isinstance(mission, FlightMission) else MOST_PIECES
         for drone in mission.live:
-            flown = self._flown[drone].take(mission.pieces, self._scheduler.fleet_ahead_s)
+            flown = self._flown[drone].take(pieces, self._scheduler.fleet_ahead_s)
             if flown is not None:
-                path, looked = flown
-                path[:, 1] = self._frame.side_m - path[:, 1]
-                mission.set_flown(drone, path, looked)
+                flown[0][:, 1] = self._frame.side_m - flown[0][:, 1]
+                taken[drone] = flown
+        return taken
 
     def set_pose(self, drone: int, stamp_ns: int, pose: FramedPose) -> Rejected | None:
         """Set the pose of a vehicle in the map frame, with the stamp of its message.
@@ -102,9 +117,12 @@ class VehicleSteps:
             self.vehicles.set_place(drone, None)
             return parsed
         self.vehicles.set_place(drone, parsed.value)
-        away_m = abs(pose.position[2] - self._frame.alt_of(drone))
+        error_m = self.settings.look_altitude_error
+        above_m = pose.position[2] - self._frame.alt_of(drone)
+        # A vehicle comes down to search.
+        low = self.tasks.actions[drone] == self._mission.env.rules.action_set.search
         level = tilt_deg(pose.orientation) <= self.settings.look_tilt
-        looks = level and away_m <= self.settings.look_altitude_error
+        looks = level and (-math.inf if low else -error_m) <= above_m <= error_m
         self._flown[drone].set_place(stamp_ns, Position(*parsed.value, looks))
         return None
 

@@ -32,10 +32,10 @@ class VehicleTimeSettings(ArrivalSettings):
 
     look_altitude_error: float = field(
         "float", "Greatest difference between the altitudes of a vehicle and of its drone at which "
-        "the vehicle looks; in space metres.", 20.0, low=0, high=1e5, unit="m",
+        "the vehicle looks; to search a cell it may come down.", 20.0, low=0, high=1e5, unit="m",
     )  # fmt: skip
     look_tilt: float = field(
-        "float", "Greatest tilt of a vehicle at which it looks; in space metres.", 60.0, low=0,
+        "float", "Greatest tilt of a vehicle at which it looks.", 60.0, low=0,
         high=180, unit="degrees",
     )  # fmt: skip
 

@@ -358,10 +358,13 @@ class BeliefPlanner:
                 continue
             info, (before, end) = infos[agent], self._commanded[agent]
             actions = self._swarm.actions
-            action = info.get("action", actions.action(before, end))
+            if "look" in info:
+                action, *cell = info["look"]
+            else:
+                action = info.get("action", actions.action(before, end))
             if not 0 <= action < len(actions):
                 continue
-            if cell != actions.end(before, action):
+            if "look" not in info and cell != actions.end(before, action):
                 continue
             finds = int(info.get("finds", info.get("found_person", False)))
             looks = self._looks.done(number_of(agent), action, cell)

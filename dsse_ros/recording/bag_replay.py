@@ -26,6 +26,7 @@ from dsse_ros.mission.mission import Mission
 from dsse_ros.mission.mission_journal import take_entry
 from dsse_ros.mission.step_messages import OF_BELIEF, StepMessages
 from dsse_ros.mission.step_reports import step_report_of
+from dsse_ros.mission.vehicle_looks import give_looks, looks_of
 from dsse_ros.recording.bag import Recorded
 from dsse_ros.recording.computed import computed, digest
 from dsse_ros.recording.recorded_inputs import (
@@ -341,6 +342,7 @@ class _Flight:
         elif len(report.points) == len(self.info.agents):
             if "work" in (report.points.dtype.names or ()):
                 mission.set_work(report.points["work"].astype(np.int8))
+                give_looks(mission, looks_of(report.points))
             looked = looked_of(report.points)
             if looked is not None and isinstance(mission, FlightMission):
                 mission.set_paths(path_of(report.points), looked)

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from dsse_ros.mission.vehicle_looks import looks_of
 from dsse_ros.recording.bag import Recorded, read_bag
 from dsse_ros.report.flown_over import places_of
 from dsse_ros.report.of_vehicles import FlownByVehicles
@@ -159,16 +160,16 @@ def _note(reports: dict[Key, _Reports], of_steps: NDArray[Any], one: Recorded) -
     of = reports.setdefault((int(first["run_id"]), int(first["mission"])), _Reports())
     for row in of_steps:
         step = int(row["step"][0])
-        # The report of a mission does not have the turns and speeds in metres.
-        if "turn_action" in (row.dtype.names or ()) or not _has_turns(of.rows.get(step)):
+        # The report of a mission has neither turns and speeds in metres nor looks of vehicles.
+        if _says_more(row) or not _says_more(of.rows.get(step)):
             of.rows[step] = row
     if len(of_steps) == 1:
         stamp_ns = to_nanoseconds(one.message.header.stamp)
         of.heard.setdefault(int(first["step"]), (stamp_ns, one.log_time_ns))
 
 
-def _has_turns(row: NDArray[Any] | None) -> bool:
-    return row is not None and "turn_action" in (row.dtype.names or ())
+def _says_more(row: NDArray[Any] | None) -> bool:
+    return row is not None and not {"turn_action", "look_action"}.isdisjoint(row.dtype.names or ())
 
 
 def _in_metres(scenario: ResolvedScenario, reports: Sequence[NDArray[Any]]) -> dict[str, Any]:
@@ -179,7 +180,7 @@ def _in_metres(scenario: ResolvedScenario, reports: Sequence[NDArray[Any]]) -> d
 
     of_metres: dict[str, Any] = {"in_cells": places_of(scenario, table("x"), table("y"))}
     # A report of the mission does not have them.
-    if all(map(_has_turns, reports)):
+    if all(map(_says_more, reports)):
         turns = np.stack([table("turn_action"), table("speed_action")], axis=2)
         of_metres["turns"] = turns
         of_metres["courses"] = np.stack([table("heading"), table("airspeed")], axis=2)
@@ -223,6 +224,7 @@ def _mission(
     actions, names = table("action"), np.array([*info.actions, ""])
     if (actions >= len(info.actions)).any():
         raise ValueError(f"step_report has action {actions.max()}, which agents does not name")
+    by_vehicles = all("look_action" in (row.dtype.names or ()) for row in rows.values())
     return check_limit(
         RecordedMission(
             number=key[1],
@@ -239,6 +241,7 @@ def _mission(
             scenario=scenario,
             seed=info.seed,
             run_id=key[0],
+            looks=looks_of(np.stack([rows[step] for step in steps])) if by_vehicles else None,
             **(_in_metres(scenario, [rows[step] for step in steps]) if rules.in_metres else {}),
         )
     )

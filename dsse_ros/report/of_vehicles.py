@@ -4,13 +4,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dsse_ros.step.fault_kernels import WORKS
+from dsse_ros.step.viewpoints import NO_LOOK, viewpoints_at
 
 
 class FlownByVehicles(NamedTuple):
@@ -23,6 +24,26 @@ class FlownByVehicles(NamedTuple):
 
     paths: NDArray[np.float64]
     looked: NDArray[np.bool_]
+
+
+def of_vehicles(
+    column: Callable[..., NDArray[Any]], columns: Collection[str], actions: Sequence[str]
+) -> dict[str, Any]:
+    """Return what a log has of vehicles, by the fields of `RecordedMission`; see `flown_of`.
+
+    Args:
+        column: See `flown_of`.
+        columns: The names of the columns.
+        actions: Names of the actions.
+
+    Raises:
+        ValueError: If a value is not allowed.
+    """
+    if "path" in columns:
+        return {"flown": flown_of(column)}
+    if "work" in columns:
+        return {"work": works_of(column("work", np.str_)), "looks": looks_of(column, actions)}
+    return {}
 
 
 def flown_of(column: Callable[..., NDArray[Any]]) -> FlownByVehicles:
@@ -46,6 +67,35 @@ def turns_of(column: Callable[..., NDArray[Any]]) -> dict[str, Any]:
         "turns": np.stack([column("turn"), column("speed")], axis=2),
         "courses": np.stack([np.radians(column("heading_deg")), column("airspeed")], axis=2),
     }
+
+
+def looks_of(column: Callable[..., NDArray[Any]], actions: Sequence[str]) -> NDArray[np.void]:
+    """Return from where vehicles looked, (K, N) of `viewpoints.VIEWPOINTS`; see `flown_of`.
+
+    Args:
+        column: Returns a column of the log, (K, N), by its name and data type.
+        actions: Names of the actions.
+
+    Raises:
+        ValueError: If an action is unknown, or there is no cell.
+    """
+    names = column("look_action", np.str_)
+    unknown = sorted(set(names.ravel().tolist()) - {*actions, ""})
+    if unknown:
+        raise ValueError(f"look_action must be one of {', '.join(actions)}, got {unknown[0]!r}")
+    col, row = (
+        np.where(names == "", "0", column(name, np.str_)).astype(np.int64)
+        for name in ("look_col", "look_row")
+    )
+    return viewpoints_at(numbers_of(names, actions), col, row)
+
+
+def numbers_of(names: NDArray[np.str_], actions: Sequence[str]) -> NDArray[np.int8]:
+    """Return the numbers of actions by name, `NO_LOOK` for other names."""
+    numbers = np.full(names.shape, NO_LOOK, np.int8)
+    for number, name in enumerate(actions):
+        numbers[names == name] = number
+    return numbers
 
 
 def works_of(names: NDArray[np.str_]) -> NDArray[np.int8]:

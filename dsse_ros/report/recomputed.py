@@ -14,7 +14,9 @@ from numpy.typing import NDArray
 from dsse_ros.belief.beliefs import forecast_for as new_forecast
 from dsse_ros.belief.protocol import TargetForecast
 from dsse_ros.mission.flight_mission import FlightMission, mission_of
+from dsse_ros.mission.vehicle_looks import give_looks
 from dsse_ros.report.flown_paths import looked_in, tracks_in
+from dsse_ros.report.looked_at import viewpoints_in
 from dsse_ros.report.metrics import effort
 from dsse_ros.report.record import RecordedMission
 from dsse_ros.search import HOLD, FieldError, SearchEnv, search_env
@@ -237,17 +239,15 @@ def follow_belief(
     """
     if record.rules.in_metres:
         return _flown_again(record, wanted)
-    belief, actions = forecast.belief(), forecast.rules.action_set
+    belief, views = forecast.belief(), viewpoints_in(record)
     looks = looks_of(forecast.scenario, forecast.rules)
-    numbers = {name: action for action, name in enumerate(actions.names)}
     pos = np.zeros(len(record.steps))
     beliefs: Maps = {}
     for k in range(len(record.steps)):
         if k:
             failed, finds = [], []
-            for drone in np.flatnonzero(record.acted[k]).tolist():
-                col, row = record.cells[k, drone].tolist()
-                action = numbers.get(str(record.actions[k, drone]), HOLD)
+            for drone in np.flatnonzero(views["action"][k] >= 0).tolist():
+                col, row, action, _ = views[k, drone].tolist()
                 done = looks.done(drone, action, (col, row))
                 if not record.found[k, drone]:
                     failed += done
@@ -298,6 +298,8 @@ def mission_views(record: RecordedMission, *, belief: bool) -> Iterator[MissionV
             mission.command_all(commands[step])
             if record.work is not None:
                 mission.set_work(record.work[step])
+            if record.looks is not None:
+                give_looks(mission, record.looks[step])
             if record.flown is not None and isinstance(mission, FlightMission):
                 mission.set_paths(record.flown.paths[step], record.flown.looked[step])
             mission.advance("hold")

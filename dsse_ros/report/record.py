@@ -17,9 +17,10 @@ from numpy.typing import NDArray
 
 from dsse_ros.mission.definition_log import definition_file, read_definitions
 from dsse_ros.mission.mission_log import COLUMNS, OF_COVERAGE
-from dsse_ros.report.flown_over import check_flown, flown_over, places_of
+from dsse_ros.report.flown_over import check_flown, places_of
 from dsse_ros.report.flown_paths import paths_in
-from dsse_ros.report.of_vehicles import FlownByVehicles, flown_of, turns_of, works_of
+from dsse_ros.report.looked_at import looks_in
+from dsse_ros.report.of_vehicles import FlownByVehicles, of_vehicles, turns_of
 from dsse_ros.scenario.agents import definition_from
 from dsse_ros.scenario.definition import SearchDefinition
 from dsse_ros.scenario.frames import cell_to_map, scenario_frame
@@ -28,7 +29,6 @@ from dsse_ros.scenario.limits import LARGEST_GRID_CELLS, check_cells
 from dsse_ros.scenario.scenario import ResolvedScenario
 from dsse_ros.search import FieldError, Rules
 from dsse_ros.sensors.sensor import SEARCH
-from dsse_ros.step.looks import looks_of
 
 Search = Callable[[int], SearchDefinition]
 """Returns what so many drones have searched."""
@@ -66,6 +66,7 @@ class RecordedMission:
         flown: What vehicles have flown in metres; else None.
         work: (K, N) int8 of `WORKS`, what the vehicles still had to do; None without vehicles whose
             actions last as long as they need.
+        looks: (K, N) of `viewpoints.VIEWPOINTS`, from where they looked; None with `work`.
         probabilities: (K, N) float64, map values of the cells searched; None if not recorded.
         pos: (K,) float64 cumulative probability of success after each step; None if not recorded.
         coverage_rate: (K,) float64 share of the cells to cover that are covered after each step;
@@ -97,6 +98,7 @@ class RecordedMission:
     scenario: ResolvedScenario
     commands: NDArray[np.str_] | None = None
     work: NDArray[np.int8] | None = None
+    looks: NDArray[np.void] | None = None
     flown: FlownByVehicles | None = None
     probabilities: NDArray[np.float64] | None = None
     pos: NDArray[np.float64] | None = None
@@ -199,28 +201,7 @@ class RecordedMission:
 
     @cached_property
     def _looks(self) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-        if self.covers:
-            step, drone = np.nonzero(self.searched)
-            pod = self.scenario.probability_of_detection
-            looked = np.column_stack([step, drone, self.cells[step, drone]])
-            return looked, np.full((len(step), 1), pod)
-        if self.rules.in_metres:
-            cells = flown_over(self.places, self.acted, self.grid_size)
-            return cells, np.zeros((len(cells), self.scenario.person_amount))
-        looks, parts = looks_of(self.scenario, self.rules), [np.empty((0, 4), np.int64)]
-        pods = [np.empty((0, looks.pods.shape[1]))]
-        for n in range(self.cells.shape[1]):
-            for action, name in enumerate(self.rules.action_set.names):
-                done = np.flatnonzero(self.acted[:, n] & (self.actions[:, n] == name))
-                for look in looks.of(n, action):
-                    cells = self.cells[done, n] + looks.offsets[look]
-                    parts.append(np.column_stack([done, np.full_like(done, n), cells]))
-                    pods.append(np.repeat(looks.pods[look : look + 1], len(done), axis=0))
-        looked = np.concatenate(parts)
-        off_grid = ((looked[:, 2:] < 0) | (looked[:, 2:] >= self.grid_size)).any(axis=1)
-        order = np.lexsort((looked[:, 1], looked[:, 0]))
-        order = np.setdiff1d(order, np.flatnonzero(off_grid), assume_unique=True)
-        return looked[order], np.concatenate(pods)[order]
+        return looks_in(self)
 
     @cached_property
     def lost(self) -> NDArray[np.bool_]:
@@ -480,8 +461,7 @@ def _mission(
             cells=of_drones,
             actions=column("action", np.str_),
             commands=column("command" if "command" in columns else "action", np.str_),
-            work=works_of(column("work", np.str_)) if "work" in columns else None,
-            flown=flown_of(column) if "path" in columns else None,
+            **of_vehicles(column, columns, rules.actions),
             rewards=column("reward"),
             terminated=flag("terminated"),
             truncated=flag("truncated"),

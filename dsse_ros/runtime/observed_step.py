@@ -95,6 +95,9 @@ class ObservedStep:
             columns["action"] = report["action"].tolist()
             if not np.isnan(report["battery"]).all():
                 columns["battery"] = report["battery"].astype(float).tolist()
+        if "look_action" in names:
+            looks = np.stack([report[f"look_{name}"] for name in ("action", "col", "row")], axis=1)
+            columns["look"] = list(map(tuple, looks.tolist()))
         agents = [self.info.agents[i] for i in drones]
         found, masks = bool(self.report["all_found"].any()), None
         if "action_mask" in names:

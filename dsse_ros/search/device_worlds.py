@@ -27,7 +27,7 @@ DeviceArray = Any
 
 OF_WORLDS = (
     "worlds", "starts", "drones", "finds", "persons", "left", "records", "track", "conditions",
-    "applied",
+    "applied", "viewpoints",
 )  # fmt: skip
 """Fields of the kernels' arguments with a first axis of B worlds; the worlds share the others."""
 

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from dsse_ros.scenario.sea_state import sea_state
 from dsse_ros.search.strips import strips_of
+from dsse_ros.search.viewpoints import looks_done
 from dsse_ros.search.world import HOLD, World
 from dsse_ros.step.looks import likely_cells, waits
 from dsse_ros.targets import sea_map
@@ -71,7 +72,7 @@ class MissionHistory:
             drones = np.flatnonzero(searching | (self._cells[-1] != self._cells[-2]).any(axis=1))
             looked = self._cells[-1][drones]
         else:
-            drones, _, looked = world.looks.at(self._doing, self._cells[-1])
+            drones, _, looked = looks_done(world, self._doing)
         on_grid = ((looked >= 0) & (looked < world.grid_size)).all(axis=1)
         drones, looked = drones[on_grid], looked[on_grid]
         waiting = waits(searching, drones, looked, self._likely)

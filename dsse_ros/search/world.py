@@ -26,6 +26,7 @@ from dsse_ros.search.faults import Faults
 from dsse_ros.search.flights import Flights
 from dsse_ros.search.rebound import Rebound
 from dsse_ros.search.snapshot import Snapshot, SnapshotError
+from dsse_ros.search.viewpoints import Viewpoints
 from dsse_ros.step import kernels
 from dsse_ros.step.constants import area_of, constants_of
 from dsse_ros.step.looks import looks_of
@@ -66,6 +67,7 @@ class World(Rebound):
         coverage: State of the coverage task, which has no persons; None in a search for persons.
         ensemble: The persons' ensemble; None if they move step by step.
         flight: The flights in metres; None if drones move from cell to cell.
+        viewpoints: From where vehicles looked on cells; None if drones look in their own cells.
         maps: (B, G, G) float32, the probability of cell [row, col].
         rewards: (B, N) float64, rewards of the last step, a view on `drones`.
         terminated, truncated: (B, N) bool, flags since the last reset, views on `drones`; when
@@ -113,6 +115,7 @@ class World(Rebound):
         self._looked_for = resolved.person_pod_multipliers
         self.ensemble = WorldEnsemble.of(resolved, rules, num_worlds)
         self.flight = Flights(resolved, rules, num_worlds) if rules.in_metres else None
+        self.viewpoints = Viewpoints.of(rules, self.drones.shape)
         self.faults = Faults.of(resolved, rules, num_worlds, self.looks)
         self._threads = threads
         self._rebind()
@@ -140,6 +143,7 @@ class World(Rebound):
             None if self.coverage is None else self.coverage.arrays,
             None if self.ensemble is None else self.ensemble.arrays,
             None if self.flight is None else self.flight.task(self.ensemble),
+            None if self.viewpoints is None else self.viewpoints.array,
         )
         self.batch = kernels.Batch(self.constants, self.worlds, sea, crew, task)
         self._scratch = [self._make_scratch() for _ in range(self._threads)]
@@ -310,11 +314,9 @@ class World(Rebound):
         g = self.grid_size
         scattered = min(2 * self.rules.person_scatter + 1, g) ** 2
         return kernels.Scratch(
-            np.zeros(g * g + 1, np.uint16),
-            np.zeros(g + 1, np.int64),
-            np.zeros(scattered, np.int64),
-            np.zeros(g),
-        )
+            np.zeros(g * g + 1, np.uint16), np.zeros(g + 1, np.int64),
+            np.zeros(scattered, np.int64), np.zeros(g),
+        )  # fmt: skip
 
     def _refresh(self, maps: NDArray[np.float32]) -> None:
         """Write the tables that the state requires, and these maps."""
@@ -423,6 +425,8 @@ class World(Rebound):
         things = self.grid_size**2 if self.coverage is not None else self.scenario.person_amount
         if self.flight is not None:
             self.flight.check(arrays["flights"], self.grid_size)
+        if self.viewpoints is not None:
+            self.viewpoints.check(arrays["viewpoints"])
         cells = ("datum_x", "datum_y", "circle_x", "circle_y", "start_x", "start_y")
         highest = dict.fromkeys(cells, edge)
         highest |= {"num_active": self.num_drones, "num_missing": things}
@@ -462,6 +466,8 @@ class World(Rebound):
                 columns["finds"] = np.where(found, self.finds[world, drones], 0).tolist()
         if self.faults is not None:
             columns |= self.faults.infos(world, drones)
+        if self.viewpoints is not None:
+            columns["look"] = self.viewpoints.infos(world, drones)
         if self.coverage is not None:
             metrics = self.coverage.metrics(self.worlds["num_missing"], world)
             columns |= {name: [float(value)] * len(drones) for name, value in metrics.items()}
@@ -485,6 +491,7 @@ class World(Rebound):
             **({} if self.ensemble is None else {"track": self.ensemble.track}),
             **({} if self.faults is None else {"conditions": self.faults.conditions}),
             **({} if self.flight is None else self.flight.state()),
+            **({} if self.viewpoints is None else {"viewpoints": self.viewpoints.array}),
         }
 
     @cached_property

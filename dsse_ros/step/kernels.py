@@ -20,6 +20,7 @@ from dsse_ros.step.coverage_kernels import CoverageTask, coverage_of, write_left
 from dsse_ros.step.ensemble_kernels import SeaEnsemble, ensemble_of, write_present
 from dsse_ros.step.flight import FlightTask, flight_of
 from dsse_ros.step.recipe import end_of, start_world, step_world
+from dsse_ros.step.viewpoints import viewpoints_of
 from dsse_ros.targets.sea_map import Sea, disperse, is_inside, write_map
 
 WORLDS = np.dtype(
@@ -95,11 +96,13 @@ class Task(NamedTuple):
         coverage: The cells to cover; None in a search for persons.
         ensemble: The tracks that the persons follow; None if they move step by step.
         flight: The flights in metres; None if drones move from cell to cell.
+        viewpoints: (B, N) of `viewpoints.VIEWPOINTS`; None if drones look in their own cells.
     """
 
     coverage: CoverageTask | None
     ensemble: SeaEnsemble | None
     flight: FlightTask | None
+    viewpoints: NDArray[np.void] | None
 
 
 class Scratch(NamedTuple):
@@ -187,8 +190,9 @@ def crew_of(crew, b):
 def task_of(task, b):
     """Return the task of world b."""
     return Task(
-        coverage_of(task.coverage, b), ensemble_of(task.ensemble, b), flight_of(task.flight, b)
-    )
+        coverage_of(task.coverage, b), ensemble_of(task.ensemble, b), flight_of(task.flight, b),
+        viewpoints_of(task.viewpoints, b),
+    )  # fmt: skip
 
 
 @part
@@ -235,8 +239,9 @@ def step_worlds(batch, scratch, actions, maps, first, last):
             start_world(constants, world, sea, crew, task, scratch)
         else:
             step_world(
-                constants, world, sea, crew, task, scratch, actions[b], task.coverage, task.flight
-            )
+                constants, world, sea, crew, task, scratch, actions[b], task.coverage, task.flight,
+                task.viewpoints,
+            )  # fmt: skip
         write_observed(
             constants, world, sea, scratch, stream, map_of(maps, b), task.coverage, task.ensemble
         )

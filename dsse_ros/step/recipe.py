@@ -5,8 +5,8 @@
 
 Arguments are as in `sea_map`; `crew` is the `kernels.Crew` and `task` the `kernels.Task` of one
 world, `scratch` the `kernels.Scratch` of a thread. A function that does something else in the
-coverage task, with an ensemble or in metres, takes this field of the task as an argument of its
-own.
+coverage task, with an ensemble, in metres or with vehicles, takes this field of the task as an
+argument of its own.
 """
 
 from __future__ import annotations
@@ -22,6 +22,7 @@ from dsse_ros.step.collisions import can_collide, has_collided, next_stamp, occu
 from dsse_ros.step.coverage_kernels import cells_to_cover, cover, put_back
 from dsse_ros.step.ensemble_kernels import ensemble_step, probability_in, put_on_tracks
 from dsse_ros.step.flight import detect_in_passing, fly, start_flights, stay
+from dsse_ros.step.viewpoints import NO_LOOK, Viewpoint, clear_viewpoints, set_viewpoint
 from dsse_ros.targets.person_kernels import draw_own_drift, persons_step, scatter_persons
 from dsse_ros.targets.sea_map import (
     cell_probability,
@@ -66,12 +67,12 @@ def turn_of(constants):
 
 
 @inlined
-def step_world(constants, world, sea, crew, task, scratch, actions, coverage, flight):
+def step_world(constants, world, sea, crew, task, scratch, actions, coverage, flight, viewpoints):
     """Advance one world by one step.
 
     Drones act in index order against the map of the last observation, and the sea drifts. Drones
     that share a cell collide when all have moved. `actions` are (N,) int8; a number that is not an
-    action does nothing. In metres `flight` has them.
+    action does nothing. In metres `flight` has them. `viewpoints` are those of vehicles.
     """
     drones, turn = crew.drones, turn_of(constants)
     eventful = begin(constants, world, drones, crew.persons)
@@ -84,6 +85,8 @@ def step_world(constants, world, sea, crew, task, scratch, actions, coverage, fl
             drone.reward = 0.0
             if flight is not None:
                 stay(flight, n)
+            if viewpoints is not None:
+                set_viewpoint(viewpoints[n], 0, 0, NO_LOOK)
             # A withdrawn drone has no flag yet.
             eventful |= not (drone.terminated or drone.truncated)
             continue
@@ -95,8 +98,12 @@ def step_world(constants, world, sea, crew, task, scratch, actions, coverage, fl
                 stay(flight, n)
         elif acts and 0 <= action < turn.num_actions:
             event, amount = move(turn, world, sea, drone, action, coverage)
-            if coverage is None and (event == SEARCHED or turn.moves_look):
-                event, amount = look(constants, world, sea, crew, task, n, action, event)
+            looks = coverage is None and (event == SEARCHED or turn.moves_look)
+            if looks and viewpoints is None:
+                view = Viewpoint(drone.x, drone.y, action)
+                event, amount = look(constants, world, sea, crew, task, n, view, event)
+        if viewpoints is not None:
+            event, amount = look_from_vehicle(constants, world, sea, crew, task, n, action, event)
         if out_of_time:
             event, amount = OUT_OF_TIME, drone.episode_return
             drone.truncated = True
@@ -182,13 +189,32 @@ def end_of(constants, area, x, y, action):
 
 
 @inlined
-def look(constants, world, sea, crew, task, n, action, event):
+def look_from_vehicle(constants, world, sea, crew, task, n, action, event):
+    """Do the looks of drone n from where its vehicle looked; see `look`.
+
+    Without a viewpoint that is given, the drone looks in its cell as it does its action.
+    """
+    drone, viewpoint = crew.drones[n], task.viewpoints[n]
+    acts = acts_at(constants, world.t)
+    if not (viewpoint.given and acts):
+        looks = event == SEARCHED or (constants.moves_look and 0 <= action < constants.num_actions)
+        own = np.int64(action) if acts and looks else np.int64(NO_LOOK)
+        set_viewpoint(viewpoint, drone.x, drone.y, own)
+    viewpoint.given = False
+    if viewpoint.action < 0:
+        return event, 0.0
+    view = Viewpoint(viewpoint.x, viewpoint.y, np.int64(viewpoint.action))
+    return look(constants, world, sea, crew, task, n, view, event)
+
+
+@inlined
+def look(constants, world, sea, crew, task, n, view, event):
     """Do the looks of drone n; return the event and the persons found, or the probability seen."""
     kind = 0 if len(crew.looks) == 1 else crew.kinds[n]
-    first, last = crew.looks[kind, action], crew.looks[kind, action + 1]
+    first, last = crew.looks[kind, view.action], crew.looks[kind, view.action + 1]
     drone, count = crew.drones[n], 0
     if last > first:
-        count, bits = detect(constants, world, sea, crew, drone, first, last)
+        count, bits = detect(constants, world, sea, crew, view, first, last)
         if count > 0:
             crew.finds[n] = bits
             drone.found = True
@@ -197,13 +223,13 @@ def look(constants, world, sea, crew, task, n, action, event):
                     crew.drones[m].terminated = True
             return FOUND, np.float64(count)
     if event == SEARCHED:
-        return SEARCHED, probability_seen(constants, world, sea, crew, task, drone, first, last)
+        return SEARCHED, probability_seen(constants, world, sea, crew, task, view, first, last)
     return event, 0.0
 
 
 @inlined
-def detect(constants, world, sea, crew, drone, first, last):
-    """Do the looks first..last - 1 of a drone from its cell.
+def detect(constants, world, sea, crew, view, first, last):
+    """Do the looks first..last - 1 from a `Viewpoint`.
 
     A look off the grid or outside the area finds nobody. After the end of a mission of v1 it does:
     its drones fly on off the grid, and search there.
@@ -213,7 +239,7 @@ def detect(constants, world, sea, crew, drone, first, last):
     """
     finds, bits, bit = 0, np.uint64(0), np.uint64(1)
     for k in range(first, last):
-        x, y = drone.x + crew.offsets[k, 0], drone.y + crew.offsets[k, 1]
+        x, y = view.x + crew.offsets[k, 0], view.y + crew.offsets[k, 1]
         for p in range(len(crew.persons)):
             person = crew.persons[p]
             gone = person.found and not constants.found_persons_stay
@@ -233,11 +259,11 @@ def detect(constants, world, sea, crew, drone, first, last):
 
 
 @inlined
-def probability_seen(constants, world, sea, crew, task, drone, first, last):
+def probability_seen(constants, world, sea, crew, task, view, first, last):
     """Return the probability of the cells of the looks first..last - 1, by the map."""
     probability = 0.0
     for k in range(first, last):
-        x, y = drone.x + crew.offsets[k, 0], drone.y + crew.offsets[k, 1]
+        x, y = view.x + crew.offsets[k, 0], view.y + crew.offsets[k, 1]
         if constants.leave_flies_on:
             # For a drone outside to the west or north, a negative index selects the cell.
             x = x + constants.grid_size if x < 0 else x
@@ -375,6 +401,7 @@ def start_world(constants, world, sea, crew, task, scratch):
         drone.alive = True
         drone.terminated = drone.truncated = drone.found = False
     start_flights(world, crew, task.flight)
+    clear_viewpoints(task.viewpoints)
     start_task(constants, world, sea, crew.persons, scratch, task.coverage, task.ensemble)
 
 

@@ -14,7 +14,8 @@ import pytest
 from dsse_ros.mission.mission import Mission
 from dsse_ros.mission.mission_log import MissionLog
 from dsse_ros.mission.step_reports import mission_report_of, step_report_of
-from dsse_ros.report.recomputed import mission_views
+from dsse_ros.mission.vehicle_looks import give_looks
+from dsse_ros.report.recomputed import follow_belief, forecast_for, mission_views
 from dsse_ros.report.record import read_csv
 from dsse_ros.scenario.agents import AgentsInfo, agents_from_json, agents_json
 from dsse_ros.scenario.definition import SearchDefinition
@@ -24,6 +25,7 @@ from dsse_ros.search import FieldError, SearchEnv, parallel_env
 from dsse_ros.searchers.registry import SEARCHERS
 from dsse_ros.searchers.searcher import Searcher
 from dsse_ros.step.fault_kernels import STATUSES, UNDER_WAY
+from dsse_ros.step.viewpoints import viewpoints_at
 from msg_adapters.stamps import header, to_stamp
 from msg_adapters.step_report import step_report_from_message, step_report_message
 
@@ -71,18 +73,27 @@ def test_the_record_of_a_mission_that_vehicles_flew_gives_its_pictures(tmp_path:
     file, mission = tmp_path / "mission.csv", Mission(env, 3)
     log = MissionLog(file, scenario_frame(env.scenario), faults=True, vehicles=True)
     log.write(mission, mission.result)
-    draw, works = np.random.default_rng(1), []
+    draw, works, looks = np.random.default_rng(1), [], []
     while not mission.done:
         mission.command_all(draw.integers(0, 9, 3).tolist())
         works.append(draw.choice(3, 3, p=[0.3, 0.2, 0.5]).astype(np.int8))
         mission.set_work(works[-1])
+        looks.append(viewpoints_at(draw.integers(-1, 9, 3), *draw.integers(0, 8, (2, 3))))
+        give_looks(mission, looks[-1])
         mission.advance("hold")
         log.write(mission, mission.result)
     log.close()
     (record,) = read_csv(file)
     assert record.work is not None
     np.testing.assert_array_equal(record.work[1:], works)
-    assert len(list(mission_views(record, belief=True))) == len(works) + 1
+    assert record.looks is not None and mission.pos
+    given = np.where(record.acted[1:], [look["action"] for look in looks], -1)
+    np.testing.assert_array_equal(record.looks["action"][1:], given)
+    again = list(mission_views(record, belief=True))
+    assert len(again) == len(works) + 1 and again[-1].pos == mission.pos
+    forecast = forecast_for(record, None)
+    assert forecast is not None and record.pos is not None
+    assert follow_belief(record, forecast)[0].tolist() == record.pos.tolist()
     text = file.read_text().splitlines()
     file.write_text("\n".join([*text[:2], text[2].replace("done", "tired"), *text[3:]]))
     with pytest.raises(FieldError, match="work must be one of done, coming_back, acting"):

@@ -105,6 +105,8 @@ def test_the_sea_takes_as_long_as_the_vehicles_and_finds_when_they_have_looked(r
             )
         took_s = [boot_s(inbox) - before for inbox, before in zip(clocks, begun_s, strict=True)]
         assert sim.report["found"].tolist() == [1, 0]
+        look = ["look_action", "look_col", "look_row"]
+        assert sim.report[look].tolist()[0] == (SEARCH, 0, 4)
         heights = [pose.pose.position.z for pose in bridge.poses[0][since:]]
         assert min(heights) < 31.0
         assert bridge.state(0)["looked_task"] == str(sim.tasks()["task"][0])

@@ -34,30 +34,39 @@ class Vehicles:
     """Two vehicles whose time passes when the test says so."""
 
     def __init__(self, sim: Sim) -> None:
-        self.sim, self.time_s = sim, 0.0
+        self.sim, self.time_s, self.stamp = sim, 0.0, 0
+        self.places: dict[int, tuple[float, float]] = {}
         self.pass_time(0.0)
 
     def pass_time(self, seconds: float, only: int | None = None) -> None:
-        """Report clocks that have advanced, or that of one vehicle only."""
-        self.time_s += seconds
-        for drone, boot_s in enumerate(BOOTS_S):
-            if only not in (None, drone):
-                continue
-            message = vehicle_time(Header(), "none", (boot_s + self.time_s) % WRAP_S)
-            self.sim.talk(TimeReference, f"drone{drone}/vehicle_time").publish(message)
+        """Report clocks that have advanced, or that of one vehicle only, with its places."""
+        # A vehicle looks where its places are known at most two seconds apart.
+        for passed_s in (seconds - 1.0, 1.0) if seconds > 1.0 else (seconds,):
+            self.time_s += passed_s
+            self.stamp += 1
+            header = Header(stamp=to_stamp(self.stamp), frame_id="map")
+            for drone, boot_s in enumerate(BOOTS_S):
+                if only not in (None, drone):
+                    continue
+                if drone in self.places:
+                    pose = pose_stamped(header, (*self.places[drone], 120.0))
+                    self.sim.talk(PoseStamped, f"drone{drone}/vehicle_pose").publish(pose)
+                message = vehicle_time(header, "none", (boot_s + self.time_s) % WRAP_S)
+                self.sim.talk(TimeReference, f"drone{drone}/vehicle_time").publish(message)
 
-    def report(self, drone: int, *, looked: bool = True, arrived: bool = True) -> None:
-        """Report how far a vehicle is with its task; it is in the cell where the task ends."""
-        task, pose = self.sim.tasks()[drone], PoseStamped()
+    def report(
+        self, drone: int, *, looked: bool = True, arrived: bool = True, east_m: float = 0.0
+    ) -> None:
+        """Report how far a vehicle is with its task; it is beside the cell where the task ends."""
+        task = self.sim.tasks()[drone]
         number = int(task["task"])
         progress = Progress(number, number if looked else -1, number if arrived else -1)
         message = vehicle_state_message(
             f"drone{drone}", "none", to_stamp(0), progress, level="ok", message="", values={}
         )
         self.sim.talk(DiagnosticArray, f"drone{drone}/vehicle_state").publish(message)
-        pose.header.frame_id = "map"
-        pose.pose.position.x, pose.pose.position.y = float(task["x"]), float(task["y"])
-        self.sim.talk(PoseStamped, f"drone{drone}/vehicle_pose").publish(pose)
+        self.places[drone] = float(task["x"]) + east_m, float(task["y"])
+        self.pass_time(0.0, only=drone)
 
     def step(self, *actions: int) -> NDArray[Any]:
         """Begin a step with these commands, and return the report of it after its time."""
@@ -122,9 +131,21 @@ def test_a_find_is_drawn_when_the_vehicle_has_looked_and_each_step_takes_its_tim
     vehicles.report(0, arrived=False)
     report = vehicles.step(SEARCH, LEFT)
     assert report["action"].tolist() == [SEARCH, -1] and report["found"].tolist() == [1, 0]
+    assert report[["look_action", "look_col", "look_row"]].tolist()[0] == (SEARCH, 2, 5)
     assert report["work"].tolist() == [1, 2] and report["terminated"].all()
     # The sea has taken as long as the vehicles.
     assert report["step"][0] * STEP_S == vehicles.time_s
+
+
+def test_a_search_counts_where_the_vehicle_was(sim: Sim) -> None:
+    vehicles = Vehicles(sim)
+    for drone in range(2):
+        vehicles.report(drone)
+    vehicles.step(SEARCH, LEFT)
+    vehicles.report(0, arrived=False, east_m=100.0)
+    report = vehicles.step(SEARCH, LEFT)
+    assert report["action"].tolist() == [SEARCH, -1] and not report["found"].any()
+    assert report[["look_action", "look_col", "look_row"]].tolist()[0] == (SEARCH, 3, 5)
 
 
 def test_a_delay_of_the_planner_is_made_up_for(sim: Sim) -> None:

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 from builtin_interfaces.msg import Time
+from numpy.typing import NDArray
 from rclpy.serialization import serialize_message
 from std_msgs.msg import String
 
@@ -18,6 +19,7 @@ from dsse_ros.mission.command_intake import CommandIntake
 from dsse_ros.mission.mission import Mission
 from dsse_ros.mission.step_messages import Display, StepMessages
 from dsse_ros.mission.step_reports import mission_report_of, step_report_of
+from dsse_ros.mission.vehicle_looks import give_looks
 from dsse_ros.recording.bag import BagWriter, Recorded
 from dsse_ros.scenario.agents import AgentsInfo, agents_json
 from dsse_ros.scenario.frames import map_positions, scenario_frame
@@ -159,10 +161,15 @@ class Flown:
         self.mission.advance(missing)
         self.report()
 
-    def fly(self, steps: int, work: Sequence[Sequence[int]] = ()) -> None:
+    def fly(
+        self,
+        steps: int,
+        work: Sequence[Sequence[int]] = (),
+        looks: Sequence[NDArray[np.void]] = (),
+    ) -> None:
         """Do steps with a joint action each, of all actions in turn that stay on the grid.
 
-        `work` is what the vehicles still have to do, step by step.
+        `work` is what the vehicles still have to do, step by step, `looks` from where they look.
         """
         for _ in range(steps):
             if self.mission.done:
@@ -172,6 +179,7 @@ class Flown:
             self.joint(*[int(one[(step + i) % len(one)]) for i, one in enumerate(allowed)])
             if step < len(work):
                 self.mission.set_work(np.array(work[step], np.int8))
+                give_looks(self.mission, looks[step])
             self.step()
 
     def find(self, topic: str, number: int = 0) -> int:

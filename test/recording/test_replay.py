@@ -31,6 +31,7 @@ from dsse_ros.recording.bag import Recorded
 from dsse_ros.recording.bag_replay import Replay, ReplayedMission
 from dsse_ros.scenario.frames import cell_to_map
 from dsse_ros.search import FieldError, profile
+from dsse_ros.step.viewpoints import viewpoints_at
 from msg_adapters.stamps import to_stamp
 from msg_adapters.step_report import step_report_from_message
 from msg_adapters.topics import of_drones, replayed
@@ -101,7 +102,9 @@ def test_a_mission_that_vehicles_flew_repeats_without_them(
         rules=profile(rules, vehicle_timed_actions=True), probability_of_detection=0.6,
         false_alarm_rate=fault_rate, false_alarm_steps=2, everything=True,
     )  # fmt: skip
-    of.fly(len(work), work)
+    draw = np.random.default_rng(len(work))
+    looks = [viewpoints_at(draw.integers(-1, 5, 3), *draw.integers(0, 8, (2, 3))) for _ in work]
+    of.fly(len(work), work, looks)
     mission = one(of.messages)
     assert repeats(mission), mission
     assert mission.steps == of.mission.result.step
