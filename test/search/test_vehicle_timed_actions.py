@@ -11,9 +11,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from dsse_ros.planners import planner_for
 from dsse_ros.search import parallel_env
 from dsse_ros.search.parallel_env import SearchEnv
 from dsse_ros.step.fault_kernels import ACTING, COMING_BACK, DONE
+from dsse_ros.step.viewpoints import viewpoints_at
 
 PLACE = {
     "vehicle_timed_actions": True, "grid_size": 20, "drones_positions": [(10, 10)],
@@ -117,3 +119,18 @@ def test_such_a_mission_goes_on_from_its_snapshot_bit_for_bit(name: str) -> None
             seen[-1].append(env.world.state_bytes())
         env.restore(kept)
     assert seen[0] == seen[1]
+
+
+def test_a_planner_learns_from_where_the_vehicle_looked() -> None:
+    env = started(rules="paper", observe="belief", probability_of_detection=0.1)
+    planner, draw, pos = planner_for(env, "belief_greedy"), np.random.default_rng(1), 0.0
+    observations, infos = env.reset(seed=1)
+    for _ in range(12):
+        actions = planner(observations, infos)
+        assert planner.belief.pos == pytest.approx(pos, rel=1e-6)  # type: ignore[attr-defined]
+        assert env.world.viewpoints is not None
+        looks = viewpoints_at(np.array([env.rules.action_set.search]), *draw.integers(0, 3, (2, 1)))
+        env.world.viewpoints.give(looks)
+        observations, *_, infos = env.step(actions)
+        pos = infos["drone0"]["pos"]
+    assert pos > 0.05
