@@ -192,7 +192,7 @@ def values(
 
 
 def of_drones(
-    mission: Mission, lost: Mapping[int, str], *, waits: bool
+    mission: Mission, lost: Mapping[int, str], *, waits: bool, blind: Mapping[int, str] = {}
 ) -> Iterator[tuple[str, Level, str, dict[str, object]]]:
     """Return the name, the level, a line and the values of each drone for diagnostics.
 
@@ -200,6 +200,7 @@ def of_drones(
         mission: The mission.
         lost: Reasons why vehicles have dropped out, by drone.
         waits: Whether the step waits for commands.
+        blind: Why vehicles cannot look, by drone; empty for those that can.
     """
     result, live, missing = mission.result, set(mission.live), set(mission.missing)
     fallen, action_names = {*mission.lost, *mission.fallen}, mission.env.rules.actions
@@ -211,8 +212,11 @@ def of_drones(
             level, line = "error", f"lost: {lost[i]}" if i in lost else "lost"
         elif i not in live:
             line = "found a person" if result.found[i] else "the search is over"
-        elif waits and i in missing:
-            line = f"{line}, waiting for a command"
+        else:
+            if waits and i in missing:
+                line = f"{line}, waiting for a command"
+            if blind.get(i):
+                level, line = "warning", f"{line}; its vehicle does not look: {blind[i]}"
         action = int(result.actions[i])
         found: dict[str, object] = {
             "cell": "{} {}".format(*result.cells[i].tolist()),

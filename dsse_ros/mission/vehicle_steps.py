@@ -20,6 +20,7 @@ from dsse_ros.mission.vehicle_tracks import Position, VehicleTrack, tilt_deg
 from dsse_ros.mission_items.track_missions import acceptance_radius_m
 from dsse_ros.result import Rejected
 from dsse_ros.scenario.frames import GridFrame
+from dsse_ros.search import HOLD
 from dsse_ros.step.flight_paths import MOST_PIECES
 from msg_adapters.poses import FramedPose
 
@@ -61,6 +62,7 @@ class VehicleSteps:
         step_s = mission.env.scenario.step_duration_s
         self._flown = [VehicleTrack(step_s) for _ in mission.tracks]
         self._looks = VehicleLooks(mission)
+        self._blind: dict[int, str] = {}
 
     def restart(self) -> None:
         """Have the vehicles go to where the drones of another mission start."""
@@ -117,14 +119,22 @@ class VehicleSteps:
             self.vehicles.set_place(drone, None)
             return parsed
         self.vehicles.set_place(drone, parsed.value)
-        error_m = self.settings.look_altitude_error
-        above_m = pose.position[2] - self._frame.alt_of(drone)
-        # A vehicle comes down to search.
-        low = self.tasks.actions[drone] == self._mission.env.rules.action_set.search
-        level = tilt_deg(pose.orientation) <= self.settings.look_tilt
-        looks = level and (-math.inf if low else -error_m) <= above_m <= error_m
+        self._blind[drone] = self._reason_not_to_look(drone, pose) if self.follows else ""
+        looks = not self._blind[drone]
         self._flown[drone].set_place(stamp_ns, Position(*parsed.value, looks))
         return None
+
+    def _reason_not_to_look(self, drone: int, pose: FramedPose) -> str:
+        """Return why a vehicle with this pose cannot look, empty if it can."""
+        most_m = self.settings.look_altitude_error
+        above_m = pose.position[2] - self._frame.alt_of(drone)
+        # A vehicle comes down to search; in metres there are no actions.
+        action = self.tasks.actions[drone]
+        low = action != HOLD and action == self._mission.env.rules.action_set.search
+        if not (-math.inf if low else -most_m) <= above_m <= most_m:
+            return f"{abs(above_m):.0f} m {'above' if above_m > 0 else 'below'} its altitude"
+        tilt = tilt_deg(pose.orientation)
+        return "" if tilt <= self.settings.look_tilt else f"tilted by {tilt:.0f} degrees"
 
     def set_time(self, drone: int, stamp_ns: int, boot_ms: int) -> None:
         """Set the clock of a vehicle, with the stamp of its message.
@@ -137,6 +147,11 @@ class VehicleSteps:
         if drone in live:
             self._clock.set_time(drone, boot_ms)
         self._scheduler.set_fleet_time(self._clock.time_s)
+
+    @property
+    def blind(self) -> dict[int, str]:
+        """Why vehicles cannot look where they are now, by drone, empty if they can."""
+        return self._blind if self._scheduler.started else {}
 
     @property
     def stopped(self) -> bool:

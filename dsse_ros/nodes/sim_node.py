@@ -428,7 +428,7 @@ class SimNode(AlarmNode):
             self.mission, run, publishers=self._publisher_counts.last, lost=lost, rejected=rejected,
             late=self._fleet.awaited() if self._fleet.exist else None,
         )  # fmt: skip
-        drones = status.of_drones(self.mission, lost, waits=self._idle)
+        drones = status.of_drones(self.mission, lost, waits=self._idle, blind=self._fleet.blind)
         self._diagnostics.publish(
             health,
             values,

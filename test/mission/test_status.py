@@ -66,6 +66,11 @@ def test_each_drone_has_a_status_of_its_own() -> None:
         "drone1": ("error", "lost"),
         "drone2": ("ok", "in flight, waiting for a command"),
     }
+    (_, *blind, _) = list(of_drones(flown, {}, waits=False, blind={0: "25 m below its altitude"}))[
+        0
+    ]
+    line = "in flight; its vehicle does not look: 25 m below its altitude"
+    assert blind == ["warning", line]
     (_, *lost, values) = list(of_drones(flown, {1: "link lost"}, waits=False))[1]
     assert lost == ["error", "lost: link lost"]
     col, row = flown.result.cells[1].tolist()
