@@ -14,7 +14,7 @@ import numpy as np
 from dsse_ros.bridge.fence import Fence, check_mission, check_place
 from dsse_ros.flight.autopilots import Autopilot
 from dsse_ros.flight.orders import FlyMission, FlyTrack, GoTo, Search
-from dsse_ros.flight.paced_setpoint import AHEAD_M, Place
+from dsse_ros.flight.paced_setpoint import AHEAD_M, BRAKING_MPS2, Place
 from dsse_ros.flight.vehicle_controller import Order
 from dsse_ros.flight.vehicle_state import VehicleState
 from dsse_ros.mission.vehicle_missions import FlightSettings
@@ -30,7 +30,8 @@ _OVER_HOME_M = 15.0
 _STANDS_M = 1.0
 """Length of a way up to which the vehicle stays where it is."""
 _OVERRUN_S = 3.0
-"""Time for which a vehicle that can hover flies on behind the end of a track, before it stops."""
+"""Time in which a vehicle that can hover would fly from the end of a track to the place behind it
+at which it stops; that is farther if it needs the way to brake."""
 
 
 def leg_task(
@@ -96,7 +97,8 @@ def way_task(
     if length_m < _STANDS_M:
         return Accepted((GoTo(*places[-1], top_m, settings.acceptance_radius),))
     speed_mps = length_m / step_s
-    beyond = _beyond(places, AHEAD_M if circles else speed_mps * _OVERRUN_S)
+    overrun_m = speed_mps * max(_OVERRUN_S, speed_mps / (2.0 * BRAKING_MPS2))
+    beyond = _beyond(places, AHEAD_M if circles else overrun_m)
     if isinstance(check_place(*beyond, top_m, fence), Rejected):
         beyond = places[-1]
     return Accepted((FlyTrack(places, beyond, top_m, speed_mps),))

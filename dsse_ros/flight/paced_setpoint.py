@@ -23,6 +23,9 @@ _LEAD_S = 1.0
 accelerate."""
 _APPROACH_S = 1.0
 """Time before the end at which the setpoint is the end itself, where the vehicle stops."""
+BRAKING_MPS2 = 2.0
+"""Deceleration before the end: ArduCopter, with WPNAV_ACCEL of 2.5 m/s2, flies past an end before
+which it has to brake harder, and back."""
 
 
 class PacedSetpoint:
@@ -37,7 +40,7 @@ class PacedSetpoint:
 
     Attributes:
         at_m: How far it has come along the track.
-        flown_m: How far the vehicle has; both only grow.
+        flown_m: How far the vehicle has; it only grows.
     """
 
     def __init__(
@@ -111,13 +114,19 @@ class PacedSetpoint:
         # A clock that has gone back was restarted.
         passed_s = max(boot_s - self._boot_s, 0.0)
         self._boot_s = boot_s
-        at_m = min(self.at_m + self._speed_mps * passed_s, flown_m + lead_m)
-        self.at_m = max(self.at_m, at_m)
-        if max(self.at_m, flown_m + self._speed_mps * _APPROACH_S) >= self.length_m:
+        left_m = max(self.length_m - flown_m, 0.0)
+        speed_mps = min(self._speed_mps, math.sqrt(2.0 * BRAKING_MPS2 * left_m))
+        if speed_mps < self._speed_mps:
+            # With a lead the vehicle would not brake.
+            self.at_m = flown_m
+        else:
+            at_m = min(self.at_m + speed_mps * passed_s, flown_m + lead_m)
+            self.at_m = max(self.at_m, at_m)
+        if max(self.at_m, flown_m + speed_mps * _APPROACH_S) >= self.length_m:
             return self.target
         (lat_deg, lon_deg), leg = self.place, self._leg
         (north_m, east_m), (to_north_m, to_east_m) = self._points[leg : leg + 2]
-        per_m = self._speed_mps / (self._at_m[leg + 1] - self._at_m[leg])
+        per_m = speed_mps / (self._at_m[leg + 1] - self._at_m[leg])
         velocity = ((to_north_m - north_m) * per_m, (to_east_m - east_m) * per_m)
         return replace(self.target, lat_deg=lat_deg, lon_deg=lon_deg, velocity_mps=velocity)
 
