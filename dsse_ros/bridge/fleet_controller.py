@@ -20,6 +20,7 @@ from dsse_ros.bridge.flight_plan import FlightPlan
 from dsse_ros.bridge.flight_record import FlightRecord, SearchId
 from dsse_ros.bridge.flight_records import FlightRecords
 from dsse_ros.bridge.followed_search import FollowedSearch, News
+from dsse_ros.bridge.own_return import reason_to_leave
 from dsse_ros.bridge.settings import BridgeSettings
 from dsse_ros.bridge.vehicle_custody import VehicleCustody
 from dsse_ros.bridge.vehicle_follower import Clearance, VehicleFollower
@@ -444,23 +445,8 @@ class FleetController:
         """Return why a vehicle that returns by itself would leave its layer; empty if it stays."""
         if self.plan is None or len(self._vehicles) == 1:
             return ""
-        state = self._vehicles[i].state
-        alt_m = self.plan.top_amsl_m(i) - (state.alt_amsl_m - state.alt_m)
         autopilot = AUTOPILOTS[self._settings.autopilot]
-        reasons = []
-        if alt_m < state.return_alt_m:
-            names = " or ".join(autopilot.return_altitudes)
-            reasons.append(
-                f"altitude must be at least {state.return_alt_m:g} m above home, the vehicle's "
-                f"{names}, to return in its own layer, got {alt_m:g}"
-            )
-        if state.return_climb_m > 0:
-            names = " or ".join(autopilot.return_climbs)
-            reasons.append(
-                f"the vehicle's {names} must be 0 to return in its own layer, got "
-                f"{state.return_climb_m:g} m"
-            )
-        return "; ".join(reasons)
+        return reason_to_leave(self._vehicles[i].state, self.plan.top_amsl_m(i), autopilot)
 
     def _log_news(self, i: int, before: Custody) -> None:
         name, follower = self.names[i], self.followers[i]

@@ -88,6 +88,8 @@ class Autopilot:
             returns, and their units in metres; it has one of them.
         return_climbs: Parameters with the height that it climbs at least before it returns, near
             home too, in the same way.
+        return_ends: Parameters with the altitude above home at which a fixed wing circles in the
+            end, in the same way; negative for the one at which it comes.
         disarmed_modes: Modes that it enters by itself while it is disarmed.
         disarming_s: Time after disarming in which it may fall back into any mode.
         messages: Types of the messages that we need from it.
@@ -139,6 +141,7 @@ class Autopilot:
     item_modes: Mapping[int, str] = field(default_factory=dict)
     return_altitudes: Mapping[str, float]
     return_climbs: Mapping[str, float] = field(default_factory=dict)
+    return_ends: Mapping[str, float] = field(default_factory=dict)
     disarmed_modes: frozenset[str] = _NO_MODES
     disarming_s: float = 0.0
     messages: tuple[Any, ...]
@@ -297,9 +300,10 @@ ARDUPLANE = replace(
     takes_off_by_mode=True,
     boot_modes=frozenset({"MANUAL", "STABILIZE", "INITIALIZING"}),
     landed_modes=frozenset({"RTL", "AUTO"}),
-    # The second from 4.6 on.
+    # The second from 4.5 on. It descends to it too.
     return_altitudes={"ALT_HOLD_RTL": 0.01, "RTL_ALTITUDE": 1.0},
     return_climbs={"RTL_CLIMB_MIN": 1.0},
+    return_ends={"ALT_HOLD_RTL": 0.01, "RTL_ALTITUDE": 1.0},
 )
 
 PX4 = Autopilot(
@@ -375,6 +379,7 @@ PX4_PLANE = replace(
     # NAV_LOITER_RAD is 80 m unless it is changed.
     circle_m=150.0,
     land_mode="RTL",
+    return_ends={"RTL_DESCEND_ALT": 1.0},
     paced_setpoints=False,
 )
 

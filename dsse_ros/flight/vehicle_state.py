@@ -108,6 +108,7 @@ class VehicleState:
         home: Latitude, longitude in degrees and altitude above mean sea level.
         return_alt_m: Altitude above home to which it climbs before it returns.
         return_climb_m: Height that it climbs at least before it returns.
+        return_end_m: Altitude above home at which it circles over home; negative for any.
         battery: 0 (empty) to 1.
         fenced: Whether a geofence of its own is enabled.
         failsafe: Empty, or which one is active: `battery`, `gcs`, `radio`, `ekf`, `gps`, `motors`,
@@ -146,6 +147,7 @@ class VehicleState:
     home: tuple[float, float, float] | None = None
     return_alt_m: float = math.nan
     return_climb_m: float = math.nan
+    return_end_m: float = math.nan
     battery: float = math.nan
     fenced: bool = False
     failsafe: str = ""
@@ -220,10 +222,8 @@ def observe(
             return _flying(_with(state, _landed_state=landed))
         case HomePosition(latitude=lat, longitude=lon, altitude=alt):
             return _with(state, home=(lat * 1e-7, lon * 1e-7, alt * 1e-3))
-        case ParamValue(param_id=name, param_value=value) if name in autopilot.return_altitudes:
-            return replace(state, return_alt_m=value * autopilot.return_altitudes[name])
-        case ParamValue(param_id=name, param_value=value) if name in autopilot.return_climbs:
-            return replace(state, return_climb_m=value * autopilot.return_climbs[name])
+        case ParamValue(param_id=name, param_value=value):
+            return _parameter(state, name, value, autopilot)
         case PositionTarget():
             return replace(state, target=_target(state, message), target_s=now)
         case MissionCurrent(seq=seq, total=total, mission_state=mission_state):
@@ -250,6 +250,15 @@ def _with(state: VehicleState, **reported: Any) -> VehicleState:
     before = vars(state)
     news = any(before[name] != value for name, value in reported.items())
     return replace(state, **reported) if news else state
+
+
+def _parameter(state: VehicleState, name: str, value: float, autopilot: Autopilot) -> VehicleState:
+    units = {
+        "return_alt_m": autopilot.return_altitudes,
+        "return_climb_m": autopilot.return_climbs,
+        "return_end_m": autopilot.return_ends,
+    }
+    return _with(state, **{one: value * of[name] for one, of in units.items() if name in of})
 
 
 def without_link(state: VehicleState) -> VehicleState:
@@ -390,7 +399,7 @@ def _event(state: VehicleState, event: EventMessage) -> VehicleState:
 class MessageRequests:
     """Requests for the messages that are needed, repeated until they come, and when they stop.
 
-    The altitude and the climb of its return are requested too, as parameters. Its id is requested
+    The altitudes and the climb of its return are requested too, as parameters. Its id is requested
     again and again, because it may be exchanged, or have a double.
 
     An autopilot may acknowledge a request and forget it, and loses all of them when it restarts.
@@ -405,9 +414,8 @@ class MessageRequests:
         self._target = target
         self._kinds = autopilot.messages
         # It has one parameter of each.
-        self._parameters = [
-            names for names in (autopilot.return_altitudes, autopilot.return_climbs) if names
-        ]
+        kinds = (autopilot.return_altitudes, autopilot.return_climbs, autopilot.return_ends)
+        self._parameters = [names for names in kinds if names]
         self._rates_hz = dict.fromkeys(self._kinds, _RATE_HZ)
         for kind in (GlobalPosition, Attitude, PositionTarget):
             if kind in self._rates_hz:
@@ -484,7 +492,6 @@ class MessageRequests:
             self._parameter_s = now
             requests += [
                 ParamRequestRead(*self._target, name.encode(), _BY_NAME)
-                for names in self._parameters
-                for name in sorted(names)
+                for name in sorted({name for names in self._parameters for name in names})
             ]
         return requests

@@ -39,7 +39,7 @@ class ArduPlane(ArduCopter):
     kind = mavlink.MAV_TYPE_FIXED_WING
     default_parameters: ClassVar[dict[str, Number]] = {
         **ArduCopter.default_parameters,
-        "ALT_HOLD_RTL": 10_000.0,
+        "RTL_ALTITUDE": 100.0,
         "RTL_CLIMB_MIN": 0.0,
         "TKOFF_ALT": 50.0,
         "WP_LOITER_RAD": 60.0,
@@ -86,7 +86,8 @@ class ArduPlane(ArduCopter):
         elif self.landed:
             self.maneuver = Maneuver()
         elif self.mode is Mode.RTL:
-            up_m = self.home.up_m + self.parameters["ALT_HOLD_RTL"] / 100
+            above_m = self.parameters["RTL_ALTITUDE"]
+            up_m = self.home.up_m + above_m if above_m >= 0 else here.up_m
             self.maneuver = self.go_to(self.home._replace(up_m=up_m))
         elif self.mode in (Mode.LOITER, Mode.GUIDED):
             self.maneuver = self.go_to(here)

@@ -1,0 +1,42 @@
+# Copyright 2026 dsse_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""Whether a vehicle that returns by itself, as its parameters say, stays in its layer."""
+
+from __future__ import annotations
+
+from dsse_ros.flight.autopilots import Autopilot
+from dsse_ros.flight.vehicle_state import VehicleState
+
+_LOWER_M = 1.0
+"""How far below its layer a vehicle still counts as in it."""
+
+
+def reason_to_leave(state: VehicleState, top_amsl_m: float, autopilot: Autopilot) -> str:
+    """Return why a vehicle that returns by itself would leave its layer; empty if it stays.
+
+    Args:
+        state: What it reports.
+        top_amsl_m: Altitude of its layer above mean sea level.
+        autopilot: Its autopilot.
+    """
+    alt_m = top_amsl_m - (state.alt_amsl_m - state.alt_m)
+    reasons = []
+    if alt_m < state.return_alt_m:
+        names = " or ".join(autopilot.return_altitudes)
+        reasons.append(
+            f"altitude must be at least {state.return_alt_m:g} m above home, the vehicle's "
+            f"{names}, to return in its own layer, got {alt_m:g}"
+        )
+    if state.return_climb_m > 0:
+        names = " or ".join(autopilot.return_climbs)
+        reasons.append(
+            f"the vehicle's {names} must be 0 to return in its own layer, got "
+            f"{state.return_climb_m:g} m"
+        )
+    if 0 <= state.return_end_m < alt_m - _LOWER_M:
+        names = " or ".join(autopilot.return_ends)
+        reasons.append(
+            f"the vehicle's {names} must be {alt_m:.0f} m to circle over home in its own layer, "
+            f"got {state.return_end_m:g} m"
+        )
+    return "; ".join(reasons)
