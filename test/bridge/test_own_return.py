@@ -41,5 +41,5 @@ def test_a_return_out_of_the_layer_is_named_with_its_parameter(
     one = AUTOPILOTS[autopilot]
     message = ParamValue(name.encode(), value, mavlink.MAV_PARAM_TYPE_REAL32, 2, 0)
     state = observe(VehicleState(alt_amsl_m=HOME_M, alt_m=0.0), message, 1.0, one)
-    said = reason_to_leave(state, LAYER_M, one)
-    assert reason in said and bool(said) == bool(reason)
+    named = reason_to_leave(state, LAYER_M, one)
+    assert reason in named and bool(named) == bool(reason)
