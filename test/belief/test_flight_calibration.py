@@ -23,7 +23,7 @@ SENSORS: dict[str, dict[str, Any]] = {
     "inverse cube": {"sensor": "sweep_width"},
     "camera": {"sensor": "camera", "object_size": 0.2},
 }
-MISSIONS, PLANS, STEPS, DRONES, PARTICLES = 56, 12, 150, 3, 2000
+MISSIONS, PLANS, STEPS, DRONES, PARTICLES = 56, 8, 150, 3, 2000
 UNTIL = np.linspace(0.1, 0.9, PLANS)
 """POS at which each plan ends."""
 
