@@ -69,6 +69,7 @@ class Autopilot:
         kind: What they are called.
         circle_m: Distance within which a vehicle that cannot hover circles over a place; 0 for one
             that can.
+        alt_error_m: How far from its altitude it may stay.
         repositions: Whether it flies to places by MAV_CMD_DO_REPOSITION, not to position targets.
         modes: Names of the flight modes by the fields of HEARTBEAT.custom_mode.
         mode_shifts: Bit positions of these fields.
@@ -125,6 +126,7 @@ class Autopilot:
     kinds: frozenset[int] = MULTICOPTERS
     kind: str = "a multicopter"
     circle_m: float = 0.0
+    alt_error_m: float = 0.0
     repositions: bool = False
     modes: Mapping[tuple[int, ...], str]
     mode_shifts: tuple[int, ...]
@@ -287,6 +289,8 @@ ARDUPLANE = replace(
     kind="a fixed wing",
     # WP_LOITER_RAD is 60 m unless it is changed.
     circle_m=120.0,
+    # After turns it is up to 2.6 m off, PX4's plane circles up to 3.3 m too low.
+    alt_error_m=4.0,
     repositions=True,
     # https://mavlink.io/en/messages/ardupilotmega.html#PLANE_MODE
     modes={
@@ -378,6 +382,7 @@ PX4_PLANE = replace(
     kind="a fixed wing",
     # NAV_LOITER_RAD is 80 m unless it is changed.
     circle_m=150.0,
+    alt_error_m=4.0,
     land_mode="RTL",
     return_ends={"RTL_DESCEND_ALT": 1.0},
     paced_setpoints=False,

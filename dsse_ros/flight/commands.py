@@ -59,7 +59,7 @@ class ControllerSettings:
     Attributes:
         autopilot: Name of its autopilot in `AUTOPILOTS`.
         speed_mps: Ground speed to request, of a fixed wing airspeed; 0 for the vehicle's own.
-        alt_tolerance_m: Difference in altitude at which the vehicle has arrived.
+        alt_tolerance_m: Difference in altitude at which a vehicle that can hover has arrived.
         recovery_alt_m: Altitude above home below which a vehicle that has left its guided mode for
             lack of setpoints is left to land.
         position_hz: Rate of positions to request, in the vehicle's time.
@@ -136,6 +136,11 @@ class Situation:
     def autopilot(self) -> Autopilot:
         """Which autopilot the vehicle has."""
         return AUTOPILOTS[self.settings.autopilot]
+
+    @property
+    def alt_tolerance_m(self) -> float:
+        """Difference in altitude at which the vehicle has arrived."""
+        return max(self.settings.alt_tolerance_m, self.autopilot.alt_error_m)
 
     def note_text(self, text: str) -> None:
         """Take note of a status text."""

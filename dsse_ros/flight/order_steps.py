@@ -49,7 +49,7 @@ def fly_to(
     """Fly to a setpoint, whose altitude is above mean sea level."""
     situation, setpoints = controller.situation, controller.setpoints
     autopilot = situation.autopilot
-    alt_tolerance_m = min(alt_tolerance_m, situation.settings.alt_tolerance_m)
+    alt_tolerance_m = min(alt_tolerance_m, situation.alt_tolerance_m)
     radius_m = max(radius_m, autopilot.circle_m)
     yield from until_position_known(controller)
     yield from until_lift_off_known(controller)
@@ -98,7 +98,7 @@ def climb_on_the_spot(controller: VehicleController, alt_amsl_m: float) -> Itera
     yield from until_position_known(controller)
     yield from until_lift_off_known(controller)
     state = controller.state
-    if abs(state.alt_amsl_m - alt_amsl_m) > controller.situation.settings.alt_tolerance_m:
+    if abs(state.alt_amsl_m - alt_amsl_m) > controller.situation.alt_tolerance_m:
         yield from fly_to(controller, state.lat_deg, state.lon_deg, alt_amsl_m, math.inf)
 
 

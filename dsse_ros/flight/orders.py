@@ -130,7 +130,7 @@ class TakeOff(Order):
             yield controller.commands.send_long(
                 NAV_TAKEOFF, "taking off", *parameters, takes_s=_LIFT_OFF_S
             )
-        tolerance_m = controller.situation.settings.alt_tolerance_m
+        tolerance_m = controller.situation.alt_tolerance_m
         while (left_m := abs(controller.state.alt_amsl_m - self.alt_amsl_m)) > tolerance_m:
             expect_flying(controller)
             if autopilot.circles and controller.state.alt_m >= _CLEAR_M:

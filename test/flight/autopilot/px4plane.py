@@ -15,6 +15,9 @@ from .parameters import Number
 from .px4 import Mode, Px4
 from .wire import Message, mavlink
 
+_TOO_LOW_M = 3.0
+"""How much lower than it is to, it circles."""
+
 
 class Px4Plane(Px4):
     """A vehicle that behaves as PX4's fixed wing does.
@@ -31,6 +34,7 @@ class Px4Plane(Px4):
     }
 
     def _circle(self, target: Point) -> Circle:
+        target = target._replace(up_m=target.up_m - _TOO_LOW_M)
         return Circle(target, self.cruise_mps, self.parameters["NAV_LOITER_RAD"])
 
     @property
