@@ -310,7 +310,12 @@ class LiveMission:
         return str(checked.value.derived.get("contact", ""))
 
     def _verify(self, step: int) -> None:
-        """Note the probability of contacts that are five steps old, and dismiss false ones."""
+        """Note the probability of contacts that are five steps old, and dismiss false ones.
+
+        Once one is the person, the search is over.
+        """
+        if self._real & self._checked.keys():
+            return
         old_s = (step - 4) * self._scenario.step_duration_s
         for contact in self._keeper.contacts.of_state("open"):
             last = self._keeper.contacts.last(contact.name)
@@ -319,6 +324,8 @@ class LiveMission:
             self._checked[contact.name] = self._keeper.probability(contact) or 0.0
             if contact.name not in self._real:
                 self._take("dismiss", contact=contact.name)
+            else:
+                return
 
     def _outcome(self) -> Outcome:
         keeper, case = self._keeper, self._case
