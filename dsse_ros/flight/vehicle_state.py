@@ -53,6 +53,8 @@ _AIRBORNE = frozenset(
         mavlink.MAV_LANDED_STATE_LANDING,
     }
 )
+_NOWHERE = 100_000
+"""Latitude and longitude in 1e-7 degrees up to which there is no place."""
 _MAX_HEADING = 36_000
 _GLOBAL_FRAMES = frozenset({mavlink.MAV_FRAME_GLOBAL, mavlink.MAV_FRAME_GLOBAL_INT})
 _RELATIVE_FRAMES = frozenset(
@@ -339,8 +341,8 @@ def _flying(state: VehicleState) -> VehicleState:
 
 def _position(state: VehicleState, message: GlobalPosition, now: float) -> VehicleState:
     identity = with_position(state.identity, message, now)
-    if message.lat == 0 and message.lon == 0:
-        # Autopilots send this while the position is unknown.
+    if max(abs(message.lat), abs(message.lon)) < _NOWHERE:
+        # Autopilots send this while the position is unknown: ArduPlane, what its gyros make of it.
         return replace(state, identity=identity)
     heading_deg = message.hdg / 100 if message.hdg <= _MAX_HEADING else math.nan
     return replace(

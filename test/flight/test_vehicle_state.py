@@ -87,8 +87,9 @@ def test_a_position_comes_in_degrees_and_metres() -> None:
     assert state.boot_s == pytest.approx(5.0)
 
 
-def test_an_unknown_position_is_none() -> None:
-    unknown = GlobalPosition(5000, 0, 0, 0, 0, 0, 0, 0, 65535)
+@pytest.mark.parametrize(("lat", "lon"), [(0, 0), (1126, -2934)])
+def test_an_unknown_position_is_none(lat: int, lon: int) -> None:
+    unknown = GlobalPosition(5000, lat, lon, 0, 0, 0, 0, 0, 65535)
     assert not after(unknown).has_position
     assert after(HERE, unknown).lat_deg == pytest.approx(-24.0)
 
