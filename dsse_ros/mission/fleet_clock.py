@@ -30,6 +30,11 @@ class FleetClock:
         self._time_ms = 0
         self._last_ms: dict[int, int] = {}
         self._lead_ms: dict[int, int] = {}
+        self._heard_ms: dict[int, int] = {}
+
+    def begin(self) -> None:
+        """Count from now on: no vehicle is ahead of the others, or behind them."""
+        self._lead_ms = dict.fromkeys(self._lead_ms, 0)
 
     @property
     def time_s(self) -> float:
@@ -50,11 +55,21 @@ class FleetClock:
         self._last_ms[vehicle] = boot_ms
         self._lead_ms[vehicle] = self._lead_ms.get(vehicle, 0) + passed_ms
         self._follow()
+        self._heard_ms[vehicle] = self._time_ms
+
+    def silent_s(self, vehicle: int) -> float:
+        """Return for how long the fleet has gone on without reports of a vehicle, s.
+
+        A clock that goes slower than those of the others is not silent, nor is one that has come
+        back with the time of its silence.
+        """
+        behind_ms = -self._lead_ms.get(vehicle, 0)
+        return max(min(behind_ms, self._time_ms - self._heard_ms.get(vehicle, 0)), 0) * 1e-3
 
     def keep(self, vehicles: Collection[int]) -> None:
         """Count the clocks of these vehicles only: others may have landed."""
         for gone in self._lead_ms.keys() - {*vehicles}:
-            del self._last_ms[gone], self._lead_ms[gone]
+            del self._last_ms[gone], self._lead_ms[gone], self._heard_ms[gone]
         self._follow()
 
     def _follow(self) -> None:

@@ -74,6 +74,7 @@ class VehicleSteps:
     def begin(self, missing_action: str) -> None:
         """Take the commands of the next step, and have the vehicles begin with it."""
         if not self._scheduler.started:
+            self._clock.begin()
             self._scheduler.start(self._clock.time_s)
             for track in self._flown:
                 track.begin()
@@ -102,7 +103,8 @@ class VehicleSteps:
         mission, taken = self._mission, {}
         pieces = mission.pieces if isinstance(mission, FlightMission) else MOST_PIECES
         for drone in mission.live:
-            flown = self._flown[drone].take(pieces, self._scheduler.fleet_ahead_s)
+            ahead_s, silent_s = self._scheduler.fleet_ahead_s, self._clock.silent_s(drone)
+            flown = self._flown[drone].take(pieces, ahead_s, silent_s)
             if flown is not None:
                 flown[0][:, 1] = self._frame.side_m - flown[0][:, 1]
                 taken[drone] = flown

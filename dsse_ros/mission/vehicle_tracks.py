@@ -109,7 +109,7 @@ class VehicleTrack:
             self._positions.popleft()
 
     def take(
-        self, pieces: int, ahead_s: float = 0.0
+        self, pieces: int, ahead_s: float = 0.0, silent_s: float = 0.0
     ) -> tuple[NDArray[np.float64], NDArray[np.bool_]] | None:
         """Return what was flown in a step, and forget it; None before any position.
 
@@ -118,6 +118,7 @@ class VehicleTrack:
         Args:
             pieces: K.
             ahead_s: Time that has passed since the end of the step: it belongs to later ones.
+            silent_s: Time that has passed without reports of the vehicle.
 
         Returns:
             (K + 1, 2) float64 x and y, m, at equal times, and (K + 1,) bool: whether it looked
@@ -128,10 +129,12 @@ class VehicleTrack:
         times = np.array([time_s for time_s, _ in self._positions])
         x, y, looks = np.array([place for _, place in self._positions]).T
         start_s, end_s = self._start_s, float(times[-1]) - ahead_s
+        if silent_s > LONGEST_GAP_S:
+            end_s += silent_s
         if end_s < start_s and len(times) > 1:
             # Its clock was taken to have gone on without positions, and has not.
             start_s = float(times[0])
-        if end_s - start_s < self._step_s - LONGEST_GAP_S:
+        if end_s <= start_s:
             end_s = start_s + self._step_s
         at_s = np.linspace(start_s, end_s, pieces + 1)
         path = np.stack([np.interp(at_s, times, x), np.interp(at_s, times, y)], axis=1)

@@ -108,3 +108,39 @@ def test_without_the_silent_one_the_time_of_the_other_counts() -> None:
     assert clock.time_s == 0.0
     clock.keep([1])
     assert clock.time_s == pytest.approx(20.0)
+
+
+def test_time_before_the_beginning_does_not_count_when_a_silent_vehicle_is_dropped() -> None:
+    clock = FleetClock()
+    clock.set_time(1, 0)
+    for now_ms in (0, 30_000):
+        clock.set_time(0, now_ms)
+    clock.begin()
+    clock.keep([0])
+    assert clock.time_s == 0.0
+    clock.set_time(0, 31_000)
+    assert clock.time_s == 1.0
+
+
+def test_a_vehicle_is_silent_while_the_others_go_on_and_not_once_it_is_back() -> None:
+    clock = FleetClock()
+    for vehicle in range(3):
+        clock.set_time(vehicle, 0)
+    for now_ms in (6_000, 13_000):
+        clock.set_time(0, now_ms)
+        clock.set_time(1, now_ms)
+    assert [clock.silent_s(vehicle) for vehicle in range(3)] == [0.0, 0.0, 13.0]
+    clock.set_time(2, 13_000)
+    assert clock.silent_s(2) == 0.0
+    # All were silent, and come back one after the other.
+    for vehicle in range(3):
+        clock.set_time(vehicle, 40_000)
+    assert [clock.silent_s(vehicle) for vehicle in range(3)] == [0.0, 0.0, 0.0]
+
+
+def test_a_clock_that_is_slower_is_not_silent() -> None:
+    clock = FleetClock()
+    for step in range(20):
+        for vehicle, speed in enumerate((1000, 1000, 800)):
+            clock.set_time(vehicle, speed * step)
+    assert clock.silent_s(2) == 0.0

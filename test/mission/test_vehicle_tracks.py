@@ -69,7 +69,7 @@ def test_a_vehicle_without_positions_stays_where_it_was_and_does_not_look() -> N
     assert track.take(PIECES) is None
     for time_s in (0.0, 1.0, 2.0):
         report(track, time_s)
-    first, second = track.take(PIECES), track.take(PIECES)
+    first, second = (track.take(PIECES, silent_s=silent_s) for silent_s in (11.0, 24.0))
     assert first is not None and second is not None
     assert first[1].tolist() == [False, True, True, *[False] * 11]
     assert second[0].tolist() == [[20.0, 5.0]] * 14 and not second[1].any()
@@ -108,14 +108,24 @@ def test_after_a_clock_that_stood_still_the_vehicle_looks_again() -> None:
     track = VehicleTrack(STEP_S)
     for time_s in np.arange(0.0, 13.1, 1.0).tolist():
         report(track, time_s)
-    for _ in range(4):
+    for silent_s in (0.0, 13.0, 26.0, 39.0):
         # The clocks of others have gone on.
-        assert track.take(PIECES) is not None
+        assert track.take(PIECES, silent_s=silent_s) is not None
     for time_s in np.arange(14.0, 26.1, 1.0).tolist():
         report(track, time_s)
     flown = track.take(PIECES)
     assert flown is not None and flown[1][1:].all()
     assert flown[0][[0, -1], 0].tolist() == [130.0, 260.0]
+
+
+def test_a_vehicle_whose_clock_is_slower_than_the_fleets_looks_all_the_time() -> None:
+    track, step_s = VehicleTrack(STEP_S), 10.0
+    for step in range(3):
+        for time_s in np.arange(step_s * step, step_s * (step + 1) + 0.1, 1.0).tolist():
+            report(track, time_s)
+        flown = track.take(PIECES)
+        assert flown is not None and flown[1][1:].all()
+        assert flown[0][[0, -1], 0].tolist() == [100.0 * step, 100.0 * (step + 1)]
 
 
 @pytest.mark.parametrize("jump_s", [-100.0, 1000.0])
