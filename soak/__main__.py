@@ -18,6 +18,7 @@ from typing import Any
 
 from benchmarks.bench import machine, own_versions, rounded
 from dsse_ros.progress import progress, say
+from dsse_ros.whole_files import write_whole
 from soak import ROOT
 from soak.rigs import use_defaults_of_dds
 from soak.row import Row, Run
@@ -114,11 +115,8 @@ def _load(path: Path) -> dict[str, dict[str, Any]]:
 
 
 def _save(path: Path, results: dict[str, dict[str, Any]]) -> None:
-    """Write the results atomically: a kill leaves the old ones or the new ones."""
-    temporary = path.with_suffix(".tmp")
     ordered = {name: results[name] for name in ROWS if name in results}
-    temporary.write_text(json.dumps(ordered, indent=1) + "\n", encoding="utf-8")
-    temporary.replace(path)
+    write_whole(path, (json.dumps(ordered, indent=1) + "\n").encode())
 
 
 def _arguments(arguments: list[str] | None) -> argparse.Namespace:

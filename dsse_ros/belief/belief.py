@@ -112,7 +112,7 @@ class Forecast(ForecastBase):
         """Copy the prepared steps of another forecast, and its tables if the map is the same.
 
         Args:
-            other: A forecast with the same rules, grid, area, transitions and number of
+            other: A forecast with the same rules, grid, area, data of the motion and number of
                 steps.
         """
         steps = other._ready

@@ -3,8 +3,10 @@
 """Custody of a vehicle: who controls it, and which orders the bridge may send to it.
 
 `NEXT` maps each state and event to the next state; an event that is not listed changes nothing.
-`MAY_ORDER` lists the orders that a state allows. Nothing else decides whether a vehicle is armed,
-takes off, moves or changes its mode. docs/flight.md prints both tables.
+`MAY_ORDER` lists the orders that a state allows; without such an order the bridge does not arm a
+vehicle, move it or change its mode. A take-off also needs a vehicle that is ready
+(`VehicleFollower`) and its turn (`FleetAirspace`), and `FlightRecord.arm` says whether the bridge
+arms it. docs/flight.md prints both tables.
 """
 
 from __future__ import annotations

@@ -46,7 +46,7 @@ class FleetAirspace:
         names: Names of the drones.
         vehicles: Their vehicles.
         followers: Their followers.
-        whole: Whether the vehicles fly searches as missions.
+        as_mission: Whether the vehicles fly searches as missions.
 
     Attributes:
         missions: The missions that they fly, by the number of the drone.
@@ -58,10 +58,10 @@ class FleetAirspace:
         vehicles: Sequence[Vehicle],
         followers: Sequence[VehicleFollower],
         *,
-        whole: bool,
+        as_mission: bool,
     ) -> None:
         self._names, self._vehicles, self._followers = names, vehicles, followers
-        self._whole = whole
+        self._as_mission = as_mission
         self.missions: Mapping[int, MissionPlan] = {}
         self.look_again()
 
@@ -77,7 +77,7 @@ class FleetAirspace:
             if j != i:
                 blocked = self._followers[j].blocked or "not ready"
                 return f"waiting for {self._names[j]}: {blocked}"
-        for j in fleet.climbing if self._whole else ():
+        for j in fleet.climbing if self._as_mission else ():
             # Vehicles in higher layers climb first.
             if plan.frames[j].alt_m > alt_m:
                 return f"waiting for {self._names[j]}, which takes off first"
@@ -86,7 +86,9 @@ class FleetAirspace:
     def way_home(self, i: int, plan: FlightPlan) -> GoTo | None:
         """Return the way home that does not cross the layers of others; None if there is none."""
         others = self._fleet.flying - {i}
-        return plan.way_home(i, self._vehicles[i].state) if others and not self._whole else None
+        return (
+            plan.way_home(i, self._vehicles[i].state) if others and not self._as_mission else None
+        )
 
     def admit(self, i: int, plan: FlightPlan, order: Order) -> Order | str:
         """Return the order to give instead of the wanted one, or why that has to wait."""

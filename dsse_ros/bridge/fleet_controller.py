@@ -23,7 +23,7 @@ from dsse_ros.bridge.followed_search import FollowedSearch, News
 from dsse_ros.bridge.own_return import reason_to_leave
 from dsse_ros.bridge.settings import BridgeSettings
 from dsse_ros.bridge.vehicle_custody import VehicleCustody
-from dsse_ros.bridge.vehicle_follower import Clearance, VehicleFollower
+from dsse_ros.bridge.vehicle_follower import Permissions, VehicleFollower
 from dsse_ros.defects import Defects, describe
 from dsse_ros.flight.autopilots import AUTOPILOTS
 from dsse_ros.flight.orders import FlyMission, Hold
@@ -78,7 +78,7 @@ class FleetController:
         self._vehicles = vehicles
         self._records = records
         self._log = log
-        self._whole = settings.mode == "mission"
+        self._as_mission = settings.mode == "mission"
         self.names = [f"drone{i}" for i in range(len(vehicles))]
         self.followers = [
             VehicleFollower(settings, None if records is None else records[i])
@@ -86,11 +86,15 @@ class FleetController:
         ]
         # The id with which each vehicle has been identified.
         self._uids: list[str | None] = [None] * len(vehicles)
-        self._airspace = FleetAirspace(self.names, vehicles, self.followers, whole=self._whole)
+        self._airspace = FleetAirspace(
+            self.names, vehicles, self.followers, as_mission=self._as_mission
+        )
         for i in range(len(vehicles)):
             self._adopt(i)
         self.plan: FlightPlan | None = None
-        self.search = FollowedSearch(len(vehicles), whole=self._whole, refuse=self._refuse)
+        self.search = FollowedSearch(
+            len(vehicles), as_mission=self._as_mission, refuse=self._refuse
+        )
         self.holding = False
         self._center = settings.fence_center
         self._first: SearchId | None = None
@@ -213,7 +217,7 @@ class FleetController:
         """Make the vehicles follow the last step."""
         self._idle_s, self.holding = None, False
         legs = self.search.legs
-        if self._whole or self.plan is None or not legs:
+        if self._as_mission or self.plan is None or not legs:
             return
         for i, (follower, leg) in enumerate(zip(self.followers, legs, strict=True)):
             follower.follow(leg, self.plan.leg_task(i, leg))
@@ -361,7 +365,7 @@ class FleetController:
         if state.connected and state.identity.uid is None:
             follower.await_identity(state, now_s, trouble)
             return None
-        return follower.advance(state, outcome, now_s, trouble, self._clearance(i))
+        return follower.advance(state, outcome, now_s, trouble, self._permissions(i))
 
     @property
     def _search_alive(self) -> bool:
@@ -369,12 +373,12 @@ class FleetController:
         disturbed = self.search.foreign or self._contested
         return self.search.confirmed and not disturbed and self._publishers > 0
 
-    def _clearance(self, i: int) -> Clearance:
+    def _permissions(self, i: int) -> Permissions:
         """Return what the other vehicles and the search allow a vehicle to do."""
         plan, alive = self.plan, self._search_alive
         if plan is None:
-            return Clearance(search_alive=alive)
-        return Clearance(
+            return Permissions(search_alive=alive)
+        return Permissions(
             search_alive=alive,
             take_off=self._reason_to_wait(i, plan) if self.followers[i].is_awaited else "",
             home=self._airspace.way_home(i, plan),
@@ -384,7 +388,7 @@ class FleetController:
 
     def _reason_to_wait(self, i: int, plan: FlightPlan) -> str:
         """Return what the take-off of a vehicle waits for; empty for nothing."""
-        if not self._whole and not self.search.commanded:
+        if not self._as_mission and not self.search.commanded:
             return "waiting for the first commands of a planner"
         return self._airspace.reason_to_wait(i, plan)
 
@@ -410,7 +414,7 @@ class FleetController:
     def _watch_planner(self, now_s: float) -> None:
         """Make the vehicles hold if they have waited too long for the next step."""
         timeout_s = self._settings.planner_timeout
-        if self._whole or timeout_s <= 0 or self.holding:
+        if self._as_mission or timeout_s <= 0 or self.holding:
             return
         going = [follower for follower in self.followers if follower.follows_leg]
         if not going or not all(follower.waiting for follower in going):
@@ -425,7 +429,7 @@ class FleetController:
 
     def close(self) -> None:
         """Record, as the program ends, that the vehicles are ordered to hold."""
-        if not self._whole:
+        if not self._as_mission:
             for i, follower in enumerate(self.followers):
                 follower.custody.rest()
                 self._keep_record(i)

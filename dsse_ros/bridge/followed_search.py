@@ -55,7 +55,7 @@ class FollowedSearch:
 
     Args:
         vehicles: Number of drones that the search must have.
-        whole: Whether to wait for the tracks of the whole mission, once it is over.
+        as_mission: Whether to wait for the tracks of the whole mission, once it is over.
         refuse: Returns why another search, or the followed one if it is described again, may not
             be followed now; empty if it may.
 
@@ -64,8 +64,8 @@ class FollowedSearch:
         legs: Leg of each vehicle; empty before the first step. Each is the vehicle's task or, where
             there are no `vehicle_tasks`, what its drone has done in the last step.
         final_legs: Leg of each vehicle at the end of the mission, set with `tracks`.
-        tracks: (steps + 1, N) report of the whole mission; None if it has not come or `whole` is
-            False.
+        tracks: (steps + 1, N) report of the whole mission; None if it has not come, or without
+            `as_mission`.
         foreign: Why the search of the latest `agents` is not followed; empty if it is.
         confirmed: Whether `agents` of this mission have come since simulations last came or went.
     """
@@ -74,11 +74,11 @@ class FollowedSearch:
         self,
         vehicles: int,
         *,
-        whole: bool,
+        as_mission: bool,
         refuse: Callable[[AgentsInfo], str] = lambda info: "",
     ) -> None:
         self._vehicles = vehicles
-        self._whole = whole
+        self._as_mission = as_mission
         self._refuse = refuse
         self.info: AgentsInfo | None = None
         self.legs: list[Leg] = []
@@ -138,7 +138,7 @@ class FollowedSearch:
         """Return why the vehicles cannot fly the search; empty if they can."""
         if self.foreign or self._unflyable:
             return self.foreign or self._unflyable
-        missing = self._whole and self.tracks is None and self._over_since_s is not None
+        missing = self._as_mission and self.tracks is None and self._over_since_s is not None
         if missing and now_s - (self._over_since_s or 0.0) > MISSION_REPORT_S:
             return "the search is over, and its mission_report has not arrived"
         return ""
@@ -172,7 +172,7 @@ class FollowedSearch:
         count = len(info.agents)
         if self._vehicles != count:
             return f"{self._vehicles} vehicles for {count} drones: nothing is flown"
-        if not info.actions and self._whole:
+        if not info.actions and self._as_mission:
             return "the search is in metres, which mode mission does not fly: nothing is flown"
         known = self.info
         if known is not None and info.run_id == known.run_id and info.mission != known.mission:
@@ -213,7 +213,7 @@ class FollowedSearch:
         if _identity(info) not in self._mission_reports:
             return None
         stamp_ns, report = self._mission_reports[_identity(info)]
-        if not self._whole or self.tracks is not None or self._unflyable:
+        if not self._as_mission or self.tracks is not None or self._unflyable:
             return None
         if report.shape[1] != len(info.agents):
             return None

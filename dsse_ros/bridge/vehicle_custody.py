@@ -53,7 +53,7 @@ class VehicleCustody:
         autopilot: Autopilot of the vehicle.
         arm: See `Arm`.
         record: Its record so far.
-        whole: Whether the vehicle flies searches as missions, which land by themselves.
+        as_mission: Whether the vehicle flies searches as missions, which land by themselves.
         changed: Called after each change of state except lift-off: earlier orders are void.
 
     Attributes:
@@ -72,13 +72,13 @@ class VehicleCustody:
         record: FlightRecord,
         changed: Callable[[], None],
         *,
-        whole: bool = False,
+        as_mission: bool = False,
     ) -> None:
         self._autopilot = autopilot
         self._arm = arm
         self.record = record
         self._changed = changed
-        self._whole = whole
+        self._as_mission = as_mission
         self.authority = 0
         self.search: SearchId | None = None
         self.over = False
@@ -230,7 +230,7 @@ class VehicleCustody:
         )  # fmt: skip
 
     def _clear_in_the_air(self, *, search_alive: bool) -> Result[str]:
-        if self._whole:
+        if self._as_mission:
             why = "in the air, and its mission does not go on: clear it once it is down"
             return Rejected("in_the_air", why)
         if self.is_out or not search_alive:
@@ -461,7 +461,7 @@ class VehicleCustody:
         if may_be_a_doubles or state.identity.twins:
             return
         if self.airborne or self.state in _ENDS_ON_THE_GROUND or self._was_armed:
-            if self.state is Custody.FOLLOWING and not self._whole:
+            if self.state is Custody.FOLLOWING and not self._as_mission:
                 self.lose("on the ground again before the end of the search")
             self.on(Event.DOWN)
         if self._was_armed or not takes_off:
@@ -473,7 +473,7 @@ class VehicleCustody:
             return
         autopilot = self._autopilot
         modes = autopilot.take_off_modes
-        if self._whole:
+        if self._as_mission:
             modes |= autopilot.mission_modes
         if takes_off and state.mode in modes:
             self.on(Event.LIFT_OFF)

@@ -43,7 +43,7 @@ _ENDS: dict[str, Order] = {"return": Return(), "land": Land(), "hold": Hold()}
 
 
 @dataclass(frozen=True)
-class Clearance:
+class Permissions:
     """Permissions of a vehicle, from the other vehicles and the search.
 
     Attributes:
@@ -83,7 +83,7 @@ class VehicleFollower:
     def __init__(self, settings: BridgeSettings, record: FlightRecord | None = None) -> None:
         self._settings = settings
         self._autopilot = AUTOPILOTS[settings.autopilot]
-        self._whole = settings.mode == "mission"
+        self._as_mission = settings.mode == "mission"
         self._top_amsl_m = 0.0
         self._place_watch = PlaceWatch(self._autopilot.circle_m)
         self._fence: Fence | None = None
@@ -94,7 +94,7 @@ class VehicleFollower:
             cast(Arm, settings.arm),
             record or FlightRecord(),
             self._forget_order,
-            whole=self._whole,
+            as_mission=self._as_mission,
         )
 
     def _forget_search(self) -> None:
@@ -190,7 +190,11 @@ class VehicleFollower:
     @property
     def mission_under_way(self) -> bool:
         """Whether it flies its search as a mission."""
-        return self._whole and self.custody.state is Custody.FOLLOWING and not self.progress.arrived
+        return (
+            self._as_mission
+            and self.custody.state is Custody.FOLLOWING
+            and not self.progress.arrived
+        )
 
     @property
     def holds_up(self) -> bool:
@@ -227,7 +231,7 @@ class VehicleFollower:
         outcome: Outcome,
         now_s: float,
         trouble: str = "",
-        clearance: Clearance | None = None,
+        permissions: Permissions | None = None,
     ) -> Order | None:
         """Return the order to give now, None if there is no new one.
 
@@ -236,22 +240,22 @@ class VehicleFollower:
             outcome: Outcome of the last order.
             now_s: Time on a steady clock, the one of `state.heard_s`.
             trouble: What is wrong with its link; empty if nothing is.
-            clearance: What the other vehicles and the search allow it to do.
+            permissions: What the other vehicles and the search allow it to do.
         """
-        clearance = clearance or Clearance()
+        permissions = permissions or Permissions()
         self._look(outcome, now_s)
         self._set_over()
         self.custody.observe(state, outcome, now_s)
         self.custody.lapse(now_s)
         self._watch(state, now_s, trouble)
         self.custody.clear_automatically(now_s)
-        self._await_take_off(state, outcome, now_s, trouble, clearance)
+        self._await_take_off(state, outcome, now_s, trouble, permissions)
         self.finished = self._is_finished(state)
-        return self._next_order(state, now_s, clearance) if state.connected else None
+        return self._next_order(state, now_s, permissions) if state.connected else None
 
     def await_identity(self, state: VehicleState, now_s: float, trouble: str) -> None:
         """Let time pass while it is not known which vehicle is connected."""
-        self._await_take_off(state, Outcome(), now_s, trouble, Clearance())
+        self._await_take_off(state, Outcome(), now_s, trouble, Permissions())
 
     def _look(self, outcome: Outcome, now_s: float) -> None:
         """Handle the outcome of the order."""
@@ -269,7 +273,7 @@ class VehicleFollower:
         custody, progress, leg = self.custody, self.progress, self.progress.leg
         if leg is None or not leg.over:
             custody.over = False
-        elif self._whole:
+        elif self._as_mission:
             record = custody.record
             landed = record.flown and record.search == custody.search and not custody.airborne
             custody.over = progress.arrived or landed
@@ -313,7 +317,7 @@ class VehicleFollower:
         if watch.falls(state, now_s, fence, self._low_reason(state)):
             custody.fall(f"fell to {state.alt_m:.0f} m above home without an order")
             progress.arrived = False
-        elif not self._whole:
+        elif not self._as_mission:
             # A mission goes on without the bridge, and all of it is checked before.
             outside = watch.outside(state, now_s, fence)
             if outside and custody.state is Custody.FOLLOWING:
@@ -323,7 +327,7 @@ class VehicleFollower:
         """Return why it may be below the lowest altitude."""
         custody = self.custody
         ordered = custody.state is Custody.RECALLED or isinstance(self._given.order, Return | Land)
-        if self._whole:
+        if self._as_mission:
             # The last item brings it down.
             last = custody.record.items - 1 + self._autopilot.first_item
             ordered |= not custody.record.items or state.item_current >= last
@@ -348,7 +352,7 @@ class VehicleFollower:
         outcome: Outcome,
         now_s: float,
         trouble: str,
-        clearance: Clearance,
+        permissions: Permissions,
     ) -> None:
         """Recognise what keeps it from taking off; drop out if that takes too long."""
         self.ready = False
@@ -369,11 +373,11 @@ class VehicleFollower:
             # Waiting for a person has no timeout.
             in_the_air = state.flying or state.armed
             # In the air it is cleared alone.
-            alone = self.custody.state is Custody.RELEASED and in_the_air and not self._whole
+            alone = self.custody.state is Custody.RELEASED and in_the_air and not self._as_mission
             clears = "drone<i>/arm clears it to fly" if alone else "~/arm clears it to fly"
             self.blocked = f"{self.custody.holder}: {clears}"
-        elif clearance.take_off:
-            self.blocked = clearance.take_off
+        elif permissions.take_off:
+            self.blocked = permissions.take_off
 
     def _reason_not_to_fly(
         self, state: VehicleState, outcome: Outcome, because: str
@@ -383,7 +387,7 @@ class VehicleFollower:
         if lacking[0] or not state.connected:
             return lacking
         because = because or unready(state)
-        if self._whole and not self.progress.has_task:
+        if self._as_mission and not self.progress.has_task:
             return "no home position", because
         if self.custody.state is not Custody.CLEARED or state.armed:
             return "", ""
@@ -402,15 +406,17 @@ class VehicleFollower:
 
     # Orders
 
-    def _next_order(self, state: VehicleState, now_s: float, clearance: Clearance) -> Order | None:
-        wanted = self._wanted(state, clearance)
+    def _next_order(
+        self, state: VehicleState, now_s: float, permissions: Permissions
+    ) -> Order | None:
+        wanted = self._wanted(state, permissions)
         if wanted is None or not isinstance(wanted, MAY_ORDER[self.custody.state]):
             return None
         given, stamped = self._given, self._stamped(wanted)
         # A vehicle that has dropped out, or was recalled, does not wait for others.
         waits = not self.lost and self.custody.state is not Custody.RECALLED
         if stamped == given.wanted:
-            intruder = clearance.intruder(given.order) if waits and not given.done else ""
+            intruder = permissions.intruder(given.order) if waits and not given.done else ""
             if intruder and self._may_stop:
                 self.blocked = intruder
                 return self._give(Hold(), (Hold(), 0))
@@ -418,7 +424,7 @@ class VehicleFollower:
                 return None
         order = wanted
         if waits:
-            admitted = clearance.admit(wanted)
+            admitted = permissions.admit(wanted)
             if isinstance(admitted, str):
                 self.blocked = admitted
                 return None
@@ -428,7 +434,7 @@ class VehicleFollower:
     @property
     def _may_stop(self) -> bool:
         """Whether it may be ordered to hold where it is."""
-        return not self._whole and Hold in MAY_ORDER[self.custody.state]
+        return not self._as_mission and Hold in MAY_ORDER[self.custody.state]
 
     def _give(self, order: Order, stamped: tuple[Order, int]) -> Order:
         self._given.give(order, stamped)
@@ -438,11 +444,11 @@ class VehicleFollower:
     def _stamped(self, order: Order) -> tuple[Order, int]:
         return order, self.progress.number if isinstance(order, Search) else 0
 
-    def _wanted(self, state: VehicleState, clearance: Clearance) -> Order | None:
+    def _wanted(self, state: VehicleState, permissions: Permissions) -> Order | None:
         """Return what the vehicle should be doing, None where no order is needed."""
         match self.custody.state:
             case Custody.CLEARED:
-                return self._wanted_on_the_ground(state, clearance)
+                return self._wanted_on_the_ground(state, permissions)
             case Custody.FOLLOWING:
                 return self._wanted_in_the_air(state)
             case Custody.HELD:
@@ -452,18 +458,18 @@ class VehicleFollower:
                 from_mode = record.from_modes[0] if record.from_modes else ""
                 return Land(from_mode) if record.end == "land" else Return(from_mode)
             case Custody.ENDING:
-                return self._wanted_at_the_end(state, clearance)
+                return self._wanted_at_the_end(state, permissions)
         return None
 
-    def _wanted_on_the_ground(self, state: VehicleState, clearance: Clearance) -> Order | None:
+    def _wanted_on_the_ground(self, state: VehicleState, permissions: Permissions) -> Order | None:
         if not self.is_awaited or not state.has_position:
             return None
         arm, modes = self.custody.record.arm, self.custody.record.from_modes
-        refused = bool(self.refused) or not clearance.search_alive
-        if refused or clearance.take_off or not (self.ready or self.takes_off):
+        refused = bool(self.refused) or not permissions.search_alive
+        if refused or permissions.take_off or not (self.ready or self.takes_off):
             # This also cancels a take-off that has not begun.
             return MakeReady(arm, modes)
-        if not self._whole:
+        if not self._as_mission:
             return TakeOff(self._top_amsl_m, arm, modes)
         mission = self.progress.due
         if isinstance(mission, FlyMission):
@@ -472,7 +478,7 @@ class VehicleFollower:
 
     def _wanted_in_the_air(self, state: VehicleState) -> Order | None:
         custody, progress = self.custody, self.progress
-        if self._whole or progress.leg is None or custody.record.search != custody.search:
+        if self._as_mission or progress.leg is None or custody.record.search != custody.search:
             # A mission ends by itself, and goes on without the bridge.
             return None
         climb = self._given.under_way
@@ -483,8 +489,8 @@ class VehicleFollower:
             return None
         return Hold() if progress.holding else progress.due or Hold()
 
-    def _wanted_at_the_end(self, state: VehicleState, clearance: Clearance) -> Order | None:
-        end, home = _ENDS["return" if self._whole else self._settings.at_end], clearance.home
+    def _wanted_at_the_end(self, state: VehicleState, permissions: Permissions) -> Order | None:
+        end, home = _ENDS["return" if self._as_mission else self._settings.at_end], permissions.home
         # An earlier program may have begun the end.
         begun = self._given.was_given_for(end) or state.mode in self._autopilot.descent_modes
         there = home is not None and self._given.done and self._given.was_given_for(home)

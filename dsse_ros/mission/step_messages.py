@@ -122,63 +122,65 @@ class StepMessages:
 
 
 def _grid(
-    of: StepMessages, stamp: Any, display: Display, probability: NDArray[np.float32] | None
+    maker: StepMessages, stamp: Any, display: Display, probability: NDArray[np.float32] | None
 ) -> Any:
     if probability is None:
         return None
-    area = of.mission.env.scenario.area_mask
-    head, resolution_m = of.header(stamp), of.frame.cell_size_m
+    area = maker.mission.env.scenario.area_mask
+    head, resolution_m = maker.header(stamp), maker.frame.cell_size_m
     return occupancy_grid(head, resolution_m, probability, display.grid_scaling, area)
 
 
-def _image(of: StepMessages, stamp: Any, probability: NDArray[np.float32] | None) -> Any:
-    return None if probability is None else probability_image(of.header(stamp), probability)
+def _image(maker: StepMessages, stamp: Any, probability: NDArray[np.float32] | None) -> Any:
+    return None if probability is None else probability_image(maker.header(stamp), probability)
 
 
-def _particles(of: StepMessages, stamp: Any) -> Any:
-    found, into = of.mission.particles(), of.reused("particles")
-    return None if found is None else particles_message(of.header(stamp), *found, into)
+def _particles(maker: StepMessages, stamp: Any) -> Any:
+    found, into = maker.mission.particles(), maker.reused("particles")
+    return None if found is None else particles_message(maker.header(stamp), *found, into)
 
 
-def _fix(of: StepMessages, stamp: Any, drone: int) -> Any:
-    fix = cell_fix(of.frame, drone, *of.mission.result.places[drone].tolist())
-    return nav_sat_fix(of.body_header(stamp, drone), fix, of.reused("drone<i>/fix", drone))
+def _fix(maker: StepMessages, stamp: Any, drone: int) -> Any:
+    fix = cell_fix(maker.frame, drone, *maker.mission.result.places[drone].tolist())
+    return nav_sat_fix(maker.body_header(stamp, drone), fix, maker.reused("drone<i>/fix", drone))
 
 
-def _battery(of: StepMessages, stamp: Any, drone: int) -> Any:
-    faults, conditions = of.mission.env.world.faults, of.mission.result.conditions
+def _battery(maker: StepMessages, stamp: Any, drone: int) -> Any:
+    faults, conditions = maker.mission.env.world.faults, maker.mission.result.conditions
     if faults is None or not faults.has_battery or conditions is None:
         return None
     condition = conditions[drone]
     flying = condition["status"] not in (HOME, LOST)
-    return battery_state(of.body_header(stamp, drone), float(condition["battery"]), flying=flying)
+    return battery_state(
+        maker.body_header(stamp, drone), float(condition["battery"]), flying=flying
+    )
 
 
-def _pos(of: StepMessages) -> Any:
-    mission, pos = of.mission, of.mission.pos
+def _pos(maker: StepMessages) -> Any:
+    mission, pos = maker.mission, maker.mission.pos
     step = mission.result.step
-    return None if pos is None else pos_message(of.run_id, mission.number, step, pos)
+    return None if pos is None else pos_message(maker.run_id, mission.number, step, pos)
 
 
-def _step_report(of: StepMessages, stamp: Any) -> Any:
-    report = step_report_of(of.mission, of.frame, of.run_id)
-    return step_report_message(of.header(stamp), report, of.reused("step_report"))
+def _step_report(maker: StepMessages, stamp: Any) -> Any:
+    report = step_report_of(maker.mission, maker.frame, maker.run_id)
+    return step_report_message(maker.header(stamp), report, maker.reused("step_report"))
 
 
-def _mission_report(of: StepMessages, stamp: Any) -> Any:
-    report = mission_report_of(of.mission, of.frame, of.run_id)
-    return mission_report_message(of.header(stamp), report)
+def _mission_report(maker: StepMessages, stamp: Any) -> Any:
+    report = mission_report_of(maker.mission, maker.frame, maker.run_id)
+    return mission_report_message(maker.header(stamp), report)
 
 
-def _path(of: StepMessages, stamp: Any, drone: int) -> Any:
-    positions = map_positions(of.frame, of.mission.tracks[drone], drone)
-    return path(of.header(stamp), positions, of.reused("drone<i>/path", drone))
+def _path(maker: StepMessages, stamp: Any, drone: int) -> Any:
+    positions = map_positions(maker.frame, maker.mission.tracks[drone], drone)
+    return path(maker.header(stamp), positions, maker.reused("drone<i>/path", drone))
 
 
-def _markers(of: StepMessages, stamp: Any, reveal_person: bool) -> Any:
-    env, result, frame = of.mission.env, of.mission.result, of.frame
+def _markers(maker: StepMessages, stamp: Any, reveal_person: bool) -> Any:
+    env, result, frame = maker.mission.env, maker.mission.result, maker.frame
     live = ~(result.terminated | result.truncated)
-    tracks = enumerate(zip(env.possible_agents, of.mission.tracks, strict=True))
+    tracks = enumerate(zip(env.possible_agents, maker.mission.tracks, strict=True))
     world, persons = env.world.worlds[0], env.world.persons[0]
     circle = env.rules.circle and env.world.ensemble is None
     datum = int(world["datum_x"]), int(world["datum_y"])
@@ -187,7 +189,7 @@ def _markers(of: StepMessages, stamp: Any, reveal_person: bool) -> Any:
         frame.cell_size_m,
         frame.side_m,
         drones=[
-            ShownDrone(name, of.positions[i], map_positions(frame, corners(track), i), live[i])
+            ShownDrone(name, maker.positions[i], map_positions(frame, corners(track), i), live[i])
             for i, (name, track) in tracks
         ],
         datum=None if env.rules.covers else _at_sea(frame, *datum),
@@ -203,7 +205,7 @@ def _markers(of: StepMessages, stamp: Any, reveal_person: bool) -> Any:
             for seen in sea.sightings
         ],
     )
-    return marker_array(of.header(stamp), scene)
+    return marker_array(maker.header(stamp), scene)
 
 
 def _at_sea(frame: GridFrame, col: int, row: int) -> Position:
@@ -217,26 +219,26 @@ OF_BELIEF = (
 )  # fmt: skip
 """Topics that show the belief of a live search: inputs change them between steps."""
 MESSAGES: dict[str, Callable[[StepMessages, Any, int, Display], Any]] = {
-    "probability_grid": lambda of, stamp, _, show: _grid(of, stamp, show, of.probability),
-    "probability": lambda of, stamp, *_: _image(of, stamp, of.probability),
-    "belief_grid": lambda of, stamp, _, show: _grid(of, stamp, show, of.belief),
-    "belief": lambda of, stamp, *_: _image(of, stamp, of.belief),
-    "particles": lambda of, stamp, *_: _particles(of, stamp),
-    "drone<i>/pose": lambda of, stamp, drone, _: pose_stamped(
-        of.header(stamp),
-        of.positions[drone],
-        of.mission.result.yaws[drone],
-        of.reused("drone<i>/pose", drone),
+    "probability_grid": lambda maker, stamp, _, show: _grid(maker, stamp, show, maker.probability),
+    "probability": lambda maker, stamp, *_: _image(maker, stamp, maker.probability),
+    "belief_grid": lambda maker, stamp, _, show: _grid(maker, stamp, show, maker.belief),
+    "belief": lambda maker, stamp, *_: _image(maker, stamp, maker.belief),
+    "particles": lambda maker, stamp, *_: _particles(maker, stamp),
+    "drone<i>/pose": lambda maker, stamp, drone, _: pose_stamped(
+        maker.header(stamp),
+        maker.positions[drone],
+        maker.mission.result.yaws[drone],
+        maker.reused("drone<i>/pose", drone),
     ),
-    "drone<i>/fix": lambda of, stamp, drone, _: _fix(of, stamp, drone),
-    "drone<i>/battery": lambda of, stamp, drone, _: _battery(of, stamp, drone),
-    "drone<i>/path": lambda of, stamp, drone, _: _path(of, stamp, drone),
-    "drones": lambda of, stamp, *_: pose_array(
-        of.header(stamp), of.positions, of.mission.result.yaws, of.reused("drones")
+    "drone<i>/fix": lambda maker, stamp, drone, _: _fix(maker, stamp, drone),
+    "drone<i>/battery": lambda maker, stamp, drone, _: _battery(maker, stamp, drone),
+    "drone<i>/path": lambda maker, stamp, drone, _: _path(maker, stamp, drone),
+    "drones": lambda maker, stamp, *_: pose_array(
+        maker.header(stamp), maker.positions, maker.mission.result.yaws, maker.reused("drones")
     ),
-    "markers": lambda of, stamp, _, show: _markers(of, stamp, show.reveal_person),
-    "probability_of_success": lambda of, *_: _pos(of),
-    "mission_report": lambda of, stamp, *_: _mission_report(of, stamp),
-    "step_report": lambda of, stamp, *_: _step_report(of, stamp),
+    "markers": lambda maker, stamp, _, show: _markers(maker, stamp, show.reveal_person),
+    "probability_of_success": lambda maker, *_: _pos(maker),
+    "mission_report": lambda maker, stamp, *_: _mission_report(maker, stamp),
+    "step_report": lambda maker, stamp, *_: _step_report(maker, stamp),
 }
-"""By topic, what makes its message of (messages, stamp, drone, display), or None."""
+"""By topic, what makes its message from (maker, stamp, drone, display), or None."""

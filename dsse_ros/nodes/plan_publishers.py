@@ -10,7 +10,7 @@ import numpy as np
 from rclpy.publisher import Publisher
 
 from dsse_ros.planners.planner import Plans
-from dsse_ros.runtime.news import News
+from dsse_ros.runtime.last_published import LastPublished
 from dsse_ros.runtime.observed_step import ObservedStep
 from dsse_ros.runtime.qos import Endpoints
 from dsse_ros.scenario.frames import map_positions
@@ -32,7 +32,7 @@ class PlanPublishers:
     def __init__(self, endpoints: Endpoints) -> None:
         self._endpoints = endpoints
         self._publishers: list[Publisher] = []
-        self._news = News()
+        self._published = LastPublished()
 
     def publish(self, observed: ObservedStep, plans: Plans) -> None:
         """Publish plans that have changed or that a new subscriber lacks.
@@ -51,7 +51,7 @@ class PlanPublishers:
             self._publishers.append(self._endpoints.publisher(name))
         for drone, (agent, publisher) in enumerate(zip_longest(info.agents, self._publishers)):
             plan = np.asarray(plans.get(agent, ()), np.float64).reshape(-1, 2)
-            if not self._news.is_news(publisher, observed.step_id, len(plan)):
+            if not self._published.is_news(publisher, observed.step_id, len(plan)):
                 continue
             positions = map_positions(info.frame, plan, drone) if len(plan) else []
             if positions:

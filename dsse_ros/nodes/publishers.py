@@ -20,7 +20,7 @@ from dsse_ros.mission.mission import Mission, StepResult
 from dsse_ros.mission.step_messages import DEFAULT, MESSAGES, OF_BELIEF, Display, StepMessages
 from dsse_ros.mission.step_scheduler import Timing
 from dsse_ros.mission.vehicle_tasks import VehicleTasks
-from dsse_ros.runtime.news import News
+from dsse_ros.runtime.last_published import LastPublished
 from dsse_ros.runtime.qos import Endpoints
 from dsse_ros.scenario.agents import AgentsInfo, agents_json, area_rows
 from dsse_ros.scenario.frames import GridFrame, map_positions
@@ -108,7 +108,7 @@ class MissionPublishers:
         # Of the last step.
         self._stamp = Time()
         # Of paths and markers.
-        self._news = News()
+        self._published = LastPublished()
         self.after_step: list[Callable[[], None]] = []
         # The track that was last published for each drone.
         self._tracks: dict[int, TrackLeft | None] = {}
@@ -279,6 +279,6 @@ class MissionPublishers:
         state = {"drone<i>/path": (), "markers": (len(self._mission.lost), reveal_person)}
         for topic, further in state.items():
             for drone, publisher in enumerate(self._publishers[topic]):
-                if self._news.is_news(publisher, result.stamp_ns, *further):
+                if self._published.is_news(publisher, result.stamp_ns, *further):
                     display = Display(reveal_person=reveal_person)
                     publisher.publish(self._messages.make(topic, stamp, drone, display))

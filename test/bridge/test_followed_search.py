@@ -68,15 +68,15 @@ def news(search: FollowedSearch, now_s: float = 0.0) -> list[News]:
     return list(iter(lambda: search.next_news(now_s), None))
 
 
-def followed(*, whole: bool = False) -> FollowedSearch:
-    search = FollowedSearch(2, whole=whole)
+def followed(*, as_mission: bool = False) -> FollowedSearch:
+    search = FollowedSearch(2, as_mission=as_mission)
     search.take_agents(agents())
     assert news(search) == [News.BEGUN]
     return search
 
 
 def test_a_step_is_followed_once_it_is_known_whose_it_is() -> None:
-    search = FollowedSearch(2, whole=False)
+    search = FollowedSearch(2, as_mission=False)
     search.take_report(13, report(1))
     assert news(search) == [] and search.legs == []
     search.take_agents(agents())
@@ -132,7 +132,7 @@ def in_metres(search: FollowedSearch) -> None:
 
 
 def test_in_metres_a_leg_has_the_points_of_its_way_in_the_map_frame() -> None:
-    search = FollowedSearch(2, whole=False)
+    search = FollowedSearch(2, as_mission=False)
     in_metres(search)
     assert news(search) == [News.BEGUN, News.STEP]
     # From the north-west corner; a point that repeats the one before is left out.
@@ -148,7 +148,7 @@ def test_in_metres_a_leg_has_the_points_of_its_way_in_the_map_frame() -> None:
 
 
 def test_a_search_in_metres_is_not_flown_as_missions() -> None:
-    search = FollowedSearch(2, whole=True)
+    search = FollowedSearch(2, as_mission=True)
     in_metres(search)
     assert news(search) == [] and search.trouble(0.0) == (
         "the search is in metres, which mode mission does not fly: nothing is flown"
@@ -157,7 +157,7 @@ def test_a_search_in_metres_is_not_flown_as_missions() -> None:
 
 @pytest.mark.parametrize("order", permutations(["agents", "report", "mission_report"]))
 def test_the_order_in_which_messages_come_does_not_matter(order: Sequence[str]) -> None:
-    search, seen = FollowedSearch(2, whole=True), []
+    search, seen = FollowedSearch(2, as_mission=True), []
     for kind in order:
         if kind == "agents":
             search.take_agents(agents())
@@ -173,7 +173,7 @@ def test_the_order_in_which_messages_come_does_not_matter(order: Sequence[str]) 
 
 @pytest.mark.parametrize("other", [{"run_id": 8}, {"mission": 2}])
 def test_what_belongs_to_another_search_is_not_followed(other: dict[str, int]) -> None:
-    search = followed(whole=True)
+    search = followed(as_mission=True)
     search.take_report(13, report(1, **other))  # type: ignore[arg-type]
     search.take_mission_report(13, whole(1, **other))
     assert news(search) == [] and search.legs == [] and search.tracks is None
@@ -195,7 +195,7 @@ def test_agents_in_another_number_are_named_and_the_search_goes_on() -> None:
 @pytest.mark.parametrize("other", [{"run_id": 8}, {"run_id": 8, "mission": 2}])
 def test_another_simulation_is_followed_only_once_that_is_allowed(other: dict[str, int]) -> None:
     kept = ["drone0 is in the air"]
-    search = FollowedSearch(2, whole=False, refuse=lambda info: kept[0])
+    search = FollowedSearch(2, as_mission=False, refuse=lambda info: kept[0])
     kept[0] = ""
     search.take_agents(agents())
     assert news(search) == [News.BEGUN]
@@ -228,13 +228,13 @@ def test_a_simulation_that_is_gone_is_not_followed_later() -> None:
 
 
 def test_somebody_plans_the_search_once_its_drones_were_commanded() -> None:
-    search = FollowedSearch(2, whole=False)
+    search = FollowedSearch(2, as_mission=False)
     search.take_agents(replace(agents(), commanded=False))
     search.take_report(0, report(0))
     assert news(search) == [News.BEGUN, News.STEP] and not search.commanded
     search.take_agents(agents())
     assert news(search) == [News.STEP] and search.commanded
-    other = FollowedSearch(2, whole=False)
+    other = FollowedSearch(2, as_mission=False)
     other.take_agents(replace(agents(), commanded=False))
     other.take_report(13, report(1))
     assert news(other) == [News.BEGUN, News.STEP] and other.commanded
@@ -244,7 +244,7 @@ def test_somebody_plans_the_search_once_its_drones_were_commanded() -> None:
 def test_a_mission_that_is_described_anew_is_another_one(refused: str) -> None:
     # A vehicle takes off between the two.
     reasons = iter(["", *[refused] * 9])
-    search = FollowedSearch(2, whole=False, refuse=lambda info: next(reasons))
+    search = FollowedSearch(2, as_mission=False, refuse=lambda info: next(reasons))
     search.take_agents(agents())
     search.take_report(13, report(1))
     assert news(search) == [News.BEGUN, News.STEP]
@@ -260,7 +260,7 @@ def test_a_mission_that_is_described_anew_is_another_one(refused: str) -> None:
 def test_a_mission_whose_drones_change_in_number_leaves_those_that_are_followed(
     counts: tuple[int, ...],
 ) -> None:
-    search = FollowedSearch(2, whole=False)
+    search = FollowedSearch(2, as_mission=False)
     for count in counts:
         search.take_agents(agents(count=count))
         search.take_report(13, report(1))
@@ -269,7 +269,7 @@ def test_a_mission_whose_drones_change_in_number_leaves_those_that_are_followed(
 
 
 def test_the_same_mission_from_its_start_is_another_one() -> None:
-    search = followed(whole=True)
+    search = followed(as_mission=True)
     search.take_report(40, report(5))
     search.take_mission_report(40, whole(5))
     assert news(search) == [News.STEP, News.TRACKS]
@@ -279,7 +279,7 @@ def test_the_same_mission_from_its_start_is_another_one() -> None:
 
 
 def test_a_search_that_cannot_be_flown_is_followed_no_further() -> None:
-    search = FollowedSearch(2, whole=True)
+    search = FollowedSearch(2, as_mission=True)
     search.take_report(13, report(1))
     search.take_agents(agents())
     assert search.next_news(0.0) is News.BEGUN
@@ -292,7 +292,7 @@ def test_a_search_that_cannot_be_flown_is_followed_no_further() -> None:
 
 
 def test_a_mission_report_that_does_not_come_is_missed_after_a_while() -> None:
-    search = followed(whole=True)
+    search = followed(as_mission=True)
     search.take_report(13, report(4, over=(True, True)))
     assert news(search, 10.0) == [News.STEP]
     # A step that is published again does not put it off.
@@ -314,7 +314,7 @@ def test_who_follows_steps_wants_no_tracks() -> None:
 
 
 def test_tracks_have_the_cells_and_where_they_were_searched() -> None:
-    search = followed(whole=True)
+    search = followed(as_mission=True)
     search.take_mission_report(40, whole(3))
     assert news(search) == [News.TRACKS]
     cells, searched = search.track(1)
@@ -324,7 +324,7 @@ def test_tracks_have_the_cells_and_where_they_were_searched() -> None:
 
 
 def test_reports_of_another_number_of_drones_and_empty_ones_are_left_alone() -> None:
-    search = followed(whole=True)
+    search = followed(as_mission=True)
     search.take_report(13, report(1, cells=[(0, 0)], over=(False,)))
     search.take_mission_report(13, whole(1, count=3))
     search.take_report(13, report(1)[:0])

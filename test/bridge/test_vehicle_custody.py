@@ -159,7 +159,7 @@ def test_a_mission_that_goes_on_without_its_bridge_is_left_by_a_person_alone(
     autopilot: Autopilot, mode: str, known: bool
 ) -> None:
     record = left(FLOWN, autopilot.mission_mode, MISSION, autopilot)
-    custody = VehicleCustody(autopilot, "true", record, lambda: None, whole=True)
+    custody = VehicleCustody(autopilot, "true", record, lambda: None, as_mission=True)
     custody.begin(SEARCH, TOP_M, first=True)
     custody.observe(seen_in(autopilot.mission_mode), Outcome(), 0.0)
     custody.observe(seen_in(mode), Outcome(), 1.0)
@@ -168,7 +168,7 @@ def test_a_mission_that_goes_on_without_its_bridge_is_left_by_a_person_alone(
 
 def test_a_failsafe_in_a_mission_without_its_bridge_is_named() -> None:
     custody = VehicleCustody(
-        ARDUPILOT, "true", replace(FLOWN, mode="AUTO"), lambda: None, whole=True
+        ARDUPILOT, "true", replace(FLOWN, mode="AUTO"), lambda: None, as_mission=True
     )
     custody.begin(SEARCH, TOP_M, first=True)
     for time_s in (0.0, FAILSAFE_S):
@@ -372,7 +372,7 @@ def test_who_changes_the_mission_that_it_flies_has_taken_it_over(
     state: VehicleState, expected: Custody, restarted: bool
 ) -> None:
     def bridge(record: FlightRecord) -> VehicleCustody:
-        led = VehicleCustody(ARDUPILOT, "true", record, lambda: None, whole=True)
+        led = VehicleCustody(ARDUPILOT, "true", record, lambda: None, as_mission=True)
         led.begin(SEARCH, TOP_M, first=True)
         return led
 
@@ -388,7 +388,7 @@ def test_who_changes_the_mission_that_it_flies_has_taken_it_over(
 
 def test_an_autopilot_that_does_not_report_the_length_of_its_mission_may_go_on() -> None:
     record = left(FLOWN, "AUTO", MISSION, ARDUPILOT)
-    led = VehicleCustody(ARDUPILOT, "true", record, lambda: None, whole=True)
+    led = VehicleCustody(ARDUPILOT, "true", record, lambda: None, as_mission=True)
     led.begin(SEARCH, TOP_M, first=True)
     for item in range(1, 5):
         state = in_mission(item, 10.0 * item, total=0)

@@ -19,7 +19,7 @@ from dsse_ros.bridge.progress import RETRY_S, TRIES, LegProgress
 from dsse_ros.bridge.settings import BridgeSettings
 from dsse_ros.bridge.tasks import leg_task, mission_task
 from dsse_ros.bridge.vehicle_custody import FAILSAFE_S
-from dsse_ros.bridge.vehicle_follower import Clearance, VehicleFollower
+from dsse_ros.bridge.vehicle_follower import Permissions, VehicleFollower
 from dsse_ros.flight.autopilots import PX4
 from dsse_ros.flight.identity import Identity
 from dsse_ros.flight.orders import (
@@ -61,7 +61,7 @@ class Vehicle:
         self.follower, self.state = follower, state
         self.outcome = Outcome()
         self.orders: list[Order] = []
-        self.clearance = Clearance()
+        self.permissions = Permissions()
         self.now_s = 0.0
 
     def turn(self, **changes: Any) -> Order | None:
@@ -69,7 +69,7 @@ class Vehicle:
         self.now_s += 0.1
         self.outcome = replace(self.outcome, **changes)
         led = self.follower
-        order = led.advance(self.state, self.outcome, self.now_s, "", self.clearance)
+        order = led.advance(self.state, self.outcome, self.now_s, "", self.permissions)
         if order is not None:
             assert isinstance(order, MAY_ORDER[led.custody.state])
             self.orders.append(order)
@@ -227,14 +227,14 @@ def test_at_the_end_the_last_leg_is_flown_and_then_the_end(at_end: str, order: O
 def test_on_its_way_home_it_goes_there_in_its_layer_first_if_others_fly() -> None:
     vehicle = in_the_air()
     home = GoTo(-23.999, -45.999, 120.0, 10.0)
-    vehicle.clearance = Clearance(home=home)
+    vehicle.permissions = Permissions(home=home)
     follow(vehicle.follower, 13, 1, 1, over=True, crashed=True)
     assert vehicle.turn() == home
     assert vehicle.turn() is None
     vehicle.obey()
     assert vehicle.orders == [home, Return()]
     # From then on it comes down, whether others are left or not.
-    vehicle.clearance = Clearance()
+    vehicle.permissions = Permissions()
     assert vehicle.turn() is None
 
 
@@ -244,21 +244,21 @@ def test_what_comes_down_already_is_not_sent_home_by_a_bridge_that_is_started_an
 ) -> None:
     vehicle = in_the_air(follower(record=replace(FLOWN, custody=Custody.ENDING, mode=mode)))
     vehicle.state = replace(FLYING, mode=mode)
-    vehicle.clearance = Clearance(home=GoTo(-23.999, -45.999, 120.0, 10.0))
+    vehicle.permissions = Permissions(home=GoTo(-23.999, -45.999, 120.0, 10.0))
     follow(vehicle.follower, 13, 1, 1, over=True)
     assert [vehicle.turn() for _ in range(3)] == [Return(), None, None]
 
 
 def test_what_it_does_waits_for_others_and_the_reason_is_shown() -> None:
     vehicle = in_the_air()
-    vehicle.clearance = Clearance(admit=lambda order: "waiting for drone1 to be out of the way")
+    vehicle.permissions = Permissions(admit=lambda order: "waiting for drone1 to be out of the way")
     follow(vehicle.follower, 13, 1, 1, searched=True)
     assert vehicle.turn() is None
     assert vehicle.follower.blocked == "waiting for drone1 to be out of the way"
     level = Search(*place(1, 1), 120.0, 120.0, 5.0, 10.0)
-    vehicle.clearance = Clearance(admit=lambda order: level)
+    vehicle.permissions = Permissions(admit=lambda order: level)
     assert vehicle.turn() == level
-    vehicle.clearance = Clearance()
+    vehicle.permissions = Permissions()
     vehicle.obey()
     vehicle.obey()
     assert vehicle.follower.progress.arrived and not vehicle.follower.blocked
@@ -268,7 +268,7 @@ def test_what_it_does_waits_for_others_and_the_reason_is_shown() -> None:
 def test_who_is_recalled_waits_for_nobody(over: bool) -> None:
     vehicle = in_the_air()
     follow(vehicle.follower, 13, 1, 1, over=over)
-    vehicle.clearance = Clearance(admit=lambda order: "waiting for drone1 to be out of the way")
+    vehicle.permissions = Permissions(admit=lambda order: "waiting for drone1 to be out of the way")
     vehicle.turn()
     assert isinstance(vehicle.follower.custody.operate("land"), Accepted)
     assert vehicle.turn() == Land()
@@ -495,14 +495,14 @@ def test_what_somebody_else_arms_while_it_waits_is_theirs() -> None:
     led = follower()
     vehicle = Vehicle(led)
     follow(led, 0, 1, 1)
-    vehicle.clearance = Clearance(take_off="waiting for drone1: not ready")
+    vehicle.permissions = Permissions(take_off="waiting for drone1: not ready")
     assert isinstance(vehicle.turn(), MakeReady)
     vehicle.turn(status="done")
     vehicle.state = replace(ON_GROUND, armed=True)
     assert vehicle.turn() is None
     assert led.lost == "taken over: armed by somebody else, in GUIDED"
     vehicle.state = FLYING
-    vehicle.clearance = Clearance()
+    vehicle.permissions = Permissions()
     assert [vehicle.turn() for _ in range(3)] == [None] * 3
 
 
@@ -731,12 +731,12 @@ def test_nothing_takes_off_for_a_search_that_is_gone() -> None:
     led = follower()
     vehicle = Vehicle(led)
     follow(led, 0, 1, 1)
-    vehicle.clearance = Clearance(search_alive=False)
+    vehicle.permissions = Permissions(search_alive=False)
     assert isinstance(vehicle.turn(), MakeReady)
     assert vehicle.turn(status="done") is None
-    vehicle.clearance = Clearance()
+    vehicle.permissions = Permissions()
     assert vehicle.turn() == TakeOff(120.0)
-    vehicle.clearance = Clearance(search_alive=False)
+    vehicle.permissions = Permissions(search_alive=False)
     # The take-off that has not begun is called off.
     assert vehicle.turn(reason="arming") == MakeReady()
 
@@ -1006,10 +1006,10 @@ def test_a_mission_that_holds_over_home_is_landed_from_there_when_the_others_all
     vehicle.state = replace(FLYING, mode="AUTO", item_current=mission.hold_item, lat_deg=-23.99)
     # On its way there.
     assert vehicle.turn() is None and not led.progress.arrived
-    vehicle.clearance = Clearance(admit=lambda order: "waiting for drone1 to be out of the way")
+    vehicle.permissions = Permissions(admit=lambda order: "waiting for drone1 to be out of the way")
     vehicle.state = replace(vehicle.state, lat_deg=-23.999)
     assert vehicle.turn() is None and led.progress.arrived
-    vehicle.clearance = Clearance()
+    vehicle.permissions = Permissions()
     assert vehicle.turn() == Return()
     vehicle.obey()
     assert led.finished and not led.lost and led.custody.state is Custody.GROUNDED

@@ -20,7 +20,7 @@ PATHS = [
 
 
 def test_each_path_has_few_files_and_none_twice() -> None:
-    assert len(PATHS) == 4
+    assert len(PATHS) == 5
     for path in PATHS:
         assert 2 <= len(set(path)) == len(path) <= MAX_FILES, path
 

@@ -7,7 +7,7 @@ from __future__ import annotations
 from rclpy.publisher import Publisher
 
 
-class News:
+class LastPublished:
     """What was last published, by publisher."""
 
     def __init__(self) -> None:
