@@ -433,8 +433,9 @@ class VehicleFollower:
 
     @property
     def _may_stop(self) -> bool:
-        """Whether it may be ordered to hold where it is."""
-        return not self._as_mission and Hold in MAY_ORDER[self.custody.state]
+        """Whether it may be ordered to hold where it is; one that circles would stay near."""
+        hovers = not (self._as_mission or self._autopilot.circles)
+        return hovers and Hold in MAY_ORDER[self.custody.state]
 
     def _give(self, order: Order, stamped: tuple[Order, int]) -> Order:
         self._given.give(order, stamped)

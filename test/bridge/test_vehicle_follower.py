@@ -264,6 +264,17 @@ def test_what_it_does_waits_for_others_and_the_reason_is_shown() -> None:
     assert vehicle.follower.progress.arrived and not vehicle.follower.blocked
 
 
+@pytest.mark.parametrize(("autopilot", "stops"), [("ardupilot", True), ("arduplane", False)])
+def test_only_who_can_hover_is_stopped_before_another_that_a_person_flies(
+    autopilot: str, stops: bool
+) -> None:
+    vehicle = in_the_air(autopilot=autopilot)
+    follow(vehicle.follower, 13, 1, 1)
+    assert isinstance(vehicle.turn(), GoTo)
+    vehicle.permissions = Permissions(intruder=lambda order: "waiting for drone1")
+    assert vehicle.turn() == (Hold() if stops else None)
+
+
 @pytest.mark.parametrize("over", [False, True], ids=["going on", "over"])
 def test_who_is_recalled_waits_for_nobody(over: bool) -> None:
     vehicle = in_the_air()
