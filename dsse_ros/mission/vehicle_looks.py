@@ -7,7 +7,6 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Mapping
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +15,7 @@ from dsse_ros.mission.mission import Mission
 from dsse_ros.mission.passed_cells import PassedCells
 from dsse_ros.mission.vehicle_tasks import VehicleTasks
 from dsse_ros.step.fault_kernels import ACTING
-from dsse_ros.step.viewpoints import NO_LOOK, VIEWPOINTS, viewpoints_at
+from dsse_ros.step.viewpoints import NO_LOOK, VIEWPOINTS
 
 Flown = tuple[NDArray[np.float64], NDArray[np.bool_]]
 """What a vehicle has flown in a step, as `Flown.paths` and `Flown.looked` have it of a drone."""
@@ -105,14 +104,3 @@ class VehicleLooks:
         col, row = np.floor(path[seen[-1] + 1] / self._cell_m).astype(np.int64).tolist()
         if 0 <= col < self._grid_size and 0 <= row < self._grid_size:
             self._waiting[drone].append((col, row, self._search))
-
-
-def looks_of(report: NDArray[Any]) -> NDArray[np.void]:
-    """Return from where drones looked by a step report of vehicles on cells; see `give_looks`."""
-    return viewpoints_at(*(report[name] for name in ("look_action", "look_col", "look_row")))
-
-
-def give_looks(mission: Mission, looks: NDArray[np.void]) -> None:
-    """Set from where the drones look in the next step, (N,) of `VIEWPOINTS`; see `Viewpoints`."""
-    if mission.env.world.viewpoints is not None:
-        mission.env.world.viewpoints.give(looks)

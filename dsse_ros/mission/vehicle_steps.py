@@ -12,8 +12,9 @@ from dsse_ros.mission.commands import parse_place
 from dsse_ros.mission.fleet_clock import FleetClock
 from dsse_ros.mission.flight_mission import FlightMission
 from dsse_ros.mission.mission import Mission
+from dsse_ros.mission.reported_looks import give_looks
 from dsse_ros.mission.step_scheduler import StepScheduler
-from dsse_ros.mission.vehicle_looks import Flown, VehicleLooks, give_looks
+from dsse_ros.mission.vehicle_looks import Flown, VehicleLooks
 from dsse_ros.mission.vehicle_tasks import VehicleTasks
 from dsse_ros.mission.vehicle_time import FOLLOWED, IGNORED, VehicleTimeSettings
 from dsse_ros.mission.vehicle_tracks import Position, VehicleTrack, tilt_deg

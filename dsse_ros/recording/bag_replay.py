@@ -24,9 +24,9 @@ from sensor_msgs.msg import PointCloud2
 from dsse_ros.mission.flight_mission import FlightMission, mission_of
 from dsse_ros.mission.mission import Mission
 from dsse_ros.mission.mission_journal import take_entry
+from dsse_ros.mission.reported_looks import give_looks, looks_of
 from dsse_ros.mission.step_messages import OF_BELIEF, StepMessages
 from dsse_ros.mission.step_reports import step_report_of
-from dsse_ros.mission.vehicle_looks import give_looks, looks_of
 from dsse_ros.recording.bag import Recorded
 from dsse_ros.recording.computed import computed, digest
 from dsse_ros.recording.recorded_inputs import (

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dsse_ros.mission.vehicle_looks import looks_of
+from dsse_ros.mission.reported_looks import looks_of
 from dsse_ros.recording.bag import Recorded, read_bag
 from dsse_ros.report.flown_over import places_of
 from dsse_ros.report.of_vehicles import FlownByVehicles

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from dsse_ros.belief.beliefs import forecast_for as new_forecast
 from dsse_ros.belief.protocol import TargetForecast
 from dsse_ros.mission.flight_mission import FlightMission, mission_of
-from dsse_ros.mission.vehicle_looks import give_looks
+from dsse_ros.mission.reported_looks import give_looks
 from dsse_ros.report.flown_paths import looked_in, tracks_in
 from dsse_ros.report.looked_at import viewpoints_in
 from dsse_ros.report.metrics import effort

@@ -78,7 +78,7 @@ def search(
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("persons", "ensembles"), [(1, 2), (4, 1)])
+@pytest.mark.parametrize(("persons", "ensembles"), [(1, 4), (4, 2)])
 def test_pos_is_the_share_of_persons_found(persons: int, ensembles: int) -> None:
     # Each ensemble of a case has its own particles, so that their sampling errors average out.
     rng = np.random.default_rng(1)

@@ -13,8 +13,8 @@ import pytest
 
 from dsse_ros.mission.mission import Mission
 from dsse_ros.mission.mission_log import MissionLog
+from dsse_ros.mission.reported_looks import give_looks
 from dsse_ros.mission.step_reports import mission_report_of, step_report_of
-from dsse_ros.mission.vehicle_looks import give_looks
 from dsse_ros.report.recomputed import follow_belief, forecast_for, mission_views
 from dsse_ros.report.record import read_csv
 from dsse_ros.scenario.agents import AgentsInfo, agents_from_json, agents_json

@@ -17,9 +17,9 @@ from std_msgs.msg import String
 
 from dsse_ros.mission.command_intake import CommandIntake
 from dsse_ros.mission.mission import Mission
+from dsse_ros.mission.reported_looks import give_looks
 from dsse_ros.mission.step_messages import Display, StepMessages
 from dsse_ros.mission.step_reports import mission_report_of, step_report_of
-from dsse_ros.mission.vehicle_looks import give_looks
 from dsse_ros.recording.bag import BagWriter, Recorded
 from dsse_ros.scenario.agents import AgentsInfo, agents_json
 from dsse_ros.scenario.frames import map_positions, scenario_frame
