@@ -196,7 +196,6 @@ def move_layer(constants, sea, mass, k, step, scratch):
     direction, negligible = step.directions[k % drifts], NEGLIGIBLE * mass.totals[k // drifts]
     count = len(layer)
     before, row = scratch[:count], scratch[2 * count :]
-    shrink(side, layer, span, cells, negligible)
     # The outermost cells are always empty.
     first, last = max(span[0] - side, side), min(span[1] + side, count - side)
     low, high = first - side, last + side
@@ -213,6 +212,8 @@ def move_layer(constants, sea, mass, k, step, scratch):
             complete_table(constants, sea, step, layer, negligible, span, row)
         gather(before, table, layer, cells, first + 1, last - 1, side)
     span[0], span[1] = first, last
+    # Now its rows are in the caches; before the next move they no longer are.
+    shrink(side, layer, span, cells, negligible)
 
 
 @kernel
