@@ -129,8 +129,11 @@ class VehicleTrack:
         times = np.array([time_s for time_s, _ in self._positions])
         x, y, looks = np.array([place for _, place in self._positions]).T
         start_s, end_s = self._start_s, float(times[-1]) - ahead_s
-        if silent_s > LONGEST_GAP_S:
-            end_s += silent_s
+        # Its clock may have gone on without positions, too.
+        age_s = self._clock[1] - float(times[-1])
+        unknown_s = silent_s + (age_s if 0.0 < age_s <= MAX_SKIP_S else 0.0)
+        if unknown_s > LONGEST_GAP_S:
+            end_s += unknown_s
         if end_s < start_s and len(times) > 1:
             # Its clock was taken to have gone on without positions, and has not.
             start_s = float(times[0])

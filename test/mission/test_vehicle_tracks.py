@@ -118,6 +118,17 @@ def test_after_a_clock_that_stood_still_the_vehicle_looks_again() -> None:
     assert flown[0][[0, -1], 0].tolist() == [130.0, 260.0]
 
 
+def test_a_vehicle_whose_clock_goes_on_without_positions_does_not_look() -> None:
+    track = VehicleTrack(STEP_S)
+    for time_s in (0.0, 1.0, 2.0, 3.0):
+        report(track, time_s)
+    for time_s in (8.0, 13.0):
+        track.set_time(round(time_s * 1e9), time_s)
+    flown = track.take(PIECES)
+    assert flown is not None and flown[1].tolist() == [False, *[True] * 3, *[False] * 10]
+    assert flown[0][[0, -1], 0].tolist() == [0.0, 30.0]
+
+
 def test_a_vehicle_whose_clock_is_slower_than_the_fleets_looks_all_the_time() -> None:
     track, step_s = VehicleTrack(STEP_S), 10.0
     for step in range(3):
