@@ -21,9 +21,9 @@ SOURCES := $(shell find dsse_ros msg_adapters config launch resource rviz script
 # Errors only; Python compiles what it imports, a small part of what is installed.
 PIP_INSTALL := $(BIN)/python -m pip --disable-pip-version-check -qq install --no-compile
 
-# Most tests with nodes wait for one another's processes, so that five at once keep two cores busy.
+# Most tests with nodes wait for one another's processes, so that four at once keep two cores busy.
 # The tests of a file share their nodes; the files come in the order of test/conftest.py.
-WITH_NODES := --numprocesses=5 --dist=loadfile --no-loadscope-reorder
+WITH_NODES := --numprocesses=4 --dist=loadfile --no-loadscope-reorder
 # The others wait for nothing, and each further worker collects all of them again.
 WITHOUT_NODES := --numprocesses=logical --maxprocesses=4 --dist=worksteal
 

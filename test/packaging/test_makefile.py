@@ -214,6 +214,4 @@ def test_the_hooks_before_a_commit_are_what_lint_does(folder: Path) -> None:
 
 
 def test_ci_runs_the_oldest_versions_too() -> None:
-    assert re.search(
-        r"^nice make test-oldest .*&$", (ROOT / ".ci" / "run").read_text(), re.MULTILINE
-    )
+    assert "make test-oldest ||" in (ROOT / ".ci" / "run").read_text()
