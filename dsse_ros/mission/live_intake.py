@@ -19,7 +19,7 @@ from dsse_ros.live.clock import StepClock
 from dsse_ros.live.inputs import Input, parse, read
 from dsse_ros.live.keeper import Entry
 from dsse_ros.mission.mission import Mission
-from dsse_ros.mission.mission_journal import MissionJournal, end_found
+from dsse_ros.mission.mission_journal import MissionJournal, take_changes
 from dsse_ros.result import Accepted, Rejected, Result
 
 _LONGEST_ID = 100
@@ -126,12 +126,10 @@ class LiveIntake:
             answers = [_refused(one, failed) if one.ok else one for one in answers]
         keeper = self._beliefs.keeper
         moved = 0.5 * float(np.abs(keeper.belief.poc() - poc).sum())
-        self._mission.belief_map = None
+        take_changes(self._mission)
         changes: dict[str, Any] = {
             "pos_before": pos, "pos_after": keeper.pos, "poc_moved": moved,
         }  # fmt: skip
-        if keeper.over and not self._mission.done:
-            end_found(self._mission)
         for answer in answers:
             self._log(answer)
         return [dataclasses.replace(one, **changes) if one.ok else one for one in answers]

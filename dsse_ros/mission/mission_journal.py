@@ -183,6 +183,12 @@ def take_entry(mission: Mission, entry: Entry) -> None:
     """Have a live mission take up an accepted input again."""
     assert isinstance(mission.beliefs, LiveBeliefs)
     mission.beliefs.keeper.apply(entry)
+    take_changes(mission)
+
+
+def take_changes(mission: Mission) -> None:
+    """Have a live mission take up what inputs have changed: its map, and perhaps its end."""
+    assert isinstance(mission.beliefs, LiveBeliefs)
     mission.belief_map = None
     if mission.beliefs.keeper.over and not mission.done:
         end_found(mission)

@@ -50,10 +50,9 @@ def step_report_of(mission: Mission, frame: GridFrame, run_id: int) -> NDArray[A
         columns["battery"] = result.conditions["battery"] if world.faults.has_battery else np.nan
         if mission.env.rules.vehicle_timed_actions:
             columns["work"] = result.conditions["work"]
-    if mission.env.rules.vehicle_timed_actions and result.flown is None:
-        columns |= _looks_of(mission)
-    if mission.env.rules.vehicle_timed_actions and result.flown is not None:
-        columns["looked"] = result.flown.looked
+    if mission.env.rules.vehicle_timed_actions:
+        flown = result.flown
+        columns |= _looks_of(mission) if flown is None else {"looked": flown.looked}
     if world.looks.several:
         columns["finds"] = np.where(result.found, world.finds[0], 0)
     return make_step_report(columns)

@@ -17,7 +17,7 @@ from dsse_ros.mission.vehicle_tasks import VehicleTasks
 from dsse_ros.step.fault_kernels import ACTING
 from dsse_ros.step.viewpoints import NO_LOOK, VIEWPOINTS
 
-Flown = tuple[NDArray[np.float64], NDArray[np.bool_]]
+Way = tuple[NDArray[np.float64], NDArray[np.bool_]]
 """What a vehicle has flown in a step, as `Flown.paths` and `Flown.looked` have it of a drone."""
 
 MOST_WAITING = 4
@@ -61,7 +61,7 @@ class VehicleLooks:
 
     def take(
         self,
-        flown: Mapping[int, Flown],
+        flown: Mapping[int, Way],
         tasks: VehicleTasks,
         work: NDArray[np.int8],
     ) -> NDArray[np.void]:

@@ -14,7 +14,7 @@ from dsse_ros.mission.flight_mission import FlightMission
 from dsse_ros.mission.mission import Mission
 from dsse_ros.mission.reported_looks import give_looks
 from dsse_ros.mission.step_scheduler import StepScheduler
-from dsse_ros.mission.vehicle_looks import Flown, VehicleLooks
+from dsse_ros.mission.vehicle_looks import VehicleLooks, Way
 from dsse_ros.mission.vehicle_tasks import VehicleTasks
 from dsse_ros.mission.vehicle_time import FOLLOWED, IGNORED, VehicleTimeSettings
 from dsse_ros.mission.vehicle_tracks import Position, VehicleTrack, tilt_deg
@@ -99,7 +99,7 @@ class VehicleSteps:
         mission.set_work(work)
         give_looks(mission, self._looks.take(flown, self.tasks, work))
 
-    def _take_flown(self) -> dict[int, Flown]:
+    def _take_flown(self) -> dict[int, Way]:
         """Return what the vehicles have flown since the last step, as far as that is known."""
         mission, taken = self._mission, {}
         pieces = mission.pieces if isinstance(mission, FlightMission) else MOST_PIECES

@@ -90,7 +90,7 @@ def step_world(constants, world, sea, crew, task, scratch, actions, coverage, fl
             # A withdrawn drone has no flag yet.
             eventful |= not (drone.terminated or drone.truncated)
             continue
-        event, amount = MOVED, 0.0
+        event, amount, looks = MOVED, 0.0, False
         if flight is not None:
             if acts:
                 event, amount = fly_and_look(constants, world, sea, crew, task, n, flight)
@@ -103,7 +103,8 @@ def step_world(constants, world, sea, crew, task, scratch, actions, coverage, fl
                 view = Viewpoint(drone.x, drone.y, action)
                 event, amount = look(constants, world, sea, crew, task, n, view, event)
         if viewpoints is not None:
-            event, amount = look_from_vehicle(constants, world, sea, crew, task, n, action, event)
+            own = np.int64(action) if looks else np.int64(NO_LOOK)
+            event, amount = look_from_vehicle(constants, world, sea, crew, task, n, own, event)
         if out_of_time:
             event, amount = OUT_OF_TIME, drone.episode_return
             drone.truncated = True
@@ -189,16 +190,13 @@ def end_of(constants, area, x, y, action):
 
 
 @inlined
-def look_from_vehicle(constants, world, sea, crew, task, n, action, event):
+def look_from_vehicle(constants, world, sea, crew, task, n, own, event):
     """Do the looks of drone n from where its vehicle looked; see `look`.
 
-    Without a viewpoint that is given, the drone looks in its cell as it does its action.
+    Without a viewpoint that is given, the drone does those of its `own` action in its cell.
     """
     drone, viewpoint = crew.drones[n], task.viewpoints[n]
-    acts = acts_at(constants, world.t)
-    if not (viewpoint.given and acts):
-        looks = event == SEARCHED or (constants.moves_look and 0 <= action < constants.num_actions)
-        own = np.int64(action) if acts and looks else np.int64(NO_LOOK)
+    if not (viewpoint.given and acts_at(constants, world.t)):
         set_viewpoint(viewpoint, drone.x, drone.y, own)
     viewpoint.given = False
     if viewpoint.action < 0:
