@@ -124,7 +124,7 @@ class Disturbance:
         turn_deg: Angle by which that drift is turned.
         pod: POD of the world, None for the scenario's.
         known: Whether the planners know it.
-        withdraw_at: Step after which one drone is lost, None for never.
+        lost_at: Step in which one drone is lost, 0 for never.
     """
 
     title: str
@@ -132,12 +132,14 @@ class Disturbance:
     turn_deg: float = 0.0
     pod: float | None = None
     known: bool = False
-    withdraw_at: int | None = None
+    lost_at: int = 0
 
     def apply(self, scenario: Scenario, rules: Rules) -> tuple[Scenario, Scenario]:
         """Return the scenario of the world, and the one that planners assume."""
-        world = scenario.override(probability_of_detection=self.pod)
-        x, y = scenario.resolve(rules).vector
+        resolved = scenario.resolve(rules)
+        lost = (*[0] * (resolved.num_drones - 1), self.lost_at) if self.lost_at else None
+        world = scenario.override(probability_of_detection=self.pod, loss_steps=lost)
+        x, y = resolved.vector
         # If the drift per step is v times its norm, it grows with the square of v.
         factor = self.speed**0.5 if rules.drift_by_speed else self.speed
         c, s = factor * cos(radians(self.turn_deg)), factor * sin(radians(self.turn_deg))
@@ -153,7 +155,7 @@ DISTURBANCES = {
     "direction": Disturbance("drift assumed 30 deg off", turn_deg=30.0),
     "pod": Disturbance("POD .8, assumed 1", pod=0.8),
     "pod_known": Disturbance("POD .8, known", pod=0.8, known=True),
-    "lost": Disturbance("one drone lost after step 10", withdraw_at=10),
+    "lost": Disturbance("one drone lost after step 10", lost_at=11),
 }
 DISTURBED_CASES = ("v2", "santos_4")
 
@@ -215,7 +217,7 @@ def fly(planner: str, key: str, count: int, disturbance: str) -> PlayedMissions:
         misled = partial(_misled, SearchDefinition(case.rules, assumed), planner)
         part = play_missions(
             len(numbers), misled, world, rules=case.rules, seed=(SEED + numbers).tolist(),
-            planner_seeds=seeds, withdraw_at=disturbed.withdraw_at,
+            planner_seeds=seeds,
         )  # fmt: skip
         for field in dataclasses.fields(PlayedMissions):
             getattr(whole, field.name)[numbers] = getattr(part, field.name)

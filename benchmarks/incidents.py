@@ -12,9 +12,9 @@ The intervals are for the mean of other incidents of this kind, not only of thes
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
-from dataclasses import dataclass, field
+from itertools import islice
 from math import ceil, cos, radians, sin
 from multiprocessing import get_context
 from typing import Any, NamedTuple
@@ -24,24 +24,25 @@ from numpy.typing import NDArray
 
 from benchmarks.intervals import LEVEL
 from dsse_ros.belief.beliefs import forecast_for
-from dsse_ros.belief.ensemble_belief import EnsembleBelief, PathsFlown
+from dsse_ros.belief.ensemble_belief import PathsFlown
 from dsse_ros.campaign.estimates import of_mean, of_share
 from dsse_ros.drift.flow import utc
 from dsse_ros.drift.leeway import leeway_classes
 from dsse_ros.drift.tracks import displaced
 from dsse_ros.planners import load_planner, registry
 from dsse_ros.planners.batch import play_missions
-from dsse_ros.planners.planner import Planner, Search, cells_of
+from dsse_ros.planners.planner import Search, cells_of
+from dsse_ros.planners.play import PlayedStep, play
 from dsse_ros.progress import progress, say
 from dsse_ros.scenario.actions import STRAIGHT
 from dsse_ros.scenario.definition import SearchDefinition
-from dsse_ros.scenario.scenario import Scenario
+from dsse_ros.scenario.scenario import ResolvedScenario, Scenario
 from dsse_ros.scenario.swarm import number_of
-from dsse_ros.search import HOLD, Rules, World, parallel_env, profile
+from dsse_ros.search import Rules, SearchEnv, parallel_env, profile
 from dsse_ros.searchers.registry import SEARCHERS
 from dsse_ros.searchers.searcher import Searcher
 from dsse_ros.sensors.sensor import SEARCH
-from dsse_ros.step.looks import Looked, looks_of
+from dsse_ros.step.looks import looks_of
 
 SEED = 30_000_000
 COUNT, MISSIONS = 20, 500
@@ -78,6 +79,8 @@ ERRORS = {
 """What is wrong about the drift of the persons, by the field `truth` of the incident."""
 
 Floats = NDArray[np.float64]
+Update = Callable[[Any], None]
+"""Updates a belief with the looks of a step."""
 
 
 def incident(number: int) -> dict[str, Any]:
@@ -151,50 +154,38 @@ def _coast(at: Sequence[float], bearing_deg: float, rng: np.random.Generator) ->
     return {"type": "Polygon", "coordinates": [[[lon, lat] for lat, lon in [*ring, ring[0]]]]}
 
 
-@dataclass
 class Plan:
     """What the drones of a planner that finds nobody do.
 
+    Args:
+        planner: Name of the planner.
+        scenario: The search.
+        rules: Its rules.
+        seed: Seed of the planner.
+
     Attributes:
         actions: Actions of the live drones by name, step by step.
-        looked: The looks that are done in each step.
     """
 
-    actions: list[dict[str, int]] = field(default_factory=list)
-    looked: list[list[Looked]] = field(default_factory=list)
-
-    @classmethod
-    def of(cls, planner: str, scenario: Scenario, rules: Rules, seed: int) -> Plan:
-        """Let a planner plan a search that finds nobody."""
-        plan, resolved = cls(), scenario.resolve(rules)
-        looks = looks_of(resolved, rules)
+    def __init__(self, planner: str, scenario: Scenario, rules: Rules, seed: int) -> None:
+        resolved = scenario.resolve(rules)
+        # Drones see as in the search but find nobody.
+        env = parallel_env(scenario.override(person_pod_multipliers=(0.0,)), rules=rules)
         decide = load_planner(planner)(SearchDefinition(rules, resolved), seed=seed)
-        env = parallel_env(scenario.override(probability_of_detection=0.0), rules=rules)
-        observations, infos = env.reset(seed=seed)
-        for step in range(rules.last_acting_step(resolved.timestep_limit)):
-            drones = list(env.agents)
-            for info in infos.values():
-                info["step"] = step
-            actions = decide(observations, infos)
-            observations, _, _, _, infos = env.step(actions)
-            done = (infos[drone].get("action", actions[drone]) for drone in drones)
-            flown = zip(drones, done, cells_of(observations), strict=True)
-            plan.actions.append(actions)
-            plan.looked.append(
-                [
-                    look
-                    for drone, action, cell in flown
-                    for look in looks.done(number_of(drone), int(action), cell)
-                ]
-            )
-        return plan
+        looked_in = _looks_on_paths(env) if rules.in_metres else _looks_at_cells(resolved, rules)
+        self.actions: list[Mapping[str, Any]] = []
+        self._looked: list[Update] = []
+        count = rules.last_acting_step(resolved.timestep_limit)
+        for step in islice(play(env, decide, seed=seed), count):
+            self.actions.append(step.actions)
+            self._looked.append(looked_in(step))
 
     def pos(self, scenario: Scenario, rules: Rules) -> Floats:
         """Return the POS after each step, (L,)."""
         belief = forecast_for(scenario, rules).belief()
-        pos = np.empty(len(self.looked))
-        for step, looked in enumerate(self.looked):
-            belief.update(looked)
+        pos = np.empty(len(self._looked))
+        for step, update in enumerate(self._looked):
+            update(belief)
             belief.advance()
             pos[step] = belief.pos
         return pos
@@ -202,7 +193,7 @@ class Plan:
     def found(self, scenario: Scenario, rules: Rules, missions: int) -> Floats:
         """Return the share of missions that have found the person after each step, (L,)."""
 
-        def repeated(search: Search, *, seed: int) -> Planner:
+        def repeated(search: Search, *, seed: int) -> Any:
             return lambda observations, infos: self.actions[infos[next(iter(infos))]["step"]]
 
         played = play_missions(missions, repeated, scenario, rules=rules, planner_seeds=[0])
@@ -210,64 +201,34 @@ class Plan:
         return np.cumsum(at)[1:] / missions
 
 
-@dataclass
-class FlightPlan:
-    """What the drones of a planner that finds nobody do in metres.
+def _looks_at_cells(scenario: ResolvedScenario, rules: Rules) -> Callable[[PlayedStep], Update]:
+    """Return what updates a belief with the looks of a step, on cells."""
+    looks = looks_of(scenario, rules)
 
-    Attributes:
-        actions: (N, 2) turns and speeds, step by step.
-        flown: The paths of the drones, step by step.
-    """
+    def looked_in(step: PlayedStep) -> Update:
+        done = (step.infos[drone].get("action", action) for drone, action in step.actions.items())
+        flown = zip(step.actions, done, cells_of(step.observations), strict=True)
+        looked = [
+            look
+            for drone, action, cell in flown
+            for look in looks.done(number_of(drone), int(action), cell)
+        ]
+        return lambda belief: belief.update(looked)
 
-    actions: list[Floats] = field(default_factory=list)
-    flown: list[PathsFlown] = field(default_factory=list)
+    return looked_in
 
-    @classmethod
-    def of(cls, planner: str, scenario: Scenario, rules: Rules, seed: int) -> FlightPlan:
-        """Let a planner plan a search that finds nobody."""
-        plan, resolved = cls(), scenario.resolve(rules)
-        decide = load_planner(planner)(SearchDefinition(rules, resolved), seed=seed)
-        # It sees as in the search but finds nobody.
-        env = parallel_env(scenario.override(person_pod_multipliers=(0.0,)), rules=rules)
-        flight, kinds = env.world.flight, env.world.looks.kind
-        assert flight is not None
-        observations, infos = env.reset(seed=seed)
-        for step in range(rules.last_acting_step(resolved.timestep_limit)):
-            for info in infos.values():
-                info["step"] = step
-            chosen: Any = decide(observations, infos)
-            plan.actions.append(np.array([chosen[agent] for agent in env.possible_agents]))
-            observations, _, _, _, infos = env.step(chosen)
-            everybody = np.ones(len(kinds), np.bool_)
-            plan.flown.append(
-                PathsFlown(flight.eyes, kinds, flight.paths[0].copy(), everybody, ~everybody)
-            )
-        return plan
 
-    def pos(self, scenario: Scenario, rules: Rules) -> Floats:
-        """Return the POS after each step, (L,)."""
-        belief = forecast_for(scenario, rules).belief()
-        assert isinstance(belief, EnsembleBelief)
-        pos = np.empty(len(self.flown))
-        for step, paths in enumerate(self.flown):
-            belief.update_in_passing(paths)
-            belief.advance()
-            pos[step] = belief.pos
-        return pos
+def _looks_on_paths(env: SearchEnv) -> Callable[[PlayedStep], Update]:
+    """Return what updates a belief with the looks of a step, in metres."""
+    flight, kinds = env.world.flight, env.world.looks.kind
+    assert flight is not None
+    everybody = np.ones(len(kinds), np.bool_)
 
-    def found(self, scenario: Scenario, rules: Rules, missions: int) -> Floats:
-        """Return the share of missions that have found the person after each step, (L,)."""
-        world = World(scenario, rules, missions, write_maps=False)
-        world.seed(0)
-        world.reset()
-        assert world.flight is not None
-        shares = np.empty(len(self.actions))
-        nothing = np.full(world.drones.shape, HOLD, np.int8)
-        for step, actions in enumerate(self.actions):
-            world.flight.actions[:] = actions
-            world.step(nothing)
-            shares[step] = world.persons["found"].mean()
-        return shares
+    def looked_in(_: PlayedStep) -> Update:
+        paths = PathsFlown(flight.eyes, kinds, flight.paths[0].copy(), everybody, ~everybody)
+        return lambda belief: belief.update_in_passing(paths)
+
+    return looked_in
 
 
 class Row(NamedTuple):
@@ -306,9 +267,8 @@ def fly(number: int, planners: Sequence[str]) -> dict[str, Floats]:
     last = [int(60 * minutes / step_s) - 1 for minutes in MINUTES[:-1]] + [limit - 1]
     flown, plans = {}, {}
     for name, row in rows_of(planners).items():
-        kind = FlightPlan if row.rules.in_metres else Plan
         of_row = scenario.override(**row.fields)
-        plan = plans[name] = kind.of(row.planner, of_row, row.rules, seed=number)
+        plan = plans[name] = Plan(row.planner, of_row, row.rules, seed=number)
         pos, found = plan.pos(of_row, row.rules), plan.found(of_row, row.rules, MISSIONS)
         flown[name] = np.stack([pos[last], found[last]])
     flown["none"] = flown[BASELINE]

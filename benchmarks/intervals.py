@@ -1,6 +1,6 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""Confidence intervals of shares and means."""
+"""Confidence intervals of means; `campaign.estimates` has those of shares."""
 
 from __future__ import annotations
 
@@ -15,15 +15,6 @@ LEVEL = 0.99
 def quantile(level: float = LEVEL) -> float:
     """Return z so that a standard normal value lies within -z..z with this probability."""
     return NormalDist().inv_cdf(0.5 + level / 2)
-
-
-def of_share(share: float, count: int, level: float = LEVEL) -> Interval:
-    """Return Wilson's interval of a share seen in `count` trials (Wilson 1927)."""
-    z = quantile(level)
-    centre = (share + z * z / (2 * count)) / (1 + z * z / count)
-    reach = z * math.sqrt(share * (1 - share) / count + z * z / (4 * count * count))
-    reach /= 1 + z * z / count
-    return centre - reach, centre + reach
 
 
 def of_mean(mean: float, deviation: float, count: int, level: float = LEVEL) -> Interval:

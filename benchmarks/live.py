@@ -23,8 +23,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.intervals import contains, of_share
+from benchmarks.intervals import LEVEL, contains
 from dsse_ros.belief.beliefs import forecast_for
+from dsse_ros.campaign.estimates import wilson
 from dsse_ros.live.admission import Admission, Clocks
 from dsse_ros.live.beliefs import LiveBeliefs
 from dsse_ros.live.inputs import read
@@ -356,7 +357,7 @@ def bins(pairs: Sequence[tuple[float, bool]]) -> list[tuple[int, float, float, b
         count = int(of_bin.sum())
         if count:
             mean, share = float(stated[of_bin].mean()), float(true[of_bin].mean())
-            rows.append((count, mean, share, contains(of_share(share, count), mean)))
+            rows.append((count, mean, share, contains(wilson(share, count, LEVEL), mean)))
     return rows
 
 

@@ -28,9 +28,10 @@ from benchmarks import mpso, search_problems
 from benchmarks.bench import RESULTS, machine, own_versions, rounded
 from benchmarks.compare import RESULTS_PAGE
 from benchmarks.greedy_batch import TIES, GreedyBatch
-from benchmarks.intervals import contains, of_mean, of_share
+from benchmarks.intervals import LEVEL, contains, of_mean
 from benchmarks.pages import with_table
 from benchmarks.reference_values import GREEDY, SWEEP, Source
+from dsse_ros.campaign.estimates import wilson
 from dsse_ros.progress import progress
 from dsse_ros.scenario.scenario import scenario_and_rules
 from dsse_ros.search.world import World
@@ -146,7 +147,7 @@ def summary(episodes: Episodes, *, when_found: bool) -> dict[str, Any]:
     chosen = steps[found] if when_found else steps
     figures: dict[str, Any] = {
         "episodes": count,
-        "found": _figure(found.mean(), of_share(float(found.mean()), count)),
+        "found": _figure(found.mean(), wilson(float(found.mean()), count, LEVEL)),
         "steps": _mean(steps),
         "median_steps": {"ours": float(np.median(chosen))},
         "longest": int(steps.max()),
@@ -182,7 +183,7 @@ def compare(figures: dict[str, Any], sources: tuple[Source, ...]) -> bool:
             if name == "median_steps":
                 continue
             if name == "found":
-                interval = of_share(theirs, source.episodes)
+                interval = wilson(theirs, source.episodes, LEVEL)
             else:
                 share = source.found if name == "steps_when_found" else 1.0
                 interval = of_mean(theirs, figure["deviation"], round(share * source.episodes))

@@ -5,13 +5,16 @@
 from __future__ import annotations
 
 import time
+from collections import deque
 from collections.abc import Callable
+from itertools import islice
 from typing import Any
 
 import numpy as np
 
 from benchmarks import ROOT
-from dsse_ros.planners import planner_for
+from dsse_ros.planners import planner_for, play
+from dsse_ros.planners.planner import Infos, Observations
 from dsse_ros.scenario.scenario import Scenario, scenario_and_rules
 from dsse_ros.search import World, parallel_env, profile
 
@@ -61,14 +64,14 @@ def _batches(rounds: int, batch: int) -> dict[str, list[float]]:
 def _decision(seed: int) -> float:
     """Return the median seconds of a decision of `belief` for four drones."""
     env = parallel_env(str(KAYAK), particles=PARTICLES)
-    observations, infos = env.reset(seed=seed)
     planner = planner_for(env, "belief", seed=seed)
-    seconds = []
-    for _ in range(DECISIONS):
-        if not env.agents:
-            break
+    seconds: list[float] = []
+
+    def timed(observations: Observations, infos: Infos) -> dict[str, int]:
         start = time.perf_counter()
         actions = planner(observations, infos)
         seconds.append(time.perf_counter() - start)
-        observations, _, _, _, infos = env.step(actions)
+        return actions
+
+    deque(islice(play(env, timed, seed=seed), DECISIONS), maxlen=0)
     return float(np.median(seconds))

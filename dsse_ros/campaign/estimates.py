@@ -95,20 +95,24 @@ def _effective_size(hits: Values, confidence: float, labels: Labels) -> float:
     return max(1.0, float(size / design_effect * quantiles**2))
 
 
+def wilson(share: float, size: float, confidence: float) -> tuple[float, float]:
+    """Return Wilson's interval (1927) of a share seen in `size` trials."""
+    z = float(stats.norm.ppf(0.5 + confidence / 2))
+    centre = (share + z * z / (2 * size)) / (1 + z * z / size)
+    reach = z * (share * (1 - share) / size + z * z / (4 * size * size)) ** 0.5 / (1 + z * z / size)
+    # Of none or all, a bound is the share itself, which rounding may miss.
+    return max(0.0, min(share, centre - reach)), min(1.0, max(share, centre + reach))
+
+
 def of_share(hits: NDArray[np.bool_], confidence: float, labels: Labels) -> Estimate:
-    """Return a share with its Wilson interval (1927), with the effective size of the clusters.
+    """Return a share with its Wilson interval, with the effective size of the clusters.
 
     With one cluster, the interval is that of one mission or wider, up to 0 to 1.
     """
     share, size = float(hits.mean()), _effective_size(hits, confidence, labels)
     if size < 2 <= len(hits):
         return Estimate(share, 0.0, 1.0)
-    z = float(stats.norm.ppf(0.5 + confidence / 2))
-    centre = (share + z * z / (2 * size)) / (1 + z * z / size)
-    reach = z * (share * (1 - share) / size + z * z / (4 * size * size)) ** 0.5 / (1 + z * z / size)
-    # Of none or all, a bound is the share itself, which rounding may miss.
-    low, high = min(share, centre - reach), max(share, centre + reach)
-    return Estimate(share, max(0.0, low), min(1.0, high))
+    return Estimate(share, *wilson(share, size, confidence))
 
 
 def of_median(values: Values, confidence: float, labels: Labels) -> Estimate:

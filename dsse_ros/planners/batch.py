@@ -19,13 +19,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dsse_ros.planners.belief import BeliefPlanner, Forecasts
-from dsse_ros.planners.mission_batches import MissionBatch, PlayedMissions, batch_of
+from dsse_ros.planners.mission_batches import ALL, MissionBatch, PlayedMissions, batch_of
 from dsse_ros.planners.planner import Planner, PlannerFactory, Shareable
+from dsse_ros.planners.play import play
 from dsse_ros.planners.registry import check_task, load_planner
 from dsse_ros.scenario.definition import SearchDefinition
 from dsse_ros.scenario.fields import FieldError, Spec
 from dsse_ros.scenario.options import check_seed
-from dsse_ros.scenario.rules import Rules
 from dsse_ros.scenario.scenario import ScenarioSource, scenario_and_rules
 from dsse_ros.scenario.swarm import number_of
 from dsse_ros.search.world import World
@@ -40,7 +40,7 @@ class _Group:
         seeds: Seeds of the planners, one for each member.
         planner: Planner that decides for all of them, made with the first seed.
         thread: Number of the thread that calls the planner.
-        actions: Actions of the last step, by drone.
+        actions: Actions of the next step, by drone.
         drawn: Whether the seed of the planner has made a difference, or may have.
     """
 
@@ -61,7 +61,7 @@ class _Group:
             self._decide(batch)
             return [self]
         seeds = np.unique(self.seeds).tolist()
-        before, actions = self.planner.copy() if len(seeds) > 1 else self.planner, self.actions
+        before = self.planner.copy() if len(seeds) > 1 else self.planner
         self._decide(batch)
         self.drawn = self.planner.drawn
         if not self.drawn or len(seeds) == 1:
@@ -71,14 +71,14 @@ class _Group:
             chosen = self.seeds == seed
             group = replace(self, members=self.members[chosen], seeds=self.seeds[chosen])
             if seed != self.seeds[0]:
-                group.planner, group.actions = before.with_seed(seed), actions
+                group.planner = before.with_seed(seed)
                 group._decide(batch)
             groups.append(group)
         return groups
 
     def _decide(self, batch: MissionBatch) -> None:
         """Get the actions of the next step from the planner."""
-        observations, infos = batch.observe(int(self.members[0]), self.actions)
+        observations, infos = batch.observe(int(self.members[0]))
         chosen = self.planner(observations, infos)
         self.actions = {number_of(name): batch.action_of(name, chosen) for name in observations}
 
@@ -118,16 +118,46 @@ def _copied(planner: Planner) -> Planner:
     return planner.copy() if isinstance(planner, Shareable) else copy.deepcopy(planner)
 
 
-def _each(
-    pool: ThreadPoolExecutor, do: Callable[[_Group], list[_Group]], groups: Sequence[_Group]
-) -> list[_Group]:
-    """Return what every group makes; each thread handles its groups one after the other."""
+class SharedPlanners:
+    """The planners of the missions of a batch: a planner of the batch, for one `play`.
 
-    def do_those_of(thread: int) -> list[_Group]:
-        return [part for group in groups if group.thread == thread for part in do(group)]
+    Args:
+        make: Makes a planner with a seed.
+        seeds: (M,) seed of the planner of each mission.
+        threads: Number of threads that call the planners.
+        pool: The threads.
+    """
 
-    threads = sorted({group.thread for group in groups})
-    return [part for of_thread in pool.map(do_those_of, threads) for part in of_thread]
+    def __init__(
+        self,
+        make: Callable[[int], Planner],
+        seeds: NDArray[np.int64],
+        threads: int,
+        pool: ThreadPoolExecutor,
+    ) -> None:
+        self._groups, self._pool = list(_groups(make, seeds, threads)), pool
+
+    def __call__(
+        self, observations: Mapping[str, MissionBatch], infos: Mapping[str, Any]
+    ) -> dict[str, NDArray[Any]]:
+        """Return the actions (M, N) of all drones, by `ALL`; note the seeds that made them."""
+        batch = observations[ALL]
+        parts = [part for group in self._groups for part in group.split(batch.world)]
+
+        def decide(thread: int) -> list[_Group]:
+            """Decide for the groups of a thread, one after the other."""
+            of_thread = [part for part in parts if part.thread == thread]
+            return [group for part in of_thread for group in part.decide(batch)]
+
+        decided = self._pool.map(decide, sorted({part.thread for part in parts}))
+        self._groups = [group for of_thread in decided for group in of_thread]
+        joint = batch.nothing()
+        for group in self._groups:
+            if group.drawn:
+                batch.results.planner_seeds[group.members] = group.seeds
+            for drone, action in group.actions.items():
+                joint[group.members, drone] = action
+        return {ALL: joint}
 
 
 def _groups(
@@ -185,13 +215,11 @@ def play_missions(
     planner: str | PlannerFactory,
     scenario: ScenarioSource = None,
     *,
-    rules: str | Rules = "auto",
     seed: int | Sequence[int] = 0,
     planner_seeds: Sequence[int] | None = None,
     options: Mapping[str, Any] | None = None,
-    withdraw_at: int | None = None,
     threads: int = 1,
-    **fields: object,
+    **fields: Any,
 ) -> PlayedMissions:
     """Play missions to their ends, each as `play.play` plays it in an environment.
 
@@ -200,69 +228,34 @@ def play_missions(
         planner: One of `PLANNER_NAMES`, or a factory, which may give the planner another search to
             assume. Unless the planner is `Shareable`, `copy.deepcopy` must copy its state.
         scenario: As in `parallel_env`.
-        rules: As in `parallel_env`.
         seed: Mission m equals that of an environment seeded with seed + m, or with seed[m].
         planner_seeds: Seeds that the missions take in turn: mission m uses
             `planner_for(env, planner, seed=planner_seeds[m % len(planner_seeds)])`. By default the
             planner of each mission has the mission's seed. Missions that share a planner seed are
             not independent samples of a planner that draws.
         options: Options of the planner.
-        withdraw_at: Step after which the last drone of each mission is withdrawn, see
-            `SearchEnv.withdraw`.
         threads: Number of threads.
-        fields: As in `parallel_env`.
+        fields: `rules` and other fields, as in `parallel_env`.
 
     Raises:
         FieldError: If scenario or rules are not allowed, or the planner cannot be loaded.
     """
     count = Spec("int", "", low=1).check("count", count)
     threads = Spec("int", "", low=1, high=1024).check("threads", threads)
-    withdraw_at = Spec("int", "", low=1, optional=True).check("withdraw_at", withdraw_at)
     factory = load_planner(planner) if isinstance(planner, str) else planner
-    chosen, chosen_rules = scenario_and_rules(scenario, rules, **fields)
+    chosen, chosen_rules = scenario_and_rules(scenario, **fields)
     if isinstance(planner, str):
         check_task(planner, chosen_rules)
     seeds, of_planners = _checked_seeds(seed, planner_seeds, count)
     search = SearchDefinition(chosen_rules, chosen)
     world = World(chosen, chosen_rules, count, write_maps=False, threads=threads)
-    world.seed(seeds)
-    world.reset()
     batch = batch_of(world)
-    groups = list(
-        _groups(lambda one: factory(search, seed=one, **(options or {})), of_planners, threads)
-    )
-    _play(batch, groups, withdraw_at, threads)
+    with ThreadPoolExecutor(threads) as pool:
+        planners = SharedPlanners(
+            lambda one: factory(search, seed=one, **(options or {})), of_planners, threads, pool
+        )
+        for _ in play(batch, planners, seed=seeds):
+            pass
     world.close()
     batch.results.path_length_m[:] *= world.scenario.cell_size
     return batch.results
-
-
-def _play(
-    batch: MissionBatch, groups: Sequence[_Group], withdraw_at: int | None, threads: int
-) -> None:
-    """Play the missions of a batch to their ends; the arguments are those of `play_missions`."""
-    world = batch.world
-    if world.faults is not None:
-        # Drones may observe different positions from the start.
-        groups = [part for group in groups for part in group.split(world)]
-    with ThreadPoolExecutor(threads) as pool:
-        for step in range(1, world.rules.last_acting_step(world.scenario.timestep_limit) + 1):
-            batch.look()
-            groups = _each(pool, lambda group: group.decide(batch), groups)
-            batch.step(_joint(batch, groups))
-            if step == withdraw_at:
-                world.withdraw(world.num_drones - 1)
-            groups = [part for group in groups for part in group.split(world)]
-            if not groups:
-                break
-
-
-def _joint(batch: MissionBatch, groups: Sequence[_Group]) -> NDArray[Any]:
-    """Return the actions (M, N) that the groups have chosen; note the seeds that made them."""
-    joint = batch.nothing()
-    for group in groups:
-        if group.drawn:
-            batch.results.planner_seeds[group.members] = group.seeds
-        for drone, action in group.actions.items():
-            joint[group.members, drone] = action
-    return joint

@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -44,8 +44,14 @@ class PlayedMissions:
     planner_seeds: NDArray[np.int64]
 
 
+ALL = "missions"
+"""The agent of a `MissionBatch`."""
+
+
 class MissionBatch:
-    """M missions that are stepped together: what their drones observe, and their results.
+    """M missions that are stepped together: an environment for `play` with one agent, `ALL`.
+
+    The agent observes the batch, and acts for all drones of all missions.
 
     Attributes:
         world: The missions.
@@ -60,13 +66,28 @@ class MissionBatch:
             np.full(count, -1),
         )  # fmt: skip
         self._going = np.ones(count, bool)
-        self._step = 0
+        self._step, self._last_step = 0, world.rules.last_acting_step(world.scenario.timestep_limit)
+        self._joint = self.nothing()
         self._names = [f"drone{n}" for n in range(world.num_drones)]
         self._fault_masks: NDArray[np.int8] | None = None
         self._probability = np.empty((0, 0), np.float32)
 
-    def look(self) -> None:
-        """Prepare what all missions share of the next observations."""
+    @property
+    def agents(self) -> list[str]:
+        """The agent, while a mission goes on."""
+        return [ALL] if self._step < self._last_step and self._going.any() else []
+
+    def reset(
+        self, seed: Sequence[int] | None = None, options: Mapping[str, Any] | None = None
+    ) -> tuple[dict[str, MissionBatch], dict[str, Any]]:
+        """Start the missions, once, with a seed each; there are no options."""
+        self.world.seed(seed)
+        self.world.reset()
+        self._look()
+        return {ALL: self}, {ALL: {}}
+
+    def _look(self) -> None:
+        """Prepare what all missions share of their observations."""
         world = self.world
         # The map depends on no person, so all missions share it unless cells are covered.
         first = int(np.argmax(self._going))
@@ -74,32 +95,32 @@ class MissionBatch:
         if world.faults is not None:
             self._fault_masks = world.action_masks()
 
-    def observe(self, mission: int, last: Mapping[int, int]) -> Started:
-        """Return what the live drones of a mission observe, after `look`.
-
-        Args:
-            mission: Number of the mission.
-            last: Last action of each drone, by its number.
-        """
-        world, drones = self.world, self.world.drones[mission]
+    def observe(self, mission: int) -> Started:
+        """Return what the live drones of a mission observe."""
+        drones = self.world.drones[mission]
         live = np.flatnonzero(~(drones["terminated"] | drones["truncated"])).tolist()
+        columns = self.world.info_columns(mission, live)
+        columns["step"] = [self._step] * len(live)
+        return self._observe(mission, live, columns)
+
+    def _observe(self, mission: int, live: list[int], columns: dict[str, Iterable[Any]]) -> Started:
+        """Return what these drones observe; the columns are for their infos."""
+        world, drones = self.world, self.world.drones[mission]
         cells = np.stack([drones["x"], drones["y"]], axis=1)
         if self._fault_masks is None or world.faults is None:
             table = world.mask_table
             masks: Iterable[NDArray[np.int8]] = [table[y][x] for x, y in cells[live].tolist()]
         else:
             masks, cells = self._fault_masks[mission, live], world.faults.positions()[mission]
+        if self._step:
+            joint = self._joint[mission].tolist()
+            columns.setdefault("action", [joint[n] for n in live])
         seen = self._probability if world.coverage is None else world.map_of(mission)
         names = [self._names[n] for n in live]
         observations: dict[str, AgentObservation] = {
             name: Observation(cells[n].copy(), seen) for name, n in zip(names, live, strict=True)
         }
-        infos = agent_infos(names, False, masks, world.info_columns(mission, live))
-        for n, info in zip(live, infos.values(), strict=True):
-            info["step"] = self._step
-            if n in last:
-                info.setdefault("action", last[n])
-        return observations, infos
+        return observations, agent_infos(names, False, masks, columns)
 
     def action_of(self, agent: str, actions: Mapping[str, Any]) -> Any:
         """Return the action of an agent, checked.
@@ -120,17 +141,18 @@ class MissionBatch:
         world.step(joint)
         return np.hypot(world.drones["x"] - x, world.drones["y"] - y)
 
-    def step(self, joint: NDArray[Any]) -> None:
+    def step(self, actions: Mapping[str, NDArray[Any]]) -> tuple[Any, Any, Any, Any, Any]:
         """Advance all missions by one step, and note the results of those that go on.
 
         Worlds step on after their mission has ended; those steps do not count.
 
         Args:
-            joint: (M, N), the actions.
+            actions: (M, N) of all drones, by `ALL`.
         """
         world, results, going = self.world, self.results, self._going
         here = going[:, None] & ~(world.terminated | world.truncated)
-        legs = self.fly(joint) * here
+        self._joint = actions[ALL]
+        legs = self.fly(self._joint) * here
         self._step += 1
         for drone in range(world.num_drones):
             results.path_length_m[:] += legs[:, drone]
@@ -145,6 +167,9 @@ class MissionBatch:
             results.lost[going] = world.terminated[going].sum(axis=1)
         results.lost[found] = 0
         self._going = going & ~done
+        if self.agents:
+            self._look()
+        return {ALL: self}, {}, {}, {}, {ALL: {}}
 
 
 class FlightBatch(MissionBatch):
@@ -155,17 +180,13 @@ class FlightBatch(MissionBatch):
         assert self.world.flight is not None
         return self.world.flight
 
-    def observe(self, mission: int, last: Mapping[int, Any]) -> Started:
+    def _observe(self, mission: int, live: list[int], columns: dict[str, Iterable[Any]]) -> Started:
         """See `MissionBatch`."""
-        world, drones = self.world, self.world.drones[mission]
-        live = np.flatnonzero(~(drones["terminated"] | drones["truncated"])).tolist()
-        names, states = [self._names[n] for n in live], states_of(world)[mission]
+        states, names = states_of(self.world)[mission], [self._names[n] for n in live]
         observations: Any = {
             name: (states[n], self._probability) for name, n in zip(names, live, strict=True)
         }
-        columns = world.info_columns(mission, live)
         columns["path"] = [self._flights.paths[mission, n].copy() for n in live]
-        columns["step"] = [self._step] * len(live)
         return observations, agent_infos(names, False, None, columns)
 
     def action_of(self, agent: str, actions: Mapping[str, Any]) -> Any:

@@ -39,7 +39,7 @@ def test_the_incidents_differ_in_all_that_is_drawn() -> None:
 
 
 def test_missions_that_repeat_a_plan_find_what_the_planner_finds(scenario: Scenario) -> None:
-    found = Plan.of("belief_greedy", scenario, SEA, 0).found(scenario, SEA, 200)
+    found = Plan("belief_greedy", scenario, SEA, 0).found(scenario, SEA, 200)
     played = play_missions(200, "belief_greedy", scenario, rules=SEA)
     assert 0.1 < found[-1] < 0.9
     for step in (STEPS // 2, STEPS):
@@ -47,7 +47,7 @@ def test_missions_that_repeat_a_plan_find_what_the_planner_finds(scenario: Scena
 
 
 def test_the_pos_of_a_plan_is_that_of_a_mission_with_its_searches(scenario: Scenario) -> None:
-    plan = Plan.of("belief_greedy", scenario, SEA, 0)
+    plan = Plan("belief_greedy", scenario, SEA, 0)
     pos = plan.pos(scenario, SEA)
     env = parallel_env(scenario, rules=SEA, observe="belief")
     stated: list[float] = []

@@ -53,9 +53,13 @@ def played(
 
 
 def test_an_interval_of_a_share_is_wilsons() -> None:
-    share = of_share(np.arange(20) < 3, 0.95, np.arange(20))
-    # By hand: (p + z^2 / 2 n -+ z sqrt(p q / n + z^2 / 4 n^2)) / (1 + z^2 / n).
-    assert (share.low, share.high) == pytest.approx((0.0523686, 0.3604188), abs=1e-6)
+    # Newcombe 1998, table I, method 3.
+    for hits, count, low, high in (
+        (81, 263, 0.2553, 0.3662), (15, 148, 0.0624, 0.1605), (0, 20, 0.0, 0.1611),
+        (1, 29, 0.0061, 0.1718),
+    ):  # fmt: skip
+        share = of_share(np.arange(count) < hits, 0.95, np.arange(count))
+        assert (share.low, share.high) == pytest.approx((low, high), abs=5e-5)
 
 
 def test_an_interval_of_a_share_holds_the_share() -> None:

@@ -145,8 +145,8 @@ def test_missions_that_share_a_planner_are_what_single_ones_are(
     env = parallel_env(**CASES[case])
     options = LITTLE_EFFORT.get(name, {})
     missions = play_missions(
-        len(SEEDS), name, seed=SEEDS, planner_seeds=(4, 5), options=options, withdraw_at=lost,
-        threads=2, **CASES[case],
+        len(SEEDS), name, seed=SEEDS, planner_seeds=(4, 5), options=options, threads=2,
+        loss_steps=None if lost is None else (0, lost + 1), **CASES[case],
     )  # fmt: skip
     for m, seed in enumerate(SEEDS):
         planner = planner_for(env, name, seed=4 + m % 2, **options)
@@ -210,8 +210,8 @@ def test_planners_may_be_given_another_scenario_than_the_one_that_is_played() ->
         assert (missions.found[m], missions.steps[m]) == alone(env, planner, seed, None)
 
 
-def test_a_drone_that_is_withdrawn_counts_as_lost() -> None:
-    missions = play_missions(20, "sweep", withdraw_at=3, **PAPER)
+def test_a_drone_that_drops_out_counts_as_lost() -> None:
+    missions = play_missions(20, "sweep", loss_steps=(0, 4), **PAPER)
     assert (missions.lost == ~missions.found).all() and not missions.found.all()
 
 

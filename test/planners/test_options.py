@@ -182,7 +182,7 @@ def test_an_option_that_is_given_twice_is_refused() -> None:
 
 @pytest.mark.parametrize(
     ("name", "value"),
-    [("count", 0), ("count", 1.5), ("threads", 0), ("threads", "two"), ("withdraw_at", 0)],
+    [("count", 0), ("count", 1.5), ("threads", 0), ("threads", "two")],
 )
 def test_missions_refuse_numbers_that_are_not_allowed(name: str, value: Any) -> None:
     given = {"count": 2, "planner": "greedy", name: value}
