@@ -128,22 +128,31 @@ def write_arc(flyer, wind, flight, turn, speed, path):
     east, south = math.sin(heading), -math.cos(heading)
     center_x = x - side * radius * south
     center_y = y + side * radius * east
-    after, pieces = heading, len(path) - 1
+    pieces, before, arc_of_turn = len(path) - 1, 0.0, radius * abs(turn)
+    # At a steady speed whole pieces of the arc are alike, and sines are dear.
+    piece_s = wind.step_s / pieces
+    whole = speed * piece_s if ramp_s == 0.0 else np.inf
+    sin, cos = 0.0, 1.0
+    if whole <= arc_of_turn:
+        sin, cos = math.sin(side * whole / radius), math.cos(whole / radius)
     path[0, 0], path[0, 1] = x, y
     for k in range(1, pieces + 1):
-        t = wind.step_s * k / pieces
+        t = piece_s * k
         early = min(t, ramp_s)
         flown = speed * (t - early) + flight.speed * early
         if early > 0.0:
             flown += change * early * early / (2.0 * ramp_s)
-        arc = min(radius * abs(turn), flown)
-        reached = heading + side * arc / radius
-        if reached != after:
-            after, east, south = reached, math.sin(reached), -math.cos(reached)
+        arc = min(arc_of_turn, flown)
+        if whole * k <= arc_of_turn:
+            east, south = east * cos - south * sin, south * cos + east * sin
+        elif arc != before:
+            reached = heading + side * arc / radius
+            east, south = math.sin(reached), -math.cos(reached)
+        before = arc
         x = center_x + side * radius * south + (flown - arc) * east + wind.east * t
         y = center_y - side * radius * east + (flown - arc) * south + wind.south * t
         path[k, 0], path[k, 1] = x, y
-    flight.east, flight.south, flight.heading = x, y, after
+    flight.east, flight.south, flight.heading = x, y, heading + side * before / radius
     flight.speed += change * (min(wind.step_s / ramp_s, 1.0) if ramp_s > 0.0 else 1.0)
 
 

@@ -71,6 +71,8 @@ def missed(eye, path, looked, step_s, person, multiplier):
     """
     if max(abs(person[2] - person[0]), abs(person[3] - person[1])) >= FARTHEST_M:
         return 1.0
+    if is_far(eye.reach, path, person):
+        return 1.0
     pieces = len(path) - 1
     x, y = person[0] - path[0, 0], person[1] - path[0, 1]
     drift_x, drift_y = (person[2] - person[0]) / pieces, (person[3] - person[1]) / pieces
@@ -92,6 +94,20 @@ def missed(eye, path, looked, step_s, person, multiplier):
     if eye.law == DEFINITE:
         return (1.0 - min(eye.pod * multiplier, 1.0)) ** passes if passes > 0 else 1.0
     return math.exp(-eye.rate * step_s / pieces * multiplier * exposure)
+
+
+@inlined
+def is_far(reach, path, person):
+    """Return whether a person is beyond the reach of a whole path in the east or in the south."""
+    for axis in range(2):
+        least = most = path[0, axis]
+        for k in range(1, len(path)):
+            least, most = min(least, path[k, axis]), max(most, path[k, axis])
+        if max(person[axis], person[axis + 2]) < least - reach:
+            return True
+        if min(person[axis], person[axis + 2]) > most + reach:
+            return True
+    return False
 
 
 @inlined
