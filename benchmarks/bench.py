@@ -88,12 +88,12 @@ SECTIONS: Mapping[str, Callable[[Setup], Any]] = {
 
 def main(arguments: list[str] | None = None) -> int:
     """Measure, print, write the results and return the exit code; a missed goal is no failure."""
-    given = _arguments(arguments)
-    quick = given.quick
-    given.build.mkdir(parents=True, exist_ok=True)
-    out = given.out or (given.build if quick else RESULTS)
+    options = _arguments(arguments)
+    quick = options.quick
+    options.build.mkdir(parents=True, exist_ok=True)
+    out = options.out or (options.build if quick else RESULTS)
     out.mkdir(parents=True, exist_ok=True)
-    pythons, programs = _baselines(given.build)
+    pythons, programs = _baselines(options.build)
     setup = Setup(quick, pythons, programs)
 
     began = time.time()
@@ -101,7 +101,7 @@ def main(arguments: list[str] | None = None) -> int:
     if load > BUSY:
         _print(f"The machine is busy (load {load:.1f}): figures and ratios will be worse")
     figures: dict[str, Any] = {"speed": []}
-    for name in progress(given.only or SECTIONS, "bench"):
+    for name in progress(options.only or SECTIONS, "bench"):
         _print(f"\n{name.replace('_', '-')}")
         if name == "speed":
             _print(speed.heading())

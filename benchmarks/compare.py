@@ -205,7 +205,7 @@ def fly(planner: str, key: str, count: int, disturbance: str) -> PlayedMissions:
     """Play the missions of a case."""
     case, disturbed = CASES[key], DISTURBANCES[disturbance]
     kinds: tuple[Any, ...] = (np.bool_, np.int64, np.int64, np.float64, np.int64, np.int64)
-    whole = PlayedMissions(*(np.zeros(count, kind) for kind in kinds))
+    all_played = PlayedMissions(*(np.zeros(count, kind) for kind in kinds))
     parts = list(case.parts(count))
     shared = PLANNER_SEEDS.get(planner)
     for part_number, (scenario, numbers) in enumerate(parts):
@@ -220,8 +220,8 @@ def fly(planner: str, key: str, count: int, disturbance: str) -> PlayedMissions:
             planner_seeds=seeds,
         )  # fmt: skip
         for field in dataclasses.fields(PlayedMissions):
-            getattr(whole, field.name)[numbers] = getattr(part, field.name)
-    return whole
+            getattr(all_played, field.name)[numbers] = getattr(part, field.name)
+    return all_played
 
 
 def figures(missions: PlayedMissions, beside: PlayedMissions) -> dict[str, Any]:
@@ -399,8 +399,8 @@ def main(argv: list[str] | None = None) -> int:
     path = arguments.out / "compare.json"
     chosen, results = arguments.planners or PLANNERS, {}
     parts = PARTS if arguments.only is None else (arguments.only,)
-    whole = parts == PARTS and arguments.planners is None
-    if not whole:
+    complete = parts == PARTS and arguments.planners is None
+    if not complete:
         results = json.loads(path.read_text(encoding="utf-8"))
     if {"cases", "disturbed"} & {*parts}:
         played, curves = run(arguments.missions, workers, _with(BASELINE, chosen), parts)
@@ -413,7 +413,7 @@ def main(argv: list[str] | None = None) -> int:
         at_sea = [name for name in chosen if name in AT_SEA]
         flown = incidents.run(_with(incidents.BASELINE, at_sea), workers)
         results = merged(results, flown)
-    if whole:
+    if complete:
         results |= {"seconds": round(time.perf_counter() - began), "machine": machine()}
         results["versions"] = own_versions()
     path.write_text(json.dumps(results, indent=1) + "\n", encoding="utf-8")

@@ -67,9 +67,9 @@ def mean_steps(key: str, options: BeamOptions, seed: int, most: int | None = Non
         cells = tactic(DecisionPoint(belief, agents, present))
         joint = [actions.action(a, b) for a, b in zip(present, cells, strict=True)]
         done = [look for n in agents for look in looks.done(n, joint[n], cells[n])]
-        for one in (belief, exact):
-            one.update(done)
-            one.advance()
+        for each in (belief, exact):
+            each.update(done)
+            each.advance()
         present = cells
     return mean
 
@@ -92,7 +92,7 @@ def run(key: str, seeds: int) -> dict[str, Any]:
     return {
         "title": CASES[key].title,
         "seeds": seeds,
-        **{name: float(of.mean()) for name, of in times.items()},
+        **{name: float(steps.mean()) for name, steps in times.items()},
         "gain": gain,
         "interval": [gain - reach, gain + reach],
     }
@@ -104,11 +104,11 @@ def table(rows: list[dict[str, Any]]) -> str:
         f"| Case | `belief` | `forward_backward`, {BUDGET_MS:g} ms | Steps gained | Seeds |",
         "| --- | --- | --- | --- | --- |",
     ]
-    for of in rows:
-        reach = of["interval"][1] - of["gain"]
+    for row in rows:
+        reach = row["interval"][1] - row["gain"]
         lines.append(
-            f"| {of['title']} | {of['belief']:.2f} | {of['forward_backward']:.2f} | "
-            f"{of['gain']:.3f} ± {reach:.3f} | {of['seeds']} |"
+            f"| {row['title']} | {row['belief']:.2f} | {row['forward_backward']:.2f} | "
+            f"{row['gain']:.3f} ± {reach:.3f} | {row['seeds']} |"
         )
     return "\n".join(lines)
 
@@ -118,13 +118,13 @@ def main(arguments: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog="decision_time", description=__doc__)
     parser.add_argument("--seeds", type=int, default=120, help="of each planner and case")
     parser.add_argument("--out", type=Path, default=RESULTS, help="folder of the results")
-    given = parser.parse_args(arguments)
-    if given.seeds < 2:
-        parser.error(f"seeds must be at least 2, got {given.seeds}")
-    rows = rounded([run(key, given.seeds) for key in CHOSEN])
-    given.out.mkdir(parents=True, exist_ok=True)
+    options = parser.parse_args(arguments)
+    if options.seeds < 2:
+        parser.error(f"seeds must be at least 2, got {options.seeds}")
+    rows = rounded([run(key, options.seeds) for key in CHOSEN])
+    options.out.mkdir(parents=True, exist_ok=True)
     result = {"machine": machine(), "versions": own_versions(), "rows": rows}
-    path = given.out / "decision_time.json"
+    path = options.out / "decision_time.json"
     path.write_text(json.dumps(result, indent=1) + "\n", encoding="utf-8")
     print(f"{table(rows)}\n\n{path}")
     return 0

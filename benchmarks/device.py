@@ -82,14 +82,14 @@ def rate(env: VectorEnv, seconds: float) -> float:
     ]
     wait: Callable[[], object] = time.perf_counter
     if isinstance(env, DeviceVectorEnv):
-        actions, wait = [cuda.to_device(one) for one in actions], env.synchronize
+        actions, wait = [cuda.to_device(joint) for joint in actions], env.synchronize
     for _ in range(WARM_UP):
         env.step(actions[0])
     wait()
     start, steps, taken = time.perf_counter(), 0, 0.0
     while taken < seconds:
-        for one in actions:
-            env.step(one)
+        for action in actions:
+            env.step(action)
         wait()
         steps += AT_ONCE
         taken = time.perf_counter() - start
@@ -114,20 +114,20 @@ def bytes_of(env: DeviceVectorEnv, observed: str) -> int:
     belief = 0
     if env.beliefs is not None:
         # The layers that move in a mean step, and their sum.
-        given = env.beliefs.tables
-        moved = (np.asarray(given.directions) != STAND_STILL).sum(axis=1).mean()
-        belief = int((moved + 1) * 2 * 8 * given.chances.shape[1])
+        of_belief = env.beliefs.tables
+        moved = (np.asarray(of_belief.directions) != STAND_STILL).sum(axis=1).mean()
+        belief = int((moved + 1) * 2 * 8 * of_belief.chances.shape[1])
     return 2 * records + tables + report + shown + belief
 
 
 def copy_speed() -> float:
     """Return the bytes per second that a copy on the device reads and writes."""
-    one, other = (cuda.device_array(COPIED_BYTES, np.int8) for _ in range(2))
-    one.copy_to_device(other)
+    source, target = (cuda.device_array(COPIED_BYTES, np.int8) for _ in range(2))
+    source.copy_to_device(target)
     cuda.synchronize()
     start = time.perf_counter()
     for _ in range(AT_ONCE):
-        one.copy_to_device(other)
+        source.copy_to_device(target)
     cuda.synchronize()
     return 2 * COPIED_BYTES * AT_ONCE / (time.perf_counter() - start)
 

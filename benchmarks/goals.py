@@ -50,19 +50,19 @@ class Goal:
 
 
 def _speed(
-    cell: tuple[int, int], of: str, to: str
+    cell: tuple[int, int], subject: str, to: str
 ) -> Callable[[Figures], tuple[float, float] | None]:
-    return lambda figures: ratio(figures["speed"], cell, of, to)
+    return lambda figures: ratio(figures["speed"], cell, subject, to)
 
 
 def _rates(
-    section: str, kind: str, of: str, to: str
+    section: str, kind: str, subject: str, to: str
 ) -> Callable[[Figures], tuple[float, float] | None]:
     def measured(figures: Figures) -> tuple[float, float] | None:
         rates = figures.get(section, {}).get(kind, {})
-        if not (rates.get(of) and rates.get(to)):
+        if not (rates.get(subject) and rates.get(to)):
             return None
-        return max(rates[of]) / max(rates[to]), median(rates[of]) / median(rates[to])
+        return max(rates[subject]) / max(rates[to]), median(rates[subject]) / median(rates[to])
 
     return measured
 
@@ -101,8 +101,8 @@ GOALS = (
     Goal("single env, G 40, N 50", ">=", 6, "x DSSE 1.1.9",
          _speed((40, 50), "single_v2", "dsse_1_1_9")),
     *(
-        Goal(f"batch B 1024, G {g}, N {n}, {cores}", ">=", bound, unit, _speed((g, n), of, to))
-        for g, n, cores, bound, unit, of, to in (
+        Goal(f"batch B 1024, G {g}, N {n}, {cores}", ">=", bound, unit, _speed((g, n), subject, to))
+        for g, n, cores, bound, unit, subject, to in (
             (40, 5, "one core", 0.7, "x C baseline", "batch_one_core", "baseline_batch"),
             (40, 50, "one core", 1.0, "x C baseline", "batch_one_core", "baseline_batch"),
             (40, 400, "one core", 1.0, "x C baseline", "batch_one_core", "baseline_batch"),

@@ -177,7 +177,7 @@ def sighting(rng: np.random.Generator, incident: Incident) -> tuple[list[Report]
         "time": "2026-01-17T14:12Z", "lat": -23.997 + north, "lon": -46.303 + east, **SIGHTING
     }  # fmt: skip
     both = incident.informed([seen], {})
-    weights = np.array([one.weight for one in both.sightings])
+    weights = np.array([seen.weight for seen in both.sightings])
     true = both.sightings[int(rng.choice(len(weights), p=weights / weights.sum()))]
     return [Report(60, "sighting", seen)], replace(both, sightings=(true,))
 
@@ -190,7 +190,7 @@ def searched(rng: np.random.Generator, incident: Incident) -> tuple[list[Report]
                (west, south + 0.01), (west, south)]  # fmt: skip
     values = {
         "time": 300.0, "pod": POD_OF_OTHERS,
-        "geometry": {"type": "Polygon", "coordinates": [[list(one) for one in corners]]},
+        "geometry": {"type": "Polygon", "coordinates": [[list(corner) for corner in corners]]},
     }  # fmt: skip
     return [Report(LATE, "searched", values)], incident
 
@@ -300,10 +300,10 @@ class LiveMission:
     def _take(self, kind: str, name: str = "", **values: Any) -> str:
         """Have the keeper take an input; return the contact that it is of."""
         self._number += 1
-        given = read(kind, {"id": name or f"i{self._number}", **values})
-        assert isinstance(given, Accepted), given
+        parsed = read(kind, {"id": name or f"i{self._number}", **values})
+        assert isinstance(parsed, Accepted), parsed
         now_s = len(self._keeper.steps) * self._scenario.step_duration_s
-        checked = Admission(self._keeper).check(given.value, Clocks(now_s, now_s, float))
+        checked = Admission(self._keeper).check(parsed.value, Clocks(now_s, now_s, float))
         if not isinstance(checked, Accepted) or checked.value is None:
             # Too many contacts are open.
             return ""
@@ -339,8 +339,8 @@ class LiveMission:
                 self._found |= bool(there) and self._rng.random() < POD_OF_OTHERS
         stated = self._checked
         if not case.verified:
-            stated = {one.name: keeper.probability(one) or 0.0
-                      for one in keeper.contacts.of_state("open")}  # fmt: skip
+            stated = {contact.name: keeper.probability(contact) or 0.0
+                      for contact in keeper.contacts.of_state("open")}  # fmt: skip
         chances = [(chance, name in self._real) for name, chance in stated.items()]
         return Outcome(keeper.pos, self._found, chances)
 
@@ -351,7 +351,10 @@ def bins(pairs: Sequence[tuple[float, bool]]) -> list[tuple[int, float, float, b
     They agree if the mean lies in the 99 % interval of the share.
     """
     rows = []
-    stated, true = np.array([one for one, _ in pairs]), np.array([one for _, one in pairs])
+    stated, true = (
+        np.array([probability for probability, _ in pairs]),
+        np.array([came_true for _, came_true in pairs]),
+    )
     for low in np.arange(0.0, 1.0, WIDTH):
         of_bin = (stated >= low) & (stated < low + WIDTH + (low + WIDTH > 1.0 - 1e-9))
         count = int(of_bin.sum())
@@ -396,10 +399,10 @@ def through_the_door(missions: int) -> tuple[int, int, float]:
                     ("detection", {"x": x, "y": y, "radius": RADIUS_M, "drone": finders[0]}),
                     ("confirm", {"contact": "c1"}),
                 ):
-                    given = read(kind, {"id": kind, **values})
-                    assert isinstance(given, Accepted)
+                    parsed = read(kind, {"id": kind, **values})
+                    assert isinstance(parsed, Accepted)
                     clocks = Clocks(now_s, now_s, float)
-                    checked = Admission(keeper).check(given.value, clocks)
+                    checked = Admission(keeper).check(parsed.value, clocks)
                     assert isinstance(checked, Accepted) and checked.value is not None
                     keeper.apply(checked.value)
                 found = bool(person["found"])
@@ -426,10 +429,10 @@ def main(argv: Sequence[str] | None = None) -> int:
         if arguments.only not in case.name:
             continue
         say(case.name)
-        flown = [LiveMission(case, 10**6 * number + one).fly() for one in range(arguments.missions)]
-        measured = {"POS": [(one.pos, one.found) for one in flown]}
+        flown = [LiveMission(case, 10**6 * number + i).fly() for i in range(arguments.missions)]
+        measured = {"POS": [(mission.pos, mission.found) for mission in flown]}
         if case.detects:
-            measured["contact"] = [pair for one in flown for pair in one.chances]
+            measured["contact"] = [pair for mission in flown for pair in mission.chances]
         for stated, pairs in measured.items():
             rows = bins(pairs)
             mean = np.array(pairs, np.float64).mean(axis=0)

@@ -119,13 +119,13 @@ class Arm:
     def fly(self) -> float:
         """Return the POS at its end, or with detections whether the person was found."""
         env, size = self._env, self._env.scenario.grid_size
-        starts = [(int(one) % size, int(one) // size) for one in self._starts]
+        starts = [(int(start) % size, int(start) // size) for start in self._starts]
         observations, infos = env.reset(seed=0, options={"drones_positions": starts})
         looks, judge = LiveBeliefs(env.world), new_keeper(env)
         for step in range(STEPS):
-            given = {"step": step, "belief": self._known.belief}
+            known = {"step": step, "belief": self._known.belief}
             joint: Any = self._planner(
-                observations, {name: {**info, **given} for name, info in infos.items()}
+                observations, {name: {**info, **known} for name, info in infos.items()}
             )
             looks.before_step(np.array([list(joint.values())], np.int8))
             observations, _, _, _, infos = env.step(joint)
@@ -184,10 +184,10 @@ class Arm:
 
 def _take(keeper: Keeper, kind: str, values: dict[str, Any]) -> str:
     """Have a keeper take an input; return the contact that it is of."""
-    given = read(kind, values)
-    assert isinstance(given, Accepted), given
+    parsed = read(kind, values)
+    assert isinstance(parsed, Accepted), parsed
     now_s = len(keeper.steps) * keeper.scenario.step_duration_s
-    checked = Admission(keeper).check(given.value, Clocks(now_s, now_s, float))
+    checked = Admission(keeper).check(parsed.value, Clocks(now_s, now_s, float))
     if not isinstance(checked, Accepted) or checked.value is None:
         # Too many contacts are open.
         return ""
@@ -210,10 +210,10 @@ def main(argv: Sequence[str] | None = None) -> int:
         pairs = np.array(
             [
                 [
-                    Arm(case, 10**6 * number + one, informed=informed).fly()
+                    Arm(case, 10**6 * number + i, informed=informed).fly()
                     for informed in (False, True)
                 ]
-                for one in range(arguments.missions)
+                for i in range(arguments.missions)
             ]
         )
         gained = pairs[:, 1] - pairs[:, 0]

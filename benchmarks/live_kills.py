@@ -93,7 +93,7 @@ def keep(mission: Mission, journal: Path, acknowledge: Callable[[str], None]) ->
             mission.command_all(rng.uniform(-1.0, 1.0, (2, 2)).tolist())
         else:
             allowed = mission.env.action_masks()
-            mission.command_all([int(rng.choice(np.flatnonzero(one))) for one in allowed])
+            mission.command_all([int(rng.choice(np.flatnonzero(mask))) for mask in allowed])
         mission.advance("hold")
 
 
@@ -133,9 +133,9 @@ def kill(rules: str, kills: int, seed: int, folder: Path) -> Killed:
     """
     moments = random.Random(seed)
     begun_s = time.monotonic()
-    whole = new_mission(rules)
-    keep(whole, folder / "whole.mcap", lambda _: None)
-    lasts_s, wanted = time.monotonic() - begun_s, digest_of(whole)
+    unbroken = new_mission(rules)
+    keep(unbroken, folder / "whole.mcap", lambda _: None)
+    lasts_s, wanted = time.monotonic() - begun_s, digest_of(unbroken)
     done = acknowledged = lost = different = number = 0
     while done < kills:
         journal, ids = folder / f"{number}.mcap", set[str]()
@@ -149,7 +149,7 @@ def kill(rules: str, kills: int, seed: int, folder: Path) -> Killed:
         mission = new_mission(rules)
         keep(mission, journal, lambda _: None)
         assert isinstance(mission.beliefs, LiveBeliefs)
-        known = {one.id for one in mission.beliefs.keeper.history if isinstance(one, Entry)}
+        known = {entry.id for entry in mission.beliefs.keeper.history if isinstance(entry, Entry)}
         acknowledged, lost = acknowledged + len(ids), lost + len(ids - known)
         different += digest_of(mission) != wanted
     return Killed(done, acknowledged, lost, different)
@@ -161,7 +161,7 @@ def _killed_after(rules: str, journal: Path, delay_s: float) -> tuple[bool, set[
     child = os.fork()
     if not child:
         try:
-            keep(new_mission(rules), journal, lambda one: _write(write, one))
+            keep(new_mission(rules), journal, lambda input_id: _write(write, input_id))
         finally:
             os._exit(0)
     os.close(write)

@@ -111,8 +111,8 @@ def measure_belief(
                 peers = {}
                 for offset, (name, parameters) in enumerate(BELIEFS.items()):
                     domain = _environment(offset)
-                    given = _parameters(starts, rules=rules, **parameters)
-                    stack.enter_context(_node("dsse_ros.nodes.sim_node", given, domain))
+                    arguments = _parameters(starts, rules=rules, **parameters)
+                    stack.enter_context(_node("dsse_ros.nodes.sim_node", arguments, domain))
                     peers[name] = stack.enter_context(Process("lockstep", environment=domain))
                     peers[name].set_up({"node": "sim_node", "workload": str(workload)})
                     peers[name].rate(seconds)
@@ -167,8 +167,8 @@ def _parameters(starts: NDArray[np.int64], **others: Any) -> list[str]:
         "seed": 1,
         **others,
     }
-    given = [part for name, value in values.items() for part in ("-p", f"{name}:={value}")]
-    return ["--ros-args", "--log-level", "warn", *given]
+    arguments = [part for name, value in values.items() for part in ("-p", f"{name}:={value}")]
+    return ["--ros-args", "--log-level", "warn", *arguments]
 
 
 @contextmanager

@@ -66,12 +66,12 @@ def all_table(results: Mapping[str, Any], published: Mapping[str, Sequence[Sourc
     cases = {key: results["cases"][key] for key in TITLES}
     lines = [
         [
-            f"published: {one.name}",
-            *(f"{100 * one.found:.1f}, {one.steps:.1f}" if one in published[key] else ""
+            f"published: {source.name}",
+            *(f"{100 * source.found:.1f}, {source.steps:.1f}" if source in published[key] else ""
               for key in cases),
             "",
         ]
-        for sources in published.values() for one in sources
+        for sources in published.values() for source in sources
     ]  # fmt: skip
     for name in next(iter(cases.values())):
         at_sea = results["incidents"].get(name)
@@ -180,9 +180,9 @@ def figures(results: Mapping[str, Any]) -> Iterator[Sequence[Any]]:
     """Yield every figure as a row of the CSV, see `FIELDS`."""
 
     def lines(
-        place: Sequence[str], name: str, seeds: Any, of: Iterator[Figure]
+        place: Sequence[str], name: str, seeds: Any, quantities: Iterator[Figure]
     ) -> Iterator[Sequence[Any]]:
-        for quantity, value, interval in of:
+        for quantity, value, interval in quantities:
             rounded = [f"{x:.6g}" for x in (value, *(interval or ()))]
             yield [*place, name, seeds, quantity, *rounded, *[""] * (3 - len(rounded))]
 

@@ -60,8 +60,8 @@ def install(package: Published, folder: Path) -> Path:
         Unavailable: If there is no Python for it, or an installation fails.
     """
     home = folder / f"dsse-{package.version}"
-    python, made = home / "bin" / "python", home / ".made"
-    if made.exists():
+    python, finished = home / "bin" / "python", home / ".made"
+    if finished.exists():
         return python
     name = f"DSSE {package.version}"
     base = _interpreter(package)
@@ -80,7 +80,7 @@ def install(package: Published, folder: Path) -> Path:
             _run([*pip, *(package.requirements or [f"DSSE=={package.version}"])])
         except Unavailable as error:
             raise Unavailable(f"{name} is left out: {error}") from None
-    made.touch()
+    finished.touch()
     return python
 
 

@@ -239,8 +239,8 @@ def play_tables(episodes: int, num_greedy: int) -> dict[str, Any]:
 def is_reproduced(result: dict[str, Any]) -> bool:
     """Return whether the judged figures of the tables, and all problems, are reproduced."""
     judged = [result["sweep"], *(of_ties[JUDGED_TIES] for of_ties in result["greedy"].values())]
-    tables = all(of[name]["reproduced"] for of in judged for name in REQUIRED)
-    return tables and all(of["reached"] for of in result["problems"])
+    tables = all(figures[name]["reproduced"] for figures in judged for name in REQUIRED)
+    return tables and all(problem["reached"] for problem in result["problems"])
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -254,33 +254,33 @@ def main(arguments: list[str] | None = None) -> int:
         help="also run MPSO, of which this is a clone (github.com/duongpm/MPSO), by octave-cli",
     )  # fmt: skip
     parser.add_argument("--out", type=Path, default=RESULTS)
-    given = parser.parse_args(arguments)
+    options = parser.parse_args(arguments)
 
-    began, path = time.time(), given.out / "reproduce.json"
+    began, path = time.time(), options.out / "reproduce.json"
     try:
-        of_mpso = None if given.mpso is None else mpso.run(given.mpso)
+        of_mpso = None if options.mpso is None else mpso.run(options.mpso)
     except (OSError, ValueError) as error:
         parser.error(f"mpso: {error}")
-    if given.only is None:
-        result = play_tables(given.episodes, given.greedy_episodes)
+    if options.only is None:
+        result = play_tables(options.episodes, options.greedy_episodes)
         result |= {"machine": machine(), "versions": own_versions(), "seed": SEED, "level": 0.99}
         result["date"] = time.strftime("%Y-%m-%d", time.gmtime(began))
     else:
         result = json.loads(path.read_text(encoding="utf-8"))
     result["problems"] = problems = search_problems.run(of_mpso)
     print(f"\nC. Search problems\n\n{search_problems.table(problems)}", flush=True)
-    late = [of["title"] for of in problems if not of["in_time"]]
+    late = [problem["title"] for problem in problems if not problem["in_time"]]
     print("".join(f"\n{title} took longer than its goal" for title in late))
 
     seconds = round(time.time() - began)
-    if given.only is None:
+    if options.only is None:
         result["seconds"] = seconds
     result["reproduced"] = is_reproduced(result)
-    given.out.mkdir(parents=True, exist_ok=True)
+    options.out.mkdir(parents=True, exist_ok=True)
     # Plans differ from the best known ones in the last digits of their values.
     kept = {**rounded(result), "problems": problems}
     path.write_text(json.dumps(kept, indent=1) + "\n", encoding="utf-8")
-    if given.out == RESULTS:
+    if options.out == RESULTS:
         page = RESULTS_PAGE.read_text(encoding="utf-8")
         page = with_table(page, "problems", search_problems.table(problems))
         RESULTS_PAGE.write_text(page, encoding="utf-8")

@@ -240,15 +240,15 @@ def row_of_mpso(flown: mpso.Flown, ours: dict[str, Any]) -> dict[str, Any]:
     return {**ours, **judged, **of_mpso}
 
 
-def _line(of: dict[str, Any]) -> str:
+def _line(problem: dict[str, Any]) -> str:
     """Return what problems in one line of the table have in common."""
-    title: str = of["title"]
-    return title.partition(",")[0] if _gap(of) == _OPTIMAL else title
+    title: str = problem["title"]
+    return title.partition(",")[0] if _gap(problem) == _OPTIMAL else title
 
 
-def _gap(of: dict[str, Any]) -> str:
+def _gap(problem: dict[str, Any]) -> str:
     """Return by how much the bound exceeds the value."""
-    gap = max(of["bound"] / of["value"] - 1.0, 0.0)
+    gap = max(problem["bound"] / problem["value"] - 1.0, 0.0)
     return _OPTIMAL if gap < 1e-8 else f"{gap:.1%}" if np.isfinite(gap) else "-"
 
 
@@ -267,13 +267,13 @@ def table(rows: list[dict[str, Any]]) -> str:
         "| Problem | Published, else best known | Value | Gap to the bound |",
         "| --- | --- | --- | --- |",
     ]
-    known = [of for of in rows if of["published"] or of["best_known"]]
+    known = [row for row in rows if row["published"] or row["best_known"]]
     for _, group in itertools.groupby(known, _line):
         same = list(group)
         first = same[0]["title"]
         title = first if len(same) == 1 else f"{first.partition(',')[0]}, {len(same)} problems"
-        published = _shown([of["published"] or of["best_known"] for of in same])
-        value = _shown([of["value"] for of in same])
+        published = _shown([row["published"] or row["best_known"] for row in same])
+        value = _shown([row["value"] for row in same])
         lines.append(f"| {title} | {published} | {value} | {_gap(same[0])} |")
     return "\n".join(lines)
 

@@ -67,28 +67,28 @@ def implementations(
     def worlds(lazy: bool, threads: int) -> dict[str, Any]:
         return {"worlds": {"lazy": lazy, "threads": threads}}
 
-    made: dict[str, tuple[str, dict[str, Any], Implementation]] = {}
+    entries: dict[str, tuple[str, dict[str, Any], Implementation]] = {}
     for module, rules in (("dsse_0_1_13", "v1"), ("dsse_1_1_9", "v2")):
         if module in pythons:
             process = stack.enter_context(Process(module, pythons[module]))
-            made[module] = (rules, {}, process)
-        made[f"single_{rules}"] = (rules, {}, ours())
+            entries[module] = (rules, {}, process)
+        entries[f"single_{rules}"] = (rules, {}, ours())
     baseline, limit = programs.get("baseline"), programs.get("limit")
     if baseline is not None:
-        made["baseline_single"] = ("v1", {}, CBaseline(baseline, worlds=1))
-        made["baseline_batch"] = ("v1", worlds(False, 1), CBaseline(baseline))
+        entries["baseline_single"] = ("v1", {}, CBaseline(baseline, worlds=1))
+        entries["baseline_batch"] = ("v1", worlds(False, 1), CBaseline(baseline))
     if limit is not None:
-        made["limit_one_core"] = ("v1", worlds(False, 1), Limit(limit))
-    made["batch_one_core"] = ("v1", worlds(False, 1), ours())
-    made["batch_two_cores"] = ("v1", worlds(False, 2), ours())
+        entries["limit_one_core"] = ("v1", worlds(False, 1), Limit(limit))
+    entries["batch_one_core"] = ("v1", worlds(False, 1), ours())
+    entries["batch_two_cores"] = ("v1", worlds(False, 2), ours())
     if limit is not None:
-        made["limit_two_cores"] = ("v1", worlds(False, 2), Limit(limit))
+        entries["limit_two_cores"] = ("v1", worlds(False, 2), Limit(limit))
     if baseline is not None:
-        made["baseline_lazy"] = ("v1", worlds(True, 1), CBaseline(baseline, lazy=True))
-    made["lazy_one_core"] = ("v1", worlds(True, 1), ours())
-    made["lazy_two_cores"] = ("v1", worlds(True, 2), ours())
-    made["batch_v2_one_core"] = ("v2", worlds(False, 1), ours())
-    return made
+        entries["baseline_lazy"] = ("v1", worlds(True, 1), CBaseline(baseline, lazy=True))
+    entries["lazy_one_core"] = ("v1", worlds(True, 1), ours())
+    entries["lazy_two_cores"] = ("v1", worlds(True, 2), ours())
+    entries["batch_v2_one_core"] = ("v2", worlds(False, 1), ours())
+    return entries
 
 
 def measure(
@@ -108,10 +108,10 @@ def measure(
     found = []
     with ExitStack() as stack:
         folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
-        made = implementations(stack, pythons, programs)
+        entries = implementations(stack, pythons, programs)
         for grid_size, num_drones in cells:
             rates: dict[str, list[float]] = {}
-            for name, (rules, extra, implementation) in made.items():
+            for name, (rules, extra, implementation) in entries.items():
                 if grid_size >= TOO_LARGE.get(name, grid_size + 1):
                     continue
                 config = configuration(rules, grid_size, num_drones)
@@ -127,7 +127,7 @@ def measure(
             for turn in range(turns):
                 for name in list(rates)[:: 1 if turn % 2 == 0 else -1]:
                     try:
-                        rates[name].append(made[name][2].rate(seconds))
+                        rates[name].append(entries[name][2].rate(seconds))
                     except BenchmarkError as error:
                         log(f"G {grid_size} N {num_drones}: {error}")
                         del rates[name]
@@ -193,7 +193,7 @@ def row(cell: Mapping[str, Any]) -> str:
 
 
 def ratio(
-    cells: list[dict[str, Any]], cell: tuple[int, int], of: str, to: str
+    cells: list[dict[str, Any]], cell: tuple[int, int], subject: str, to: str
 ) -> tuple[float, float] | None:
     """Return the ratio of two best rates and of their medians.
 
@@ -202,6 +202,6 @@ def ratio(
     """
     for found in cells:
         best, median = found["best"], found["median"]
-        if (found["grid_size"], found["num_drones"]) == cell and of in best and to in best:
-            return best[of] / best[to], median[of] / median[to]
+        if (found["grid_size"], found["num_drones"]) == cell and subject in best and to in best:
+            return best[subject] / best[to], median[subject] / median[to]
     return None

@@ -163,7 +163,7 @@ def main() -> None:
     ]
     for name in makers:
         rates = {
-            part: float(np.median([one[name][part] for one in rounds]))
+            part: float(np.median([measured[name][part] for measured in rounds]))
             for part in ("loop", "rollouts")
         }
         print(json.dumps({"name": name, "steps_per_second": rates}))

@@ -10,7 +10,7 @@ from dsse_ros.nodes.launching import description, mission_arguments, mission_nod
 
 def nodes(context: LaunchContext) -> list[Node]:
     """Return the nodes to start."""
-    return mission_nodes(context, "mission.yml", given={}, fixed={})
+    return mission_nodes(context, "mission.yml", more={}, fixed={})
 
 
 def generate_launch_description() -> LaunchDescription:

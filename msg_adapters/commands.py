@@ -32,5 +32,9 @@ def joint_command_message(
         step: Number of the step that the actions are for.
         actions: N turns and speeds in the order of the agents; any for a drone that is not live.
     """
-    numbers = [float(mission), float(step), *(float(one) for action in actions for one in action)]
+    numbers = [
+        float(mission),
+        float(step),
+        *(float(number) for action in actions for number in action),
+    ]
     return Float64MultiArray(data=array.array("d", numbers))

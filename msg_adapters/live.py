@@ -40,12 +40,12 @@ def detections_of_array(drone: str, message: Any) -> Iterator[FramedDetection]:
     Its place is that of the hypothesis, with its covariance. Its identity is drone, stamp, and its
     id or number in the array.
     """
-    for number, one in enumerate(message.detections):
-        header = one.header if one.header.frame_id else message.header
-        if not one.results:
+    for number, seen in enumerate(message.detections):
+        header = seen.header if seen.header.frame_id else message.header
+        if not seen.results:
             continue
-        best = max(one.results, key=lambda result: result.hypothesis.score)
-        detection = _detection(drone, header, best.pose, f"#{one.id or number}")
+        best = max(seen.results, key=lambda result: result.hypothesis.score)
+        detection = _detection(drone, header, best.pose, f"#{seen.id or number}")
         # It counts where no look of the drone has seen the place.
         detection.values["confidence"] = float(best.hypothesis.score)
         yield detection

@@ -146,7 +146,7 @@ def marker_array(header: Header, scene: Scene) -> MarkerArray:
         markers.add_shore(number, ring)
     for number, seen in enumerate(scene.sightings):
         markers.add_sighting(number, seen)
-    return MarkerArray(markers=markers.made)
+    return MarkerArray(markers=markers.messages)
 
 
 class _Markers:
@@ -155,14 +155,14 @@ class _Markers:
     def __init__(self, header: Header, cell_m: float) -> None:
         self._header = header
         self._cell_m = cell_m
-        self.made = [Marker(header=header, action=Marker.DELETEALL)]
+        self.messages = [Marker(header=header, action=Marker.DELETEALL)]
 
     def _add(self, namespace: str, number: int, kind: int, scale: Rgb, color: Rgb) -> Marker:
-        made = Marker(header=self._header, ns=namespace, id=number, type=kind, action=Marker.ADD)
-        made.scale.x, made.scale.y, made.scale.z = (float(side) for side in scale)
-        made.color = ColorRGBA(r=color[0], g=color[1], b=color[2], a=1.0)
-        self.made.append(made)
-        return made
+        marker = Marker(header=self._header, ns=namespace, id=number, type=kind, action=Marker.ADD)
+        marker.scale.x, marker.scale.y, marker.scale.z = (float(side) for side in scale)
+        marker.color = ColorRGBA(r=color[0], g=color[1], b=color[2], a=1.0)
+        self.messages.append(marker)
+        return marker
 
     def _add_line(
         self, namespace: str, number: int, width_m: float, color: Rgb, points: Iterable[Point]
@@ -172,8 +172,8 @@ class _Markers:
 
     def _add_text(self, namespace: str, number: int, text: str, place: Point, color: Rgb) -> None:
         size = (0.0, 0.0, 0.5 * self._cell_m)
-        made = self._add(namespace, number, Marker.TEXT_VIEW_FACING, size, color)
-        made.pose.position, made.text = place, text
+        marker = self._add(namespace, number, Marker.TEXT_VIEW_FACING, size, color)
+        marker.pose.position, marker.text = place, text
 
     def add_drone(self, number: int, drone: ShownDrone) -> None:
         """Add a drone, its name and its track."""
@@ -204,12 +204,12 @@ class _Markers:
         """Add a person."""
         side_m = 0.4 * self._cell_m
         color = _SAVED if person.found else _LOST
-        made = self._add("persons", number, Marker.CYLINDER, (side_m,) * 3, color)
-        made.pose.position = _point(person.position)
+        marker = self._add("persons", number, Marker.CYLINDER, (side_m,) * 3, color)
+        marker.pose.position = _point(person.position)
 
     def add_flow(self, start: Point, flow: ShownFlow) -> None:
         """Add the arrow of wind or current, and its name."""
-        number, size = len(self.made), 0.15 * self._cell_m
+        number, size = len(self.messages), 0.15 * self._cell_m
         time_s, color = _OF_FLOWS[flow.kind]
         # An arrow between two points: width of shaft and head, length of head.
         arrow = self._add(flow.kind, 0, Marker.ARROW, (size, 3 * size, 3 * size), color)
@@ -226,7 +226,7 @@ class _Markers:
 
     def add_sighting(self, number: int, seen: ShownSighting) -> None:
         """Add a last known position, its circle and its name."""
-        name_number, place, size = len(self.made), _point(seen.position), 0.3 * self._cell_m
+        name_number, place, size = len(self.messages), _point(seen.position), 0.3 * self._cell_m
         fix = self._add("lkp", 2 * number, Marker.CYLINDER, (size, size, 0.1 * size), _LKP)
         fix.pose.position = place
         # A sighting may be exact; a fix of a chart has a circle all the same.

@@ -33,23 +33,23 @@ SUFFIXES = (".py", ".yaml", ".js", ".css", ".html", ".xml")
 
 def main(arguments: list[str] | None = None) -> int:
     """Measure the missing rows, write them and return the exit code, 1 if a promise is broken."""
-    given = _arguments(arguments)
-    path: Path = given.out or (BUILD / "soak.json" if given.quick else RESULTS)
+    options = _arguments(arguments)
+    path: Path = options.out or (BUILD / "soak.json" if options.quick else RESULTS)
     path.parent.mkdir(parents=True, exist_ok=True)
     use_defaults_of_dds()
     code = digest()
     results = _load(path)
-    for name in progress(given.only or list(ROWS), "soak"):
+    for name in progress(options.only or list(ROWS), "soak"):
         done = results.get(name, {})
-        if not given.again and done.get("code") == code and done.get("quick") == given.quick:
+        if not options.again and done.get("code") == code and done.get("quick") == options.quick:
             say(f"{name:18} done before: {done['says']}")
             continue
-        measured = measure(ROWS[name], given.quick, BUILD / name) | {"code": code}
+        measured = measure(ROWS[name], options.quick, BUILD / name) | {"code": code}
         # Other processes may measure other rows meanwhile.
         results = _load(path) | {name: measured}
         _save(path, results)
         say(f"{name:18} {results[name]['says']}")
-    broken = [name for name in given.only or ROWS if results[name]["missed"]]
+    broken = [name for name in options.only or ROWS if results[name]["missed"]]
     say(f"written to {path}; {len(broken)} broken: {', '.join(broken) or 'none'}")
     return int(bool(broken))
 

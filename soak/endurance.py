@@ -88,8 +88,8 @@ def endurance(run: Run) -> Figures:
             before += mission_steps
             while done < before:
                 rig.executor.spin_once(timeout_sec=0.5)
-                for name, one in processes.items():
-                    assert one.process.running, f"{name}: {one.process.output[-2000:]}"
+                for name, monitor in processes.items():
+                    assert monitor.process.running, f"{name}: {monitor.process.output[-2000:]}"
                 while health:
                     seen = steps_of(health.pop(0), mission_steps)
                     if seen > done:
@@ -97,17 +97,17 @@ def endurance(run: Run) -> Figures:
                 assert time.monotonic() < last_s + STALLED_S, f"no step after {done}"
             if not warm and done >= run.size(0.1, 0.5) * steps:
                 warm = True
-                for one in processes.values():
-                    one.begin()
+                for monitor in processes.values():
+                    monitor.begin()
         seconds = time.monotonic() - began_s
-        figures = {k: v for n, one in processes.items() for k, v in one.end(n).items()}
+        figures = {k: v for n, monitor in processes.items() for k, v in monitor.end(n).items()}
         for process in watched.values():
             process.stop()
-    of = {
+    worst = {
         what: max(value for key, value in figures.items() if key.endswith(what))
         for what in ("growth_mib", "more_files", "more_threads")
     }
-    return {"steps": done, "steps_per_s": done / seconds, **of, **figures}
+    return {"steps": done, "steps_per_s": done / seconds, **worst, **figures}
 
 
 def steps_of(array: DiagnosticArray, mission_steps: int) -> int:

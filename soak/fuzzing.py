@@ -44,9 +44,9 @@ def at_random(name: str, number: int) -> Figures:
     return {"inputs": number, "findings": 0}
 
 
-def damaged(whole: bytes, draw: random.Random) -> bytes:
+def damaged(seed: bytes, draw: random.Random) -> bytes:
     """Return the bytes with some of them changed, removed, added or moved."""
-    data = bytearray(whole)
+    data = bytearray(seed)
     for _ in range(draw.randrange(1, 5)):
         if not data:
             break

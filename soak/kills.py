@@ -198,13 +198,13 @@ def same(report: Any, result: Any) -> bool:
     )
 
 
-def damaged(whole: bytes, number: int, folder: Path) -> Figures:
+def damaged(snapshot: bytes, number: int, folder: Path) -> Figures:
     """Load snapshots that are truncated, changed, doubled, swapped or not ours."""
     draw = random.Random(6)
     path = folder / "damaged.snapshot"
     refused = 0
     for _ in range(number):
-        path.write_bytes(damage(whole, draw))
+        path.write_bytes(damage(snapshot, draw))
         try:
             Snapshot.load(path)
         except SnapshotError as error:
@@ -212,9 +212,9 @@ def damaged(whole: bytes, number: int, folder: Path) -> Figures:
     return {"damaged": number, "damaged_taken": number - refused}
 
 
-def damage(whole: bytes, draw: random.Random) -> bytes:
+def damage(snapshot: bytes, draw: random.Random) -> bytes:
     """Return a damaged snapshot."""
-    data = bytearray(whole)
+    data = bytearray(snapshot)
     at, to = sorted(draw.randrange(len(data)) for _ in range(2))
     match draw.randrange(6):
         case 0:

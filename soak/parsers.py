@@ -47,7 +47,7 @@ def _yaml() -> tuple[Take, list[bytes]]:
     def take(data: bytes) -> None:
         path.write_bytes(data)
         try:
-            scenario = Scenario.of(path)
+            scenario = Scenario.read(path)
             if (scenario.grid_size or 0) <= 100 and scenario.zone_size is None:
                 scenario.resolve(profile("paper"))
         except FieldError as error:
@@ -65,7 +65,7 @@ def _geojson() -> tuple[Take, list[bytes]]:
     def take(data: bytes) -> None:
         path.write_bytes(data)
         try:
-            area = Area.of(str(path))
+            area = Area.read(str(path))
             area_mask(area, False, 8, 130.0, (-24.0, -46.0, 0.0))
         except FieldError as error:
             _on_one_line(error)
@@ -75,7 +75,9 @@ def _geojson() -> tuple[Take, list[bytes]]:
     feature = {"type": "Feature", "properties": {}, "geometry": polygon}
     several = {"type": "MultiPolygon", "coordinates": [[ring], [ring]]}
     collection = {"type": "FeatureCollection", "features": [feature]}
-    return take, [json.dumps(one).encode() for one in (polygon, feature, several, collection)]
+    return take, [
+        json.dumps(geojson).encode() for geojson in (polygon, feature, several, collection)
+    ]
 
 
 def _commands() -> tuple[Take, list[bytes]]:
@@ -112,7 +114,7 @@ def _commands() -> tuple[Take, list[bytes]]:
     pose.header.frame_id = "map"
     joint = joint_action_message(1, 0, [1, 2, 3])
     messages = [String(data="left"), pose, joint]
-    return take, [bytes([i]) + serialize_message(one) for i, one in enumerate(messages)]
+    return take, [bytes([i]) + serialize_message(message) for i, message in enumerate(messages)]
 
 
 def _observations() -> tuple[Take, list[bytes]]:
@@ -146,10 +148,10 @@ def _observations() -> tuple[Take, list[bytes]]:
     flown = _flown().messages
     grid = Image(height=2, width=2, encoding="32FC1", step=8, data=array.array("B", bytes(16)))
     own = [
-        bytes([i]) + one.data
+        bytes([i]) + message.data
         for i, topic in ((0, "/agents"), (2, "/step_report"))
-        for one in flown
-        if one.topic == topic
+        for message in flown
+        if message.topic == topic
     ]
     return take, [*own[:3], bytes([1]) + serialize_message(grid)]
 
@@ -206,9 +208,9 @@ def _snapshots() -> tuple[Take, list[bytes]]:
         kept = mission.snapshot()
         # The padding between the fields of a structured array is arbitrary.
         parts = {
-            (name, field): (one[field] if field else one).tobytes()
-            for name, one in kept.arrays.items()
-            for field in one.dtype.names or ("",)
+            (name, field): (array[field] if field else array).tobytes()
+            for name, array in kept.arrays.items()
+            for field in array.dtype.names or ("",)
         }
         return kept.extra, parts
 
@@ -231,8 +233,8 @@ def _snapshots() -> tuple[Take, list[bytes]]:
                 twin.advance("repeat")
             twin.reset(2)
 
-    whole = bytes([len(names)])
-    return take, [whole + body, *(bytes([i]) + parts[name] for i, name in enumerate(names))]
+    count = bytes([len(names)])
+    return take, [count + body, *(bytes([i]) + parts[name] for i, name in enumerate(names))]
 
 
 def _zipped(parts: dict[str, bytes]) -> bytes:
@@ -260,21 +262,25 @@ def _bags() -> tuple[Take, list[bytes]]:
         except FieldError as error:
             _on_one_line(error)
 
-    whole, flat = _file("seed.mcap"), _file("flat.mcap")
-    whole.unlink(missing_ok=True)
-    write(whole, _flown().messages)
+    chunked, flat = _file("seed.mcap"), _file("flat.mcap")
+    chunked.unlink(missing_ok=True)
+    write(chunked, _flown().messages)
     with flat.open("wb") as file:
         # Without chunks there is neither a checksum nor a compressor between us and the records.
         writer = Writer(file, use_chunking=False, enable_crcs=False)
         writer.start(profile="ros2")
         channels = {
             topic: writer.register_channel(topic, "cdr", writer.register_schema(kind, "", b""))
-            for topic, kind in sorted({(one.topic, one.type_name) for one in _flown().messages})
+            for topic, kind in sorted(
+                {(message.topic, message.type_name) for message in _flown().messages}
+            )
         }
-        for one in _flown().messages:
-            writer.add_message(channels[one.topic], one.log_time_ns, one.data, one.log_time_ns)
+        for message in _flown().messages:
+            writer.add_message(
+                channels[message.topic], message.log_time_ns, message.data, message.log_time_ns
+            )
         writer.finish()
-    return take, [whole.read_bytes(), flat.read_bytes()]
+    return take, [chunked.read_bytes(), flat.read_bytes()]
 
 
 @cache
@@ -289,9 +295,9 @@ def _flown() -> Any:
 
 @cache
 def _folder() -> Path:
-    made = Path(tempfile.mkdtemp(prefix="dsse_ros_soak_"))
-    atexit.register(shutil.rmtree, made, ignore_errors=True)
-    return made
+    folder = Path(tempfile.mkdtemp(prefix="dsse_ros_soak_"))
+    atexit.register(shutil.rmtree, folder, ignore_errors=True)
+    return folder
 
 
 def _file(name: str) -> Path:

@@ -29,9 +29,9 @@ class Run:
     quick: bool
     folder: Path
 
-    def size(self, whole: T, quick: T) -> T:
+    def size(self, full: T, quick: T) -> T:
         """Return the size for this form."""
-        return quick if self.quick else whole
+        return quick if self.quick else full
 
     def each(self, items: Iterable[T], label: str) -> Iterable[T]:
         """Return the items, with a bar on a terminal."""

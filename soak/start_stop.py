@@ -98,7 +98,7 @@ def descendants(pid: int) -> set[int]:
     for path in Path(f"/proc/{pid}/task").glob("*/children"):
         with contextlib.suppress(OSError):
             found.update(int(child) for child in path.read_text().split())
-    return found | {one for child in set(found) for one in descendants(child)}
+    return found | {process for child in set(found) for process in descendants(child)}
 
 
 ROWS = (

@@ -21,9 +21,9 @@ BEGIN, END = "<!-- promises: begin -->\n", "<!-- promises: end -->\n"
 def table(results: dict[str, Any]) -> str:
     """Return the results of `make soak` as a table in Markdown."""
     lines = ["| Promise | Result |", "| --- | --- |"]
-    for one in results.values():
-        form = " (short form)" if one["quick"] else ""
-        lines.append(f"| {one['promise']} | {one['says']}{form} |")
+    for row in results.values():
+        form = " (short form)" if row["quick"] else ""
+        lines.append(f"| {row['promise']} | {row['says']}{form} |")
     return "\n".join(lines) + "\n"
 
 

@@ -19,11 +19,11 @@ WARM_UP_S = 1.0
 RECORD_S = 3.0
 
 
-def main(of: str, workload: str, out: str) -> None:
+def main(node_name: str, workload: str, out: str) -> None:
     """Write the topics of a node with their rates and a typical message of each."""
     kept: defaultdict[str, deque[bytes]] = defaultdict(lambda: deque(maxlen=100))
     executor, peer = start(
-        of, workload, raw=True, on_message=lambda topic, message: kept[topic].append(message)
+        node_name, workload, raw=True, on_message=lambda topic, message: kept[topic].append(message)
     )
     turns = turn(executor, peer)
     _for(WARM_UP_S, turns)

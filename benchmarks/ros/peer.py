@@ -58,7 +58,7 @@ def profile_of(reliability: str, durability: str) -> QoSProfile:
     )
 
 
-def publications(node: Node, of: str) -> dict[str, tuple[str, str, str]]:
+def publications(node: Node, node_name: str) -> dict[str, tuple[str, str, str]]:
     """Return (type, reliability, durability) of each topic of a node, once all exist.
 
     Raises:
@@ -69,33 +69,33 @@ def publications(node: Node, of: str) -> dict[str, tuple[str, str, str]]:
     while time.monotonic() - start < DISCOVERY_S:
         time.sleep(0.1)
         now = []
-        if of in node.get_node_names():
-            now = sorted(node.get_publisher_names_and_types_by_node(of, "/"))
+        if node_name in node.get_node_names():
+            now = sorted(node.get_publisher_names_and_types_by_node(node_name, "/"))
         # A node that is still compiling has no topics.
         complete = REPORT in [topic for topic, _ in now]
         if now != seen or not complete:
             seen, quiet_since = now, time.monotonic()
         elif time.monotonic() - quiet_since > QUIET_S:
             return {
-                topic: (types[0], *_policies(node, topic, of))
+                topic: (types[0], *_policies(node, topic, node_name))
                 for topic, types in seen
                 if topic not in NOT_OF_THE_NODE
             }
-    raise RuntimeError(f"{of} is not there after {DISCOVERY_S:g} s")
+    raise RuntimeError(f"{node_name} is not there after {DISCOVERY_S:g} s")
 
 
-def _policies(node: Node, topic: str, of: str) -> tuple[str, str]:
+def _policies(node: Node, topic: str, node_name: str) -> tuple[str, str]:
     for info in node.get_publishers_info_by_topic(topic):
-        if info.node_name == of:
+        if info.node_name == node_name:
             return info.qos_profile.reliability.name, info.qos_profile.durability.name
-    raise RuntimeError(f"{topic} has no publisher of {of}")
+    raise RuntimeError(f"{topic} has no publisher of {node_name}")
 
 
 class Peer(Node):
     """Subscribes all topics of a node and answers its reports with the actions of a walk.
 
     Args:
-        of: Name of the node.
+        node_name: Name of the node.
         walk: (K, N) action numbers by step; a report of step K has no answer, because the mission
             is then over.
         raw: Whether to pass on messages as bytes.
@@ -110,14 +110,14 @@ class Peer(Node):
 
     def __init__(
         self,
-        of: str,
+        node_name: str,
         walk: list[list[int]],
         *,
         raw: bool = False,
         on_message: OnMessage | None = None,
     ) -> None:
         super().__init__("peer", start_parameter_services=False)
-        self.topics = publications(self, of)
+        self.topics = publications(self, node_name)
         self.messages: Counter[str] = Counter()
         self.received = 0
         self.steps = 0
@@ -180,12 +180,12 @@ def turn(executor: Executor, peer: Peer) -> Iterator[int]:
         yield peer.steps - steps
 
 
-def start(of: str, workload: str, **options: Any) -> tuple[Executor, Peer]:
+def start(node_name: str, workload: str, **options: Any) -> tuple[Executor, Peer]:
     """Return a peer of a node with the walk in a file, on an executor."""
     with np.load(workload) as file:
         walk = file["actions"][:, 0].tolist()
     rclpy.init()
-    peer = Peer(of, walk, **options)
+    peer = Peer(node_name, walk, **options)
     executor = new_executor()
     executor.add_node(peer)
     return executor, peer

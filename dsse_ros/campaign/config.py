@@ -210,7 +210,7 @@ class Campaign:
     @cached_property
     def definition(self) -> dict[str, Any]:
         """Everything that determines the results, as JSON values."""
-        given: dict[str, Any] = {
+        values: dict[str, Any] = {
             "versions": versions(entry.planner for entry in self.planners),
             "files": {
                 f"{name} of {entry.name}": digest
@@ -228,7 +228,7 @@ class Campaign:
                 for case in self.cases
             ],
         }
-        definition: dict[str, Any] = plain(given)
+        definition: dict[str, Any] = plain(values)
         return definition
 
     @property
@@ -248,16 +248,16 @@ def _entries(values: Mapping[str, Any], key: str, make: Callable[[Any], T]) -> t
     items = values.get(key)
     if not isinstance(items, Sequence) or isinstance(items, str) or not items:
         raise FieldError(f"{key} must be a list of one or more, got {shown(items)}")
-    made: list[T] = []
+    entries: list[T] = []
     for number, item in enumerate(items):
         try:
-            one = make(item)
-            if one.name in [other.name for other in made]:
-                raise FieldError(f"name must be unique, got {one.name!r} twice")
+            entry = make(item)
+            if entry.name in [other.name for other in entries]:
+                raise FieldError(f"name must be unique, got {entry.name!r} twice")
         except FieldError as error:
             raise FieldError(f"{key}[{number}]: {error}") from None
-        made.append(one)
-    return tuple(made)
+        entries.append(entry)
+    return tuple(entries)
 
 
 def _planner_of(value: Any) -> PlannerEntry:

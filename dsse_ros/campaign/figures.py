@@ -40,11 +40,11 @@ def pos_figure(missions: Sequence[Played], confidence: float, theme: Theme) -> F
         colour = OKABE_ITO[number % len(OKABE_ITO)]
         style = STYLES[number // len(OKABE_ITO) % len(STYLES)]
         axes.step(
-            minutes, [one.value for one in found], style, where="post", color=colour,
+            minutes, [point.value for point in found], style, where="post", color=colour,
             linewidth=1.8, label=played.planner,
         )  # fmt: skip
         axes.fill_between(
-            minutes, [one.low for one in found], [one.high for one in found], step="post",
+            minutes, [point.low for point in found], [point.high for point in found], step="post",
             color=colour, alpha=0.2, linewidth=0.0,
         )  # fmt: skip
     axes.set(xlabel="mission time (min)", ylabel="POS", ylim=(0, 1))

@@ -68,8 +68,15 @@ def rows_of(campaign: Campaign, played: Played) -> list[Row]:
     """Return all estimates of a planner in a scenario."""
     level, horizon_s = campaign.settings.confidence, horizon_of(campaign, played.case)
     rows = [
-        Row(played, one.name, one.label, one.unit, None, one.estimate(played, horizon_s, level))
-        for one in MEASURES
+        Row(
+            played,
+            measure.name,
+            measure.label,
+            measure.unit,
+            None,
+            measure.estimate(played, horizon_s, level),
+        )
+        for measure in MEASURES
     ]
     for time_s in pos_times(campaign, played.case):
         label = f"POS after {duration(time_s)}"
@@ -89,7 +96,7 @@ def write(campaign: Campaign, table: pa.Table, folder: Path) -> Path:
         OSError: If a file cannot be written.
     """
     missions = played_of(campaign, table)
-    rows = [rows_of(campaign, one) for one in missions]
+    rows = [rows_of(campaign, played) for played in missions]
     compared = list(pairs(campaign, missions))
     for name, head, lines in (
         ("summary", ("scenario", "planner", "measure", "time_s", "unit", "value", "low", "high"),
@@ -104,15 +111,15 @@ def write(campaign: Campaign, table: pa.Table, folder: Path) -> Path:
     pictures.mkdir(exist_ok=True)
     sections, verdicts = [], []
     for number, case in enumerate(campaign.cases):
-        of_case = [one for one in missions if one.case is case]
+        of_case = [played for played in missions if played.case is case]
         drawn = list(_illustrations(campaign, of_case, number))
-        for one in drawn:
-            for suffix, content in (("png", one.png), ("svg", one.svg)):
-                write_whole(pictures / f"{one.name}.{suffix}", content)
+        for figure in drawn:
+            for suffix, content in (("png", figure.png), ("svg", figure.svg)):
+                write_whole(pictures / f"{figure.name}.{suffix}", content)
         of_pairs = [pair for pair in compared if pair.case is case]
         tables = [_estimates(case, [group for group in rows if group[0].played.case is case])]
         tables += [_comparison(campaign, case, of_pairs)] if of_pairs else []
-        shares = {one.planner: float(one.found.mean()) for one in of_case}
+        shares = {played.planner: float(played.found.mean()) for played in of_case}
         best = verdict(of_pairs, shares, 1.0 - campaign.settings.confidence)
         verdicts.append(f"{case.name}: {best}")
         sections.append(Section(case.name, _about(case), drawn, tables))
@@ -138,7 +145,7 @@ def _illustrations(
     campaign: Campaign, missions: Sequence[Played], number: int
 ) -> Iterator[Illustration]:
     case, level = missions[0].case, campaign.settings.confidence
-    finals = ", ".join(f"{one.planner} {one.found.mean():.1%}" for one in missions)
+    finals = ", ".join(f"{played.planner} {played.found.mean():.1%}" for played in missions)
     for name, caption, alt, draw in (
         (
             "pos",
@@ -253,7 +260,7 @@ def _page(campaign: Campaign, sections: Sequence[Section], verdicts: Sequence[st
         "What each measure means, and how its interval is made",
         ("Measure", "Meaning"),
         [
-            *((one.label, one.meaning) for one in MEASURES),
+            *((measure.label, measure.meaning) for measure in MEASURES),
             ("POS after a time", "The probability of success by then, estimated by the share of "
              "missions that had found every person. Wilson interval."),
         ],

@@ -160,8 +160,8 @@ def horizon_of(campaign: Campaign, case: Case) -> float:
 
 def pos_times(campaign: Campaign, case: Case) -> list[float]:
     """Return the times at which the POS is stated, in seconds."""
-    given = campaign.settings.pos_at_s
-    return list(given or (case.limit_s * quarter for quarter in QUARTERS))
+    times_s = campaign.settings.pos_at_s
+    return list(times_s or (case.limit_s * quarter for quarter in QUARTERS))
 
 
 def pos_at(played: Played, time_s: float, confidence: float) -> Estimate:
@@ -178,7 +178,7 @@ def pairs(campaign: Campaign, missions: Sequence[Played]) -> Iterator[Pair]:
     level = campaign.settings.confidence
     for case in campaign.cases:
         horizon_s = horizon_of(campaign, case)
-        both = list(combinations([one for one in missions if one.case is case], 2))
+        both = list(combinations([played for played in missions if played.case is case], 2))
         times = [restricted_s(a, horizon_s) - restricted_s(b, horizon_s) for a, b in both]
         founds = [a.found.astype(float) - b.found.astype(float) for a, b in both]
         by = [(a.clusters, b.clusters) for a, b in both]

@@ -86,7 +86,9 @@ def main(argv: list[str] | None = None) -> int:
         if arguments.until is not None:
             until_s = _time("until", arguments.until)
         else:
-            until_s = min((one.time_s for one in incident.sightings), default=found.time_s)
+            until_s = min(
+                (sighting.time_s for sighting in incident.sightings), default=found.time_s
+            )
         rng = np.random.default_rng(arguments.seed)
         times_s = _times(found.time_s, until_s)
         tracks = incident.backtracked(found, times_s, arguments.particles, rng)

@@ -51,7 +51,9 @@ def play(campaign: Campaign, results: Results) -> None:
         if not left:
             return
         engine = ENGINES[campaign.settings.engine]
-        for (chunk, *_), played in engine([job(campaign, one) for one in left], campaign.settings):
+        for (chunk, *_), played in engine(
+            [job(campaign, waiting) for waiting in left], campaign.settings
+        ):
             results.keep(chunk, played)
             bar.update(chunk.count)
 

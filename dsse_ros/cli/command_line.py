@@ -101,10 +101,10 @@ class Parser(argparse.ArgumentParser):
         known = [*options, *_FIELDS, *SHORT_NAMES, *others]
         fields, defaults = {}, {}
         try:
-            given = _overrides(ros) if ros else {}
+            overridden = _overrides(ros) if ros else {}
             what = f"the parameters of {self.prog}"
-            given = known_parameters(what, given, known, typed_names(ros), FULL_NAMES)
-            for short_or_full, value in given.items():
+            overridden = known_parameters(what, overridden, known, typed_names(ros), FULL_NAMES)
+            for short_or_full, value in overridden.items():
                 name = SHORT_NAMES.get(short_or_full, short_or_full)
                 if name in options:
                     option, spec = options[name]

@@ -146,7 +146,7 @@ def main(argv: list[str] | None = None) -> int:
             tracks = [(cells[:, i], searched[:, i]) for i in range(drones)]
             frames = layers(frame, settings, drones)
             flown = search_missions(frames, tracks, settings, [home] * drones)
-            missions = {f"drone{i}": one for i, one in enumerate(flown)}
+            missions = {f"drone{i}": mission for i, mission in enumerate(flown)}
             result = f"{'found' if found else 'not found'} after {len(cells) - 1} steps; "
     except FieldError as error:
         return fail("export_mission", error)

@@ -43,10 +43,10 @@ def choose(missions: Sequence[RecordedMission], number: int | None) -> RecordedM
         FieldError: If no mission has this number.
     """
     if number is None:
-        return next((one for one in reversed(missions) if one.complete), missions[-1])
-    of_number = [one for one in missions if one.number == number]
+        return next((mission for mission in reversed(missions) if mission.complete), missions[-1])
+    of_number = [mission for mission in missions if mission.number == number]
     if not of_number:
-        numbers = sorted({one.number for one in missions})
+        numbers = sorted({mission.number for mission in missions})
         shown = ", ".join(map(str, numbers[:10])) + (", ..." if len(numbers) > 10 else "")
         raise FieldError(f"mission must be one of the file ({shown}), got {number}")
     return of_number[-1]
@@ -90,11 +90,11 @@ def read(arguments: argparse.Namespace) -> tuple[list[RecordedMission], Any]:
         _, scenario, rules = search_of(arguments)
         return SearchDefinition(rules, scenario)
 
-    given = search if arguments.scenario else None
+    definition_of = search if arguments.scenario else None
     if not is_bag(arguments.file):
-        return read_csv(arguments.file, given, arguments.max_cells), None
+        return read_csv(arguments.file, definition_of, arguments.max_cells), None
     # A log is read without them.
     from dsse_ros.report.bags import MissionBag
 
-    bag = MissionBag(arguments.file, arguments.namespace, given, arguments.max_cells)
+    bag = MissionBag(arguments.file, arguments.namespace, definition_of, arguments.max_cells)
     return bag.missions, bag

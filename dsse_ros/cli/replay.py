@@ -24,8 +24,8 @@ from dsse_ros.search import FieldError
 
 def line(mission: ReplayedMission) -> str:
     """Return how the replay of a mission has gone, on one line."""
-    of = "" if mission.namespace == "/" else f" in {mission.namespace.rstrip('/')}"
-    head = f"mission {mission.number} of run {mission.run_id}{of}"
+    where = "" if mission.namespace == "/" else f" in {mission.namespace.rstrip('/')}"
+    head = f"mission {mission.number} of run {mission.run_id}{where}"
     if mission.seed is not None:
         head += f", seed {mission.seed}"
     steps = counted(mission.steps, "step")
@@ -53,8 +53,8 @@ def line(mission: ReplayedMission) -> str:
 def line_of_rest(not_compared: Mapping[str, tuple[int, int]]) -> str:
     """Return what was not compared, on one line; "" if everything was."""
     shown = [
-        topic if left == of else f"{topic} ({left} of {counted(of, 'message')})"
-        for topic, (left, of) in not_compared.items()
+        topic if left == total else f"{topic} ({left} of {counted(total, 'message')})"
+        for topic, (left, total) in not_compared.items()
     ]
     return f"not compared: {', '.join(shown)}" if shown else ""
 

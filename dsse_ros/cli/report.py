@@ -77,10 +77,10 @@ def main(argv: list[str] | None = None) -> int:
         at = missions.index(choose(missions, arguments.mission))
         wanted = chosen_steps(missions[at], arguments.steps or ())
         forecast: TargetForecast | None = None
-        missions = [with_coverage(one) for one in missions]
-        for i, one in enumerate(progress(missions, "POS")):
-            if one.pos is None and (forecast := forecast_for(one, forecast)) is not None:
-                missions[i] = replace(one, pos=follow_belief(one, forecast)[0])
+        missions = [with_coverage(mission) for mission in missions]
+        for i, mission in enumerate(progress(missions, "POS")):
+            if mission.pos is None and (forecast := forecast_for(mission, forecast)) is not None:
+                missions[i] = replace(mission, pos=follow_belief(mission, forecast)[0])
         record = missions[at] = with_waits(missions[at])
         shown = pictures(record, wanted, forecast_for(record, forecast), bag)
         make_folder("out", arguments.out)

@@ -28,17 +28,17 @@ def main() -> None:
         "-m", dest="module", nargs=argparse.REMAINDER, help="run a module, such as pytest"
     )
     parser.add_argument("script", nargs=argparse.REMAINDER, help="a Python file, its arguments")
-    given = parser.parse_args()
+    arguments = parser.parse_args()
     with announced_on_stderr():
-        _run(parser, given)
+        _run(parser, arguments)
 
 
-def _run(parser: argparse.ArgumentParser, given: argparse.Namespace) -> None:
+def _run(parser: argparse.ArgumentParser, arguments: argparse.Namespace) -> None:
     """Run the script or module."""
-    sys.argv = given.script if given.module is None else given.module
+    sys.argv = arguments.script if arguments.module is None else arguments.module
     name = sys.argv[0] if sys.argv else ""
-    if given.module is not None:
-        install_aliases(given.dsse)
+    if arguments.module is not None:
+        install_aliases(arguments.dsse)
         if not _is_found(name):
             parser.error(f"module must be one that Python finds, got {name!r}")
         runpy.run_module(name, run_name="__main__", alter_sys=True)
@@ -47,7 +47,7 @@ def _run(parser: argparse.ArgumentParser, given: argparse.Namespace) -> None:
         parser.error(f"script must be a Python file, got {name!r}")
     if not getattr(sys.flags, "safe_path", False):
         sys.path[0] = str(Path(name).resolve().parent)
-    install_aliases(given.dsse)
+    install_aliases(arguments.dsse)
     runpy.run_path(name, run_name="__main__")
 
 

@@ -189,7 +189,9 @@ class CoverageDroneSwarmSearch(SwarmEnv):
         return (self.drone.pod, *self.agents, *super()._settings())
 
     def _infos(self) -> Infos:
-        metrics = {name: of[0].item() for name, of in self._search.world.coverage_metrics().items()}
+        metrics = {
+            name: values[0].item() for name, values in self._search.world.coverage_metrics().items()
+        }
         info = {
             "is_completed": not self.not_seen_states,
             "coverage_rate": metrics["coverage_rate"],

@@ -148,8 +148,8 @@ class PublishedEnv(Rebound):
 
     def _attributes(self) -> list[Any]:
         """Return what a new search is made of, as values that stay as they are."""
-        given = [getattr(self, name, None) for name in self._read_in_reset]
-        frozen = [tuple(v) if isinstance(v, list | tuple | np.ndarray) else v for v in given]
+        attributes = [getattr(self, name, None) for name in self._read_in_reset]
+        frozen = [tuple(v) if isinstance(v, list | tuple | np.ndarray) else v for v in attributes]
         return [self.render_mode == "human", *frozen]
 
     def _follow_attributes(self) -> None:

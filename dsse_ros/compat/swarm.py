@@ -82,12 +82,12 @@ class SwarmEnv(AgentSpaces, PublishedEnv, ParallelEnv[str, Any, int]):
         self._check_agents("possible_agents", self.possible_agents)
         cells, count = options.get("drones_positions"), len(self.possible_agents)
         if cells is not None and count < self._num_drones:
-            given = SPECS["drones_positions"].check("drones_positions", cells)
-            check_positions(given, self.grid_size, count, None, apart=True)
+            positions = SPECS["drones_positions"].check("drones_positions", cells)
+            check_positions(positions, self.grid_size, count, None, apart=True)
             # Drones without an agent do nothing, wherever they are.
             others = ((x, y) for y in range(self.grid_size) for x in range(self.grid_size))
-            free = (cell for cell in others if cell not in given)
-            cells = [*given, *itertools.islice(free, self._num_drones - count)]
+            free = (cell for cell in others if cell not in positions)
+            cells = [*positions, *itertools.islice(free, self._num_drones - count)]
         super()._start(seed, {**options, "drones_positions": cells})
         if len(self.agents_positions) != self._num_drones:
             self.agents_positions = [(None, None)] * self._num_drones

@@ -49,8 +49,8 @@ def sensor_test(sensor: Sensor, *, rules: str = "v2", seed: int = 0, **fields: A
             looks, again = looks_of(resolved, of_rules), looks_of(resolved, of_rules)
         except FieldError as error:
             raise AssertionError(str(error)) from None
-        for one, other in zip(looks, again, strict=True):
-            assert np.array_equal(one, other), "looks: those of the same scenario differ"
+        for look, other in zip(looks, again, strict=True):
+            assert np.array_equal(look, other), "looks: those of the same scenario differ"
         assert looks.counts.any(), "looks: no action looks at anything"
         world = World(scenario, of_rules, WORLDS)
         world.seed(seed)

@@ -90,9 +90,9 @@ def _test_search(stated: Scenario, rules: Rules, seed: int) -> None:
     """Test that the persons' positions agree with a belief without updates, step after step."""
     scenario = stated.override(ensemble_seed=seed).resolve(rules)
     world, twin = (World(scenario, rules, WORLDS, write_maps=False) for _ in range(2))
-    for one in (world, twin):
-        one.seed(seed)
-        one.reset()
+    for each in (world, twin):
+        each.seed(seed)
+        each.reset()
     belief = forecast_for(scenario, rules, horizon=HORIZON).belief()
     hold = np.full(world.drones.shape, HOLD, np.int8)
     inflation = _inflation(scenario, rules)
@@ -106,8 +106,8 @@ def _test_search(stated: Scenario, rules: Rules, seed: int) -> None:
         )
         if step == STEPS // 2:
             _test_futures(belief, seed)
-        for one in (world, twin):
-            one.step(hold)
+        for each in (world, twin):
+            each.step(hold)
         belief.advance()
         assert world.state_bytes() == twin.state_bytes(), (
             f"step {step + 1}: the same seed gives a different mission"

@@ -110,16 +110,16 @@ class ServiceCalls:
         for command, tried in waiting:
             self._serve(command, now_s, tried=tried)
         sent, self._sent = self._sent, []
-        for one in sent:
-            if one.future.done():
-                self._answered(one.command, one.future.result())
-            elif now_s > one.deadline_s:
-                one.caller.remove_pending_request(one.future)
+        for call in sent:
+            if call.future.done():
+                self._answered(call.command, call.future.result())
+            elif now_s > call.deadline_s:
+                call.caller.remove_pending_request(call.future)
                 self._failed(
-                    one.command, f"no answer within {ANSWER_S:g} s: it may still be obeyed"
+                    call.command, f"no answer within {ANSWER_S:g} s: it may still be obeyed"
                 )
             else:
-                self._sent.append(one)
+                self._sent.append(call)
 
     def _serve(self, command: Command, now_s: float, *, tried: bool) -> None:
         """Send a command, give it up, or let it wait.

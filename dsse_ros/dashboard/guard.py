@@ -143,15 +143,15 @@ class Guard:
 
 
 def _is_known(request: HTTPConnection, token: str) -> bool:
-    scheme, _, given = request.headers.get("authorization", "").partition(" ")
-    if scheme.lower() == "bearer" and _equal(given.strip(), token):
+    scheme, _, credentials = request.headers.get("authorization", "").partition(" ")
+    if scheme.lower() == "bearer" and _equal(credentials.strip(), token):
         return True
     return _equal(request.cookies.get(_cookie_name(request), ""), _cookie_for(token))
 
 
 def _welcome(request: HTTPConnection, token: str) -> Response:
     """Set the cookie, and lead to the page without the token in its address."""
-    query = urlencode([one for one in request.query_params.multi_items() if one[0] != "token"])
+    query = urlencode([item for item in request.query_params.multi_items() if item[0] != "token"])
     location = f"/{request['path'].lstrip('/')}" + (f"?{query}" if query else "")
     answer: Response = RedirectResponse(location, 303)
     if not _is_own_site(request):
@@ -177,8 +177,8 @@ def _is_opened(request: HTTPConnection) -> bool:
     )
 
 
-def _equal(given: str, wanted: str) -> bool:
-    return hmac.compare_digest(given.encode(), wanted.encode())
+def _equal(offered: str, wanted: str) -> bool:
+    return hmac.compare_digest(offered.encode(), wanted.encode())
 
 
 def _cookie_name(request: HTTPConnection) -> str:

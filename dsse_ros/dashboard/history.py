@@ -226,7 +226,7 @@ class SearchHistory:
         if has_field(row, "status"):
             together &= row["status"] != LOST
         others = np.flatnonzero(together).tolist()
-        return [one for one in others if one != drone] if together[drone] else []
+        return [neighbour for neighbour in others if neighbour != drone] if together[drone] else []
 
     def add_map(self, layer: str, image: MapImage) -> None:
         """Add the map of a known step; a map of no known step is ignored."""

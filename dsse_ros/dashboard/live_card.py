@@ -285,7 +285,7 @@ class LiveCard:
         self._card.set_visibility(is_live)
         if mission is None or not is_live:
             return
-        open_ = [one.name for one in mission.contacts if one.state == "open"]
+        open_ = [contact.name for contact in mission.contacts if contact.state == "open"]
         self._contact.offer({name: name for name in open_})
         for name, button in self._close.items():
             text = name.capitalize()
@@ -295,14 +295,14 @@ class LiveCard:
             _CONTACTS.render(contacts=mission.contacts[: -MAX_ROWS - 1 : -1])
         )
         answers = list(mission.inputs.values())
-        withdrawn = {one.input for one in answers if one.ok and one.input}
+        withdrawn = {answer.input for answer in answers if answer.ok and answer.input}
         for kind, id_ in self._ids.items():
             if id_ in mission.inputs and mission.inputs[id_].ok:
                 self._empty(kind)
         kept = {
-            one.id: f"{one.kind} {one.id}"
-            for one in reversed(answers)
-            if one.ok and one.id not in withdrawn and one.kind not in _FINAL
+            answer.id: f"{answer.kind} {answer.id}"
+            for answer in reversed(answers)
+            if answer.ok and answer.id not in withdrawn and answer.kind not in _FINAL
         }
         self._input.offer(kept)
         self._withdraw.set_enabled(bool(kept))

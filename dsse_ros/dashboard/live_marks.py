@@ -38,8 +38,13 @@ def live_marks(frame: GridFrame, contacts: tuple[Contact, ...], sketch: Sketch) 
     points = [geodetic_to_map(frame, lat, lon, 0.0)[:2] for lat, lon in sketch.places]
     return {
         "contacts": [
-            [[one.x_m / side_m, 1 - one.y_m / side_m], one.radius_m / side_m, one.name, one.state]
-            for one in contacts[-MAX_MARKS:]
+            [
+                [contact.x_m / side_m, 1 - contact.y_m / side_m],
+                contact.radius_m / side_m,
+                contact.name,
+                contact.state,
+            ]
+            for contact in contacts[-MAX_MARKS:]
         ],
         "sketch": [[x_m / side_m, 1 - y_m / side_m] for x_m, y_m in points],
         "closed": sketch.closed,

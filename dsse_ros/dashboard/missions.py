@@ -186,7 +186,7 @@ class ShownMission:
             return ()
         if self._strips is None or self._strips[0] is not info:
             scenario = info.definition.scenario.resolve(info.definition.rules)
-            self._strips = info, tuple(one / scenario.cell_size for one in strips_of(scenario))
+            self._strips = info, tuple(width / scenario.cell_size for width in strips_of(scenario))
         return self._strips[1]
 
     @property
@@ -207,7 +207,7 @@ class ShownMission:
     @property
     def confirmed(self) -> str:
         """The confirmed contacts of a live search; "" without one."""
-        names = [one.name for one in self.contacts if one.state == "confirmed"]
+        names = [contact.name for contact in self.contacts if contact.state == "confirmed"]
         return f"contact {' and '.join(names)} confirmed" if names and self.is_live else ""
 
     @property
@@ -418,23 +418,23 @@ class ShownMissions:
 
     def take(self, received: Iterable[Received]) -> None:
         """Take the new messages, except those of a mission without room."""
-        for one in received:
-            mission = self.by_namespace.get(one.namespace)
+        for message in received:
+            mission = self.by_namespace.get(message.namespace)
             if mission is None:
                 if len(self.by_namespace) >= self._max_missions and not self._drop():
                     continue
-                mission = ShownMission(one.namespace)
-                self.by_namespace[one.namespace] = mission
+                mission = ShownMission(message.namespace)
+                self.by_namespace[message.namespace] = mission
                 self.by_namespace = dict(sorted(self.by_namespace.items()))
             self._heard += 1
             mission.heard = self._heard
-            mission.receive(one.topic, one.read, one.published_ns)
+            mission.receive(message.topic, message.read, message.published_ns)
         self._shrink()
 
     def _drop(self) -> bool:
         """Drop the mission that has been gone for longest; return whether there is one."""
         missions = self.by_namespace.values()
-        gone = [one for one in missions if one.publishers == 0 and not one.bridge]
+        gone = [mission for mission in missions if mission.publishers == 0 and not mission.bridge]
         if not gone:
             return False
         del self.by_namespace[min(gone, key=lambda mission: mission.heard).namespace]
@@ -445,9 +445,14 @@ class ShownMissions:
         while sum(mission.nbytes for mission in self.by_namespace.values()) > self._max_bytes:
             if self._drop():
                 continue
-            histories = [one.history for one in self.by_namespace.values() if one.history]
+            histories = [
+                mission.history for mission in self.by_namespace.values() if mission.history
+            ]
             maps = [maps for history in histories for maps in history.maps.values()]
-            if not any(of.thin() for of in sorted(maps, key=lambda of: of.nbytes, reverse=True)):
+            if not any(
+                frames.thin()
+                for frames in sorted(maps, key=lambda frames: frames.nbytes, reverse=True)
+            ):
                 return
 
 

@@ -399,7 +399,7 @@ class MissionPage:
 
     def _update_choices(self) -> None:
         view, mission = self._view, self._view.mission
-        missions = {name: one.title for name, one in self._missions.by_namespace.items()}
+        missions = {name: mission.title for name, mission in self._missions.by_namespace.items()}
         layers = layers_of(mission)
         for select, options, value in (
             (self._mission, missions, mission.namespace if mission is not None else None),

@@ -50,28 +50,28 @@ class VehiclesCard:
         self._operate: dict[tuple[str, bool], ui.button] = {}
         with ui.element("div").classes("card vehicles") as self._card:
             ui.html("Vehicles", tag="h2", sanitize=False)
-            for one in (False, True):
-                whom = "One vehicle" if one else "All vehicles"
+            for single in (False, True):
+                whom = "One vehicle" if single else "All vehicles"
                 with ui.element("div").classes("buttons").props(f"role=group aria-label='{whom}'"):
-                    if one:
+                    if single:
                         self._drone = ui.select([], label="Vehicle").props("dense outlined")
                         # A button must never show another vehicle than the one it commands.
                         self._drone.on_value_change(self.update)
                     for name, (text, icon) in _OPERATIONS.items():
                         button = self._clicks.button(
-                            text if one else f"{text} all", icon,
-                            partial(self._on_operate, name, one),
+                            text if single else f"{text} all", icon,
+                            partial(self._on_operate, name, single),
                         )  # fmt: skip
-                        self._operate[name, one] = button
+                        self._operate[name, single] = button
             self._bridge_gone = ui.label("The bridge is gone.").classes("trouble")
             self._answer = ui.label().classes("note").props("role=status")
         self._card.set_visibility(False)
 
-    def _on_operate(self, name: str, one: bool, clicked_s: float) -> None:
+    def _on_operate(self, name: str, single: bool, clicked_s: float) -> None:
         mission = self._mission()
-        if mission is None or (one and self._drone.value is None):
+        if mission is None or (single and self._drone.value is None):
             return
-        vehicle = self._drone.value if one else ""
+        vehicle = self._drone.value if single else ""
         command = Command(mission.namespace, name, clicked_s, vehicle)
         if name not in _TO_CONFIRM:
             self._send(command)
@@ -94,8 +94,8 @@ class VehiclesCard:
         if drones and (self._drone.options != drones or chosen not in drones):
             self._drone.set_options(drones, value=chosen if chosen in drones else drones[0])
         self._drone.set_enabled(bool(drones))
-        for (name, one), button in self._operate.items():
+        for (name, single), button in self._operate.items():
             button.set_enabled(bool(drones))
-            if one and self._drone.value is not None:
+            if single and self._drone.value is not None:
                 button.set_text(f"{_OPERATIONS[name][0]} {self._drone.value}")
         self._answer.set_text(mission.vehicle_answer)

@@ -269,7 +269,7 @@ class PageView:
         if mission is None or mission.publishers == 0:
             return "" if mission is None else "gone"
         parts = mission.state.split("; ")
-        return "; ".join(one for one in parts if mission.mixed or " nodes publish " not in one)
+        return "; ".join(part for part in parts if mission.mixed or " nodes publish " not in part)
 
     def headline(self) -> str:
         """Return the state of the search in the shown step."""
@@ -464,7 +464,7 @@ class PageView:
             return []
         points = history.pos
         if self.covers:
-            points = [one for i in range(len(history)) for one in _coverage(history, i)]
+            points = [point for i in range(len(history)) for point in _coverage(history, i)]
         every = -(-len(points) // MAX_POINTS) or 1
         kept = points[::every]
         if points and kept[-1] != points[-1]:

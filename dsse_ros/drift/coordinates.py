@@ -107,12 +107,14 @@ def time_of(dataset: Any, variable: Any) -> Any:
     Raises:
         Unfit: If it has none.
     """
-    found = [one for one in coordinates(dataset, variable) if role(one) == "time"]
+    found = [
+        coordinate for coordinate in coordinates(dataset, variable) if role(coordinate) == "time"
+    ]
     # A forecast has the time at which it was made, too; `valid_time` is the one that it is for.
-    found = [one for one in found if one.name == "valid_time"] or found
+    found = [coordinate for coordinate in found if coordinate.name == "valid_time"] or found
     if not found:
         raise Unfit(f"{variable.name} must have times, got the {_dimensions(variable)}")
-    first = min(found, key=lambda one: (one.ndim > 1, -one.ndim))
+    first = min(found, key=lambda coordinate: (coordinate.ndim > 1, -coordinate.ndim))
     if first.ndim > 1:
         dims = " and ".join(map(str, first.dims))
         raise Unfit(
@@ -163,10 +165,10 @@ def place_of(dataset: Any, variable: Any) -> Place:
         Unfit: If it has none.
     """
     found: dict[str, list[Any]] = {"lat": [], "lon": [], "y": [], "x": []}
-    for one in coordinates(dataset, variable):
-        if (meaning := role(one)) in found and one.ndim:
-            found[meaning].append(one)
-    by_dims = {one.dims: one for one in reversed(found["lon"])}
+    for coordinate in coordinates(dataset, variable):
+        if (meaning := role(coordinate)) in found and coordinate.ndim:
+            found[meaning].append(coordinate)
+    by_dims = {coordinate.dims: coordinate for coordinate in reversed(found["lon"])}
     for lat in found["lat"]:
         if lat.ndim == 1:
             for lon in found["lon"]:

@@ -185,15 +185,15 @@ def _centres(
         Unfit: If the coordinates do not state it.
     """
     known = [_coordinates(place, window) for place in places if place.lat is not None]
-    if len(known) < 2 or not all(_differ(*one) for one in known):
+    if len(known) < 2 or not all(_differ(*pair) for pair in known):
         return _at_rho_points(dataset, places, window)
     for layout in _LAYOUTS:
-        means = [_mean(*one, shifts) for one, shifts in zip(known, layout, strict=True)]
-        rows, cols = (min(one[0].shape[axis] for one in means) for axis in (0, 1))
+        means = [_mean(*pair, shifts) for pair, shifts in zip(known, layout, strict=True)]
+        rows, cols = (min(mean[0].shape[axis] for mean in means) for axis in (0, 1))
         if min(rows, cols) < 3:
             continue
         (lat, lon), (other_lat, other_lon) = (
-            (one[0][:rows, :cols], one[1][:rows, :cols]) for one in means
+            (mean[0][:rows, :cols], mean[1][:rows, :cols]) for mean in means
         )
         cell = np.nanmedian(np.abs(np.diff(lat, axis=0))) + np.nanmedian(
             np.abs(np.diff(lat, axis=1))
@@ -213,7 +213,7 @@ def _coordinates(place: Place, window: tuple[slice, slice]) -> tuple[Array, Arra
 
         lat, lon = xarray.broadcast(lat, lon)
     part = dict(zip(place.dims, window, strict=True))
-    lat, lon = (filled(one.isel(part).transpose(*place.dims).values) for one in (lat, lon))
+    lat, lon = (filled(axis.isel(part).transpose(*place.dims).values) for axis in (lat, lon))
     on_earth = (np.abs(lat) <= 90) & (np.abs(lon) <= 720)
     return np.where(on_earth, lat, np.nan), np.where(on_earth, lon, np.nan)
 

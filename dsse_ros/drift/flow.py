@@ -88,11 +88,11 @@ class Flow:
 
     def covered(self) -> str:
         """Return the times and the area that the file covers, for messages."""
-        return (self.extent or Extent.of(self.times_s, self.lats_deg, self.lons_deg)).shown()
+        return (self.extent or Extent.of_axes(self.times_s, self.lats_deg, self.lons_deg)).shown()
 
     def why_none(self, lat_deg: float, lon_deg: float, begin_s: float, end_s: float) -> str:
         """Return why the flow has no value at a place between two times, for messages."""
-        read = Extent.of(self.times_s, self.lats_deg, self.lons_deg)
+        read = Extent.of_axes(self.times_s, self.lats_deg, self.lons_deg)
         within = read.holds(lat_deg, lon_deg, begin_s, end_s)
         if within and self._is_on_grid(lat_deg, lon_deg):
             return (
@@ -124,7 +124,7 @@ class Extent(NamedTuple):
     east_deg: float
 
     @classmethod
-    def of(cls, *axes: NDArray[np.float64]) -> Extent:
+    def of_axes(cls, *axes: NDArray[np.float64]) -> Extent:
         """Return the extent of times, latitudes and longitudes in any order of each."""
         anywhere = (-math.inf, math.inf)
         ends = [(axis.min(), axis.max()) if len(axis) > 1 else anywhere for axis in axes]

@@ -55,7 +55,7 @@ def read_forecast(
     with ExitStack() as stack:
         files = [_opened(kind, path, stack) for path in (first_name, *others)]
         try:
-            sources = _sources([_fitting(one, kind, choice) for one in files], kind, choice)
+            sources = _sources([_fitting(dataset, kind, choice) for dataset in files], kind, choice)
             first = sources[0].pair
             if first.note:
                 _LOGGER.warning("%s %s", what, first.note)
@@ -97,7 +97,7 @@ def _fitting(datasets: Sequence[Any], kind: Kind, choice: Choice) -> Any:
     try:
         return find_among(datasets, kind, choice)[0]
     except Unfit:
-        halves = [one for one in datasets if half(one, kind, choice) is not None]
+        halves = [dataset for dataset in datasets if half(dataset, kind, choice) is not None]
         if len(halves) != 1:
             raise
         return halves[0]
@@ -110,17 +110,20 @@ def _sources(datasets: Sequence[Any], kind: Kind, choice: Choice) -> list[Source
         Unfit: If there is a file without a pair, or two pairs differ.
     """
     halves: dict[tuple[float, ...], Any] = {}
-    whole = []
+    complete = []
     for dataset in datasets:
         component = half(dataset, kind, choice) if len(datasets) > 1 else None
         if component is None:
-            whole.append(dataset)
+            complete.append(dataset)
             continue
         axis = time_of(dataset, component)
         times_s = tuple(times_of(axis).tolist())
         own = _alone(dataset, component)
         halves[times_s] = _joined(halves[times_s], own, axis.dims) if times_s in halves else own
-    sources = [Source(one, find_pair(one, kind, choice)) for one in (*whole, *halves.values())]
+    sources = [
+        Source(dataset, find_pair(dataset, kind, choice))
+        for dataset in (*complete, *halves.values())
+    ]
     names = {source.pair.names: None for source in sources}
     if len(names) > 1:
         raise Unfit(f"files must have the same variables, got {'; '.join(names)}")
@@ -130,7 +133,11 @@ def _sources(datasets: Sequence[Any], kind: Kind, choice: Choice) -> list[Source
 def _alone(dataset: Any, component: Any) -> Any:
     """Return a file with one variable and its coordinates."""
     kept = (component.name, component.attrs.get("grid_mapping"))
-    others = [name for name, one in dataset.data_vars.items() if name not in kept and one.ndim > 2]
+    others = [
+        name
+        for name, variable in dataset.data_vars.items()
+        if name not in kept and variable.ndim > 2
+    ]
     return dataset.drop_vars(others)
 
 
@@ -140,10 +147,10 @@ def _joined(first: Any, other: Any, time_dims: Sequence[str]) -> Any:
 
     places = [
         name
-        for name, one in other.variables.items()
+        for name, variable in other.variables.items()
         if name in first.variables
         and role(other[name]) in ("lat", "lon", "y", "x")
-        and one.ndim < 3
+        and variable.ndim < 3
     ]
     if not all(first[name].equals(other[name]) for name in places):
         dims = [dim for dim in other.dims if dim not in time_dims]

@@ -50,7 +50,7 @@ def flow_on_grid(sources: Sequence[Source], span: Span, gap_cells: int, name: st
         Unfit: If the files do not have it.
     """
     names = sources[0].pair.names
-    times = Times.of(sources)
+    times = Times.of_sources(sources)
     when = times.within(span, names)
     grid = _grid(*sources[0], span.box, gap_cells)
     shape = len(when), *(len(part) for part in grid.indices)
@@ -87,7 +87,7 @@ def flow_on_grid(sources: Sequence[Source], span: Span, gap_cells: int, name: st
             name, filled, int(gaps.any(axis=0).sum()), gap_cells,
         )  # fmt: skip
     lats, lons, rows, cols = grid.lookup
-    extent = Extent.of(times.times_s, grid.lats_deg, grid.lons_deg)
+    extent = Extent.of_axes(times.times_s, grid.lats_deg, grid.lons_deg)
     return Flow(times.times_s[when], lats, lons, east, north, name, extent, gap_cells, rows, cols)
 
 
@@ -116,8 +116,8 @@ def _sampled(source: Source) -> Iterator[NDArray[Any]]:
                 yield axis.isel({dim: slice(None, None, step) for dim in axis.dims}).values
 
 
-def _are_equal(one: NDArray[Any], other: NDArray[Any]) -> bool:
-    return np.array_equal(one, other, equal_nan=True)
+def _are_equal(first: NDArray[Any], other: NDArray[Any]) -> bool:
+    return np.array_equal(first, other, equal_nan=True)
 
 
 def _grid(dataset: Any, pair: Pair, box: Box, margin: int) -> Grid:
@@ -184,9 +184,9 @@ def _values(coordinate: Any) -> NDArray[np.float64]:
     return values
 
 
-def _longitudes(place: Place, given: NDArray[np.float64], box: Box, margin: int) -> Axis:
+def _longitudes(place: Place, lons_deg: NDArray[np.float64], box: Box, margin: int) -> Axis:
     """Return the part of the longitudes, which may be from -180 or from 0."""
-    turned = box.turned(given)
+    turned = box.turned(lons_deg)
     order = np.argsort(turned, kind="stable")
     once = order[np.diff(turned[order], prepend=-np.inf) > SAME_MERIDIAN_DEG]
     dim = place.lon.dims[0]

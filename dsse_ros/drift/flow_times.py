@@ -58,20 +58,20 @@ class Times(NamedTuple):
     dims: tuple[str, ...]
 
     @classmethod
-    def of(cls, sources: Sequence[Source]) -> Times:
+    def of_sources(cls, sources: Sequence[Source]) -> Times:
         """Return the times of files.
 
         Raises:
             Unfit: If one has none, or a time twice.
         """
-        axes = [time_of(one.dataset, one.pair.east) for one in sources]
+        axes = [time_of(source.dataset, source.pair.east) for source in sources]
         each = [times_of(axis) for axis in axes]
         for axis, times_s in zip(axes, each, strict=True):
             if len(np.unique(times_s)) < len(times_s):
                 raise Unfit(f"{axis.name} must have each value once")
         times = np.concatenate(each)
-        files = np.repeat(np.arange(len(each)), [len(one) for one in each])
-        steps = np.concatenate([np.arange(len(one)) for one in each])
+        files = np.repeat(np.arange(len(each)), [len(times_s) for times_s in each])
+        steps = np.concatenate([np.arange(len(times_s)) for times_s in each])
         # The first of the reversed times is the last one.
         once, last = np.unique(times[::-1], return_index=True)
         order = len(times) - 1 - last
@@ -93,7 +93,7 @@ class Times(NamedTuple):
 
 
 def part_of(
-    what: str, dim: str, given: NDArray[np.float64], low: float, high: float, margin: int
+    what: str, dim: str, coordinates: NDArray[np.float64], low: float, high: float, margin: int
 ) -> Axis:
     """Return the part of an axis around [low, high] and a margin of some values.
 
@@ -102,8 +102,8 @@ def part_of(
     Raises:
         Unfit: If the axis has nothing there, or a value twice.
     """
-    order = np.argsort(given, kind="stable")
-    values = given[order]
+    order = np.argsort(coordinates, kind="stable")
+    values = coordinates[order]
     if (np.diff(values) <= 0).any():
         raise Unfit(f"{dim} must have each value once")
     if len(values) < 2 or high < values[0] or low > values[-1]:

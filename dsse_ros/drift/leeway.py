@@ -117,16 +117,19 @@ def leeway_class(key: str) -> LeewayClass:
     return classes[key]
 
 
-def draw_leeway(of: LeewayClass, count: int, rng: np.random.Generator) -> Leeway:
+def draw_leeway(category: LeewayClass, count: int, rng: np.random.Generator) -> Leeway:
     """Draw the leeway of `count` particles of a class."""
-    slope, offset, std = of.downwind
+    slope, offset, std = category.downwind
     error = std * rng.standard_normal(count)
     while (negative := slope + error / 20 < 0).any():
         error[negative] = std * rng.standard_normal(int(negative.sum()))
     # Alternating sides make the halves exact, also of the first particles alone.
     is_right = np.arange(count)[:, None] % 2 == 0
     draw = rng.standard_normal(count)
-    sides = (np.where(is_right, of.right, of.left), np.where(is_right, of.left, of.right))
+    sides = (
+        np.where(is_right, category.right, category.left),
+        np.where(is_right, category.left, category.right),
+    )
     crosswind = [
         part
         for cross_slope, cross_offset, cross_std in (side.T for side in sides)

@@ -61,17 +61,17 @@ def sliced(dataset: Any, kind: Kind, select: Mapping[str, Any], variable: Any) -
             dims = ", ".join(map(str, variable.dims))
             raise Unfit(f"select must name dimensions of {variable.name}, {dims}, got {name}")
     along = {
-        dim: [one for one in coordinates(dataset, variable) if one.dims == (dim,)]
+        dim: [axis for axis in coordinates(dataset, variable) if axis.dims == (dim,)]
         for dim in variable.dims
     }
     place = place_of(dataset, variable).dims
     level = Level()
     for dim, found in along.items():
-        levels = [one for one in found if is_level(one)] or _sloping(dataset, dim)
+        levels = [axis for axis in found if is_level(axis)] or _sloping(dataset, dim)
         if dim in select:
             index = _selected(variable, dim, found, select[dim])
             level = Level(True) if levels else level
-        elif dim in place or any(role(one) == "time" for one in found):
+        elif dim in place or any(role(axis) == "time" for axis in found):
             continue
         elif levels:
             index, level = _nearest(kind, levels[0])
@@ -83,7 +83,7 @@ def sliced(dataset: Any, kind: Kind, select: Mapping[str, Any], variable: Any) -
                 f"select: {{{dim}: ...}}"
             )
         variable = variable.isel({dim: index})
-    scalars = [one for one in variable.coords.values() if one.ndim == 0 and is_level(one)]
+    scalars = [axis for axis in variable.coords.values() if axis.ndim == 0 and is_level(axis)]
     if level.fits is None and not level.shown and scalars:
         _, level = _nearest(kind, scalars[0])
     return variable, _bywords(kind, variable, level)
@@ -103,20 +103,20 @@ def _selected(variable: Any, dim: str, found: list[Any], value: Any) -> int:
     Raises:
         Unfit: If there is no such value.
     """
-    own = next((one for one in found if one.name == dim), found[0] if found else None)
+    own = next((axis for axis in found if axis.name == dim), found[0] if found else None)
     values = np.arange(variable.sizes[dim]) if own is None else own.values
-    matches = [i for i, one in enumerate(values.tolist()) if _equal(one, value)]
+    matches = [i for i, found_value in enumerate(values.tolist()) if _equal(found_value, value)]
     if len(matches) != 1:
         shown = ", ".join(map(str, values[:8].tolist())) + (", ..." if len(values) > 8 else "")
         raise Unfit(f"select must have one of the values of {dim}, {shown}, got {value}")
     return matches[0]
 
 
-def _equal(one: Any, value: Any) -> bool:
+def _equal(known: Any, value: Any) -> bool:
     try:
-        return abs(float(one) - float(value)) <= 1e-4 * max(abs(float(value)), 1.0)
+        return abs(float(known) - float(value)) <= 1e-4 * max(abs(float(value)), 1.0)
     except (TypeError, ValueError):
-        return str(one) == str(value)
+        return str(known) == str(value)
 
 
 def _nearest(kind: Kind, coordinate: Any) -> tuple[int, Level]:

@@ -65,7 +65,7 @@ def mesh_of(place: Place, box: Box) -> Mesh:
 
     if place.lat.size > MAX_AT_ONCE:
         raise Unfit(f"{place.lat.name} must have at most {MAX_AT_ONCE} values")
-    lat, lon = (np.asarray(one.values, np.float64) for one in (place.lat, place.lon))
+    lat, lon = (np.asarray(coordinate.values, np.float64) for coordinate in (place.lat, place.lon))
     (middle, centre), turned = box.middle_deg, box.turned(lon)
     # Triangles at the edge of the box have points beyond it.
     rows, cols = (0.2 * (high - low) for low, high in (box[:2], box[2:]))

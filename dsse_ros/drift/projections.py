@@ -121,8 +121,8 @@ def _cells_off(place: Place, plane: Any, y: Array, x: Array) -> float:
     counts = zip(place.dims, (len(y), len(x)), strict=True)
     some = {dim: [0, count // 2, count - 1] for dim, count in counts}
     lat, lon = (
-        np.asarray(one.isel(some).transpose(*place.dims).values, np.float64)
-        for one in (place.lat, place.lon)
+        np.asarray(coordinate.isel(some).transpose(*place.dims).values, np.float64)
+        for coordinate in (place.lat, place.lon)
     )
     px, py = plane.transform(lon, lat)
     rows = np.abs(_fraction(y, np.asarray(py)) - np.array(some[place.dims[0]])[:, None])

@@ -126,8 +126,8 @@ def drift_tracks(
     released = particles.released_s
     begin = min(released.min(), times_s[0]) if forward else max(released.max(), times_s[0])
     noises = [
-        _Noise(of, error, rng)
-        for of, error in (
+        _Noise(scale, error, rng)
+        for scale, error in (
             (particles.wind_error, drift.wind_error),
             (particles.current_error, drift.current_error),
         )
@@ -210,13 +210,13 @@ def _release(
     Raises:
         ValueError: If a sighting is on land.
     """
-    weights = np.array([one.weight for one in sightings], np.float64)
+    weights = np.array([sighting.weight for sighting in sightings], np.float64)
     # Systematic sampling gives each sighting its share, rounded up or down. The order is random, so
     # that the crosswind sides, which alternate, are independent of the sightings.
     wanted = (np.arange(count) + rng.random()) / count
-    of = np.searchsorted(np.cumsum(weights) / weights.sum(), wanted, side="right")
-    of = rng.permutation(np.minimum(of, len(sightings) - 1))
-    lat, lon, time, radius, _, time_error = np.array(sightings, np.float64)[of].T
+    chosen = np.searchsorted(np.cumsum(weights) / weights.sum(), wanted, side="right")
+    chosen = rng.permutation(np.minimum(chosen, len(sightings) - 1))
+    lat, lon, time, radius, _, time_error = np.array(sightings, np.float64)[chosen].T
     released = time + time_error * rng.uniform(-1.0, 1.0, count)
     lats, lons = _near(lat, lon, radius, rng)
     if drift.shore is not None:
@@ -228,7 +228,7 @@ def _release(
             if not len(again):
                 break
         else:
-            first = sightings[of[again[0]]]
+            first = sightings[chosen[again[0]]]
             raise ValueError(
                 f"a sighting must be at sea, got {first.lat_deg:g}, {first.lon_deg:g} within "
                 f"{first.radius_m:g} m, on land"

@@ -153,7 +153,7 @@ def half(dataset: Any, kind: Kind, choice: Choice) -> Any | None:
     else:
         every, rows = _variables(dataset, kind), _rows_of(kind)
         sides = [
-            [one for one in every if any(_is_of(one, row, side) for row in rows)]
+            [variable for variable in every if any(_is_of(variable, row, side) for row in rows)]
             for side in ("east", "north")
         ]
     east, north = sides
@@ -166,19 +166,19 @@ def _best(kind: Kind, found: list[_Candidate]) -> _Candidate:
     Raises:
         Unfit: If there is none, or nothing distinguishes several.
     """
-    fitting = [one for one in found if one.level.fits]
-    if not fitting and all(one.level.fits is None for one in found):
+    fitting = [candidate for candidate in found if candidate.level.fits]
+    if not fitting and all(candidate.level.fits is None for candidate in found):
         fitting = found
     if not fitting:
         wanted = f"{WIND_HEIGHT_M:g} m above ground" if kind == "wind" else "the surface"
-        shown = "; ".join(one.shown for one in found)
+        shown = "; ".join(candidate.shown for candidate in found)
         raise Unfit(f"{kind} must be at {wanted}, got {shown}; choose by variables or select")
-    best = min(one.rank for one in fitting)
-    first, *more = [one for one in fitting if one.rank == best]
+    best = min(candidate.rank for candidate in fitting)
+    first, *more = [candidate for candidate in fitting if candidate.rank == best]
     if more:
-        names = "; ".join(one.shown for one in (first, *more))
+        names = "; ".join(candidate.shown for candidate in (first, *more))
         raise Unfit(f"{kind} must be one pair of variables, got {names}; choose by variables")
-    others = [one.pair.names for one in fitting if one is not first]
+    others = [candidate.pair.names for candidate in fitting if candidate is not first]
     note = f"takes {first.pair.names}, not {', '.join(others)}" if others else ""
     return first._replace(pair=first.pair._replace(note=note))
 
@@ -204,7 +204,7 @@ def _named(dataset: Any, kind: Kind) -> list[tuple[int, Pair]]:
     found: dict[str, tuple[int, Pair]] = {}
     for rank, row in enumerate(_rows_of(kind)):
         sides = [
-            [one for one in _variables(dataset, kind) if _is_of(one, row, side)]
+            [variable for variable in _variables(dataset, kind) if _is_of(variable, row, side)]
             for side in ("east", "north")
         ]
         for east, north in product(*sides):
@@ -220,8 +220,12 @@ def _rows_of(kind: Kind) -> list[_Row]:
 
 def _variables(dataset: Any, kind: Kind) -> list[Any]:
     """Return the variables of a medium, or of none that is stated."""
-    every = [dataset[name] for name, one in dataset.variables.items() if one.ndim]
-    return [one for one in every if _medium(one) in (kind, "") and not _PART.search(words(one))]
+    every = [dataset[name] for name, variable in dataset.variables.items() if variable.ndim]
+    return [
+        variable
+        for variable in every
+        if _medium(variable) in (kind, "") and not _PART.search(words(variable))
+    ]
 
 
 def _is_of(variable: Any, row: _Row, side: str) -> bool:
@@ -243,8 +247,8 @@ def _medium(variable: Any) -> str:
 
 def _belong_together(east: Any, north: Any) -> bool:
     """Return whether two components have the same name but for their side, and the same form."""
-    stems = {_SIDES.sub("*", str(one.name).lower()) for one in (east, north)}
-    units = {str(one.attrs.get("units", "")).strip() for one in (east, north)}
+    stems = {_SIDES.sub("*", str(component.name).lower()) for component in (east, north)}
+    units = {str(component.attrs.get("units", "")).strip() for component in (east, north)}
     return len(stems) == len(units) == 1 and east.ndim == north.ndim
 
 
@@ -253,9 +257,9 @@ def _nothing(dataset: Any, kind: Kind) -> str:
     rows = _rows_of(kind)
     every = [dataset[name] for name in dataset.variables]
     near = [
-        f"{one.name} ({_described(one)})"
-        for one in every
-        if any(_is_of(one, row, side) for row in rows for side in ("east", "north"))
+        f"{variable.name} ({_described(variable)})"
+        for variable in every
+        if any(_is_of(variable, row, side) for row in rows for side in ("east", "north"))
     ]
     cf = next(row for row in rows if (row.found_by, row.axes) == ("standard_name", "earth"))
     return (
@@ -290,9 +294,9 @@ def _at_level(dataset: Any, kind: Kind, choice: Choice, rank: int, pair: Pair) -
     # Who names two variables knows their level, unless they have several.
     if choice.variables and east.ndim == pair.east.ndim:
         level = level._replace(fits=True)
-    for one in (east, north):
-        if choice.units and not str(one.attrs.get("units", "")).strip():
-            one.attrs["units"] = choice.units
+    for variable in (east, north):
+        if choice.units and not str(variable.attrs.get("units", "")).strip():
+            variable.attrs["units"] = choice.units
     # GRIB states it, whatever the names.
     of_grib: dict[Any, Axes] = {0: "earth", 1: "grid"}
     axes = choice.axes or of_grib.get(pair.east.attrs.get("GRIB_uvRelativeToGrid"), pair.axes)

@@ -48,37 +48,37 @@ class Admission:
     def __init__(self, keeper: Keeper) -> None:
         self._keeper = keeper
 
-    def check(self, given: Input, clocks: Clocks) -> Result[Entry | None]:
+    def check(self, received: Input, clocks: Clocks) -> Result[Entry | None]:
         """Return the entry of an input, or why it is refused; None for one that is known already.
 
         Args:
-            given: The input.
+            received: The input.
             clocks: The clocks now.
         """
-        known = self._keeper.entries.get(given.id)
+        known = self._keeper.entries.get(received.id)
         if known is not None:
-            if (known.kind, dict(known.values)) == (given.kind, dict(given.values)):
+            if (known.kind, dict(known.values)) == (received.kind, dict(received.values)):
                 return Accepted(None)
-            return Rejected("id_used", f"id must be new, got {given.id!r} of another input")
+            return Rejected("id_used", f"id must be new, got {received.id!r} of another input")
         if self._keeper.over:
             return Rejected("mission_over", "the mission is over")
-        if refused := self._too_many(given.kind):
+        if refused := self._too_many(received.kind):
             return refused
-        if given.kind in MOST_OF_KIND and (refused := self._no_incident(given.kind)):
+        if received.kind in MOST_OF_KIND and (refused := self._no_incident(received.kind)):
             return refused
-        timed = self._time(given, clocks)
+        timed = self._time(received, clocks)
         if isinstance(timed, Rejected):
             return timed
         begin_s, end_s = timed.value
-        derived = {"lasts_s": end_s - begin_s} if given.kind == "searched" else {}
-        entry = Entry(given.kind, given.id, begin_s, clocks.now_s, given.values, derived)
+        derived = {"lasts_s": end_s - begin_s} if received.kind == "searched" else {}
+        entry = Entry(received.kind, received.id, begin_s, clocks.now_s, received.values, derived)
         checks: dict[str, Callable[[Entry], Result[Entry | None]]] = {
             "detection": self._check_detection, "sighting": self._check_drift,
             "searched": self._check_searched, "weather": self._check_drift,
             "confirm": self._check_contact, "dismiss": self._check_contact,
             "withdraw": self._check_withdraw,
         }  # fmt: skip
-        return checks[given.kind](entry)
+        return checks[received.kind](entry)
 
     def _too_many(self, kind: str) -> Rejected | None:
         most = MOST_OF_KIND.get(kind, MOST_INPUTS)
@@ -93,34 +93,34 @@ class Admission:
                 f"{self._keeper.rules.profile}",
             )  # fmt: skip
         incident = self._keeper.scenario.incident
-        if kind != "searched" and (incident is None or incident.given is not None):
+        if kind != "searched" and (incident is None or incident.given_tracks is not None):
             return Rejected("no_incident", f"{kind} must come with an incident with sightings")
         return None
 
-    def _time(self, given: Input, clocks: Clocks) -> Result[tuple[float, float]]:
+    def _time(self, received: Input, clocks: Clocks) -> Result[tuple[float, float]]:
         """Return the own time of an input, its begin and its end."""
         times = []
         for name in ("time", "end"):
-            stated = given.values.get(name)
+            stated = received.values.get(name)
             if stated is None:
                 continue
-            of = self._seconds(stated, clocks)
-            if isinstance(of, Rejected):
-                return of
-            if self._is_ahead(stated, of.value, clocks):
+            converted = self._seconds(stated, clocks)
+            if isinstance(converted, Rejected):
+                return converted
+            if self._is_ahead(stated, converted.value, clocks):
                 return Rejected(
-                    "time_ahead", f"{given.kind}.{name} must not be in the future, got {stated}"
+                    "time_ahead", f"{received.kind}.{name} must not be in the future, got {stated}"
                 )
-            times.append(of.value)
+            times.append(converted.value)
         if len(times) > 1 and times[1] < times[0]:
-            return Rejected("bad_value", f"{given.kind}.end must not be before its time")
-        if "time" not in given.values:
+            return Rejected("bad_value", f"{received.kind}.end must not be before its time")
+        if "time" not in received.values:
             times.insert(0, min([clocks.now_s, *times]))
         time_s = times[0]
-        if time_s < 0.0 and given.kind in ("detection", "searched"):
+        if time_s < 0.0 and received.kind in ("detection", "searched"):
             return Rejected(
-                "before_search", f"{given.kind}.time must not be before the search began, got "
-                f"{given.values['time']}",
+                "before_search", f"{received.kind}.time must not be before the search began, got "
+                f"{received.values['time']}",
             )  # fmt: skip
         return Accepted((time_s, times[-1]))
 

@@ -57,7 +57,7 @@ class Chain:
 
     def update(self, step: int) -> None:
         """Compute the belief again from this step, or from there on if there are further steps."""
-        for later in [one for one in self._kept if one > step]:
+        for later in [kept_step for kept_step in self._kept if kept_step > step]:
             del self._kept[later]
         begin = max(self._kept)
         belief = self._kept[begin].copy()
@@ -72,12 +72,14 @@ class Chain:
 
     def _keep(self, step: int, belief: AnyBelief) -> None:
         """Keep the latest belief, and some before it."""
-        self._kept = {one: kept for one, kept in self._kept.items() if one % self._stride == 0}
+        self._kept = {
+            number: kept for number, kept in self._kept.items() if number % self._stride == 0
+        }
         self._kept[step] = belief.copy()
         while len(self._kept) > self._most:
             self._stride *= 2
             self._kept = {
-                one: kept
-                for one, kept in self._kept.items()
-                if one % self._stride == 0 or one == step
+                number: kept
+                for number, kept in self._kept.items()
+                if number % self._stride == 0 or number == step
             }

@@ -61,7 +61,9 @@ class Contact:
     @property
     def drones(self) -> list[int]:
         """The drones that detected it."""
-        return sorted({one.drone for one in self.detections.values() if one.drone >= 0})
+        return sorted(
+            {detection.drone for detection in self.detections.values() if detection.drone >= 0}
+        )
 
 
 class Contacts:
@@ -79,7 +81,7 @@ class Contacts:
 
     def of_state(self, state: str) -> list[Contact]:
         """Return the contacts in a state, in the order in which they were opened."""
-        return [one for one in self.by_name.values() if one.state == state]
+        return [contact for contact in self.by_name.values() if contact.state == state]
 
     def match(self, detection: Detection, moved: Moved) -> str:
         """Return the name of the open contact that a detection is of, or of a new one."""

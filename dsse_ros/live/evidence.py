@@ -151,7 +151,7 @@ class Evidence:
 
     def before(self, step: int, belief: AnyBelief, steps: int, *, weighed: bool) -> None:
         """Apply what was reported for after `step` of `steps` steps, see `chain.Effects`."""
-        areas = sorted(self.areas.values(), key=lambda one: (one.middle_s, one.id))
+        areas = sorted(self.areas.values(), key=lambda area: (area.middle_s, area.id))
         for area in areas:
             if min(self.step_of(area.middle_s), steps) == step:
                 weigh(belief, area.missed(self.places), searched=True)
@@ -168,29 +168,29 @@ class Evidence:
         ]
         others = np.ones(self._sensors.count, np.bool_)
         others[[drone for _, drone in looks]] = False
-        self._sensors.apply(belief, done.of(others))
+        self._sensors.apply(belief, done.of_drones(others))
         for look in looks:
             missed, kind = self._missed(done, look), self._sensors.looks.kind[look[1]]
             rate = self._false_alarms[kind]
             real = {
                 contact: (1.0 - missed)
-                * self.places.density(*one[1:5])
-                / max(rate * self._false_density(one, look, done), LEAST_DENSITY)
-                for contact, one in sorted(self.detections[look].items())
+                * self.places.density(*detection[1:5])
+                / max(rate * self._false_density(detection, look, done), LEAST_DENSITY)
+                for contact, detection in sorted(self.detections[look].items())
             }
             self._learn(belief, look, missed, real)
 
     def _reported(self, belief: AnyBelief, look: Look, by_contact: Mapping[str, Detection]) -> None:
         """Apply reports that are of no drone's look."""
-        for contact, one in sorted(by_contact.items()):
-            sure = CONFIDENCE if math.isnan(one.confidence) else one.confidence
-            real = {contact: sure * self._area_m2 * self.places.density(*one[1:5])}
+        for contact, detection in sorted(by_contact.items()):
+            sure = CONFIDENCE if math.isnan(detection.confidence) else detection.confidence
+            real = {contact: sure * self._area_m2 * self.places.density(*detection[1:5])}
             false = np.full(belief.mass.layers.shape[-1], 1.0 - sure)
             self._learn(belief, look, false, real)
 
-    def _false_density(self, one: Detection, look: Look, done: StepLooks) -> float:
+    def _false_density(self, detection: Detection, look: Look, done: StepLooks) -> float:
         """Return the density of a report if it is a false alarm of a look."""
-        place, spread_m = (one.x_m, one.y_m), self.places.spread_m(*one[1:5])
+        place, spread_m = (detection.x_m, detection.y_m), self.places.spread_m(*detection[1:5])
         return self._sensors.false_density(done, look[1], place, spread_m)
 
     def _learn(

@@ -42,7 +42,7 @@ class HistoryTexts:
         self._count += 1
         begin, self._sent = self._sent, len(keeper.history)
         run_id, mission = search
-        records = [to_json(one) for one in keeper.history[begin:]]
+        records = [to_json(record) for record in keeper.history[begin:]]
         values = {"run_id": run_id, "mission": mission, "begin": begin, "records": records}
         return json.dumps(values, allow_nan=False)
 
@@ -80,7 +80,7 @@ class FollowedHistory:
             self.search, self.steps, self.records, self._keeper = search, -1, [], None
         if begin <= len(self.records):
             new = records[len(self.records) - begin :]
-            steps = sum(Keys(one, "history.records").value("kind") == STEP for one in new)
+            steps = sum(Keys(record, "history.records").value("kind") == STEP for record in new)
             self.records += new
             self.steps = max(self.steps, 0) + steps
 

@@ -221,31 +221,31 @@ def read(kind: str, values: Mapping[str, Any]) -> Result[Input]:
         check_known(f"a {kind}", values, readers)
     except FieldError as error:
         return Rejected("unknown_field", str(error))
-    given = {name: value for name, value in values.items() if value is not None}
+    present = {name: value for name, value in values.items() if value is not None}
     for name in ("id", *of_kind.required):
-        if name not in given:
+        if name not in present:
             return Rejected("missing_field", f"{kind}.{name} must be given")
-    if missing := _missing(kind, given):
+    if missing := _missing(kind, present):
         return Rejected("missing_field", missing)
     try:
-        checked = {name: readers[name](f"{kind}.{name}", one) for name, one in given.items()}
+        checked = {name: readers[name](f"{kind}.{name}", value) for name, value in present.items()}
     except FieldError as error:
         return Rejected("bad_value", str(error))
     return Accepted(Input(kind, checked.pop("id"), checked))
 
 
-def _missing(kind: str, given: Mapping[str, Any]) -> str:
+def _missing(kind: str, present: Mapping[str, Any]) -> str:
     """Return which of several fields is missing, "" if none is."""
     if KINDS[kind].has_place:
-        pairs = [all(name in given for name in pair) for pair in (("lat", "lon"), ("x", "y"))]
-        if sum(name in given for name in _PLACE) != 2 or not any(pairs):
+        pairs = [all(name in present for name in pair) for pair in (("lat", "lon"), ("x", "y"))]
+        if sum(name in present for name in _PLACE) != 2 or not any(pairs):
             return f"{kind} must have a place: lat and lon, or x and y in the map frame"
-    if kind == "weather" and not {"wind", "current"} & given.keys():
+    if kind == "weather" and not {"wind", "current"} & present.keys():
         return "weather must have wind or current"
     if kind == "searched":
-        geometry = given["geometry"]
+        geometry = present["geometry"]
         is_line = isinstance(geometry, Mapping) and geometry.get("type") == "LineString"
         lacks = "sweep_width" if is_line else "pod"
-        if lacks not in given:
+        if lacks not in present:
             return f"searched.{lacks} must be given with this geometry"
     return ""

@@ -211,7 +211,10 @@ class Keeper:
         """Time of the earliest sighting that is accepted: a day before the search, or the first."""
         incident = self._stated.incident
         assert incident is not None and self.begins_s is not None
-        released = [one.time_s - one.time_error_s - self.begins_s for one in incident.sightings]
+        released = [
+            sighting.time_s - sighting.time_error_s - self.begins_s
+            for sighting in incident.sightings
+        ]
         return min(-EARLIEST_S, *released)
 
     def utc(self, time_s: float) -> str | None:
@@ -289,20 +292,24 @@ class Keeper:
 
     def _forget(self, name: str) -> set[str]:
         """Have the detections of a contact weigh nothing; return their ids."""
-        for look in [look for look, of in self._evidence.detections.items() if name in of]:
+        for look in [
+            look for look, contacts in self._evidence.detections.items() if name in contacts
+        ]:
             del self._evidence.detections[look][name]
             if not self._evidence.detections[look]:
                 del self._evidence.detections[look]
             self._mark(look[0], searched=False)
         self._evidence.shares.pop(name, None)
         self._pending = [
-            one for one in self._pending if self.entries[one].derived["contact"] != name
+            detection_id
+            for detection_id in self._pending
+            if self.entries[detection_id].derived["contact"] != name
         ]
         return set(self.contacts.by_name[name].detections)
 
     def _weigh_all(self, ids: Iterable[str]) -> None:
-        for one in ids:
-            self._weigh(one)
+        for detection_id in ids:
+            self._weigh(detection_id)
 
     def _weigh(self, detection_id: str) -> None:
         """Have a detection weigh the belief, at the look that it is of."""
@@ -317,7 +324,7 @@ class Keeper:
             self._pending.append(detection_id)
             return
         of_look = self._evidence.detections.get(look, {})
-        looks = sum(name in of for of in self._evidence.detections.values())
+        looks = sum(name in contacts for contacts in self._evidence.detections.values())
         if name not in of_look and looks >= MOST_OF_CONTACT:
             return
         before = of_look.get(name)
@@ -328,9 +335,9 @@ class Keeper:
     def of_kinds(self, *kinds: str) -> list[Entry]:
         """Return the entries of these kinds that count."""
         return [
-            one
-            for one in self.entries.values()
-            if one.kind in kinds and one.id not in self.withdrawn
+            entry
+            for entry in self.entries.values()
+            if entry.kind in kinds and entry.id not in self.withdrawn
         ]
 
     def informed(self, entries: Iterable[Entry]) -> ResolvedScenario:
@@ -343,7 +350,7 @@ class Keeper:
         assert incident is not None
         seen: list[dict[str, Any]] = []
         flows: dict[Kind, Any] = {}
-        for entry in sorted(entries, key=lambda one: (one.time_s, one.id)):
+        for entry in sorted(entries, key=lambda entry: (entry.time_s, entry.id)):
             if entry.kind == "sighting":
                 seen.append(self._seen(entry))
             flows |= {kind: entry.values[kind] for kind in FLOWS if kind in entry.values}

@@ -39,7 +39,7 @@ class StepLooks(NamedTuple):
     looked: NDArray[np.bool_]
     flown: NDArray[np.bool_]
 
-    def of(self, drones: NDArray[np.bool_]) -> StepLooks:
+    def of_drones(self, drones: NDArray[np.bool_]) -> StepLooks:
         """Return the looks of these drones (N,) only."""
         kept = drones[self.drones] if len(self.drones) else np.zeros(0, bool)
         return self._replace(
@@ -109,7 +109,7 @@ class Sensors:
         even.density = np.full_like(places, 1.0 / places.size)
         chosen = np.zeros(self.count, np.bool_)
         chosen[look[1]] = True
-        self.apply(even, done.of(chosen))
+        self.apply(even, done.of_drones(chosen))
         # The update scaled the places up by the probability that they were left with.
         left = max(1.0 - even.pos, 0.0)
         if left < NOTHING_LEFT:

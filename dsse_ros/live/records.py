@@ -63,7 +63,7 @@ def from_json(values: Any) -> StepLooks | Entry:
 
 def to_text(records: list[StepLooks | Entry]) -> str:
     """Return records as JSON text."""
-    return json.dumps([to_json(one) for one in records], allow_nan=False)
+    return json.dumps([to_json(record) for record in records], allow_nan=False)
 
 
 def from_text(text: str) -> list[StepLooks | Entry]:
@@ -72,4 +72,4 @@ def from_text(text: str) -> list[StepLooks | Entry]:
     Raises:
         ValueError: If the text is no JSON of them.
     """
-    return [from_json(one) for one in json.loads(text)]
+    return [from_json(record) for record in json.loads(text)]

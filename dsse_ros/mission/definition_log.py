@@ -47,9 +47,9 @@ class DefinitionLog:
     def _take_up(self) -> None:
         """Note the last whole line; drop one that was cut off."""
         self._file.seek(0)
-        whole, _, _ = self._file.read().rpartition(b"\n")
-        self._file.truncate(len(whole) + bool(whole))
-        for line in whole.splitlines():
+        complete, _, _ = self._file.read().rpartition(b"\n")
+        self._file.truncate(len(complete) + bool(complete))
+        for line in complete.splitlines():
             # What cannot be read is written again.
             try:
                 self._last = {**self._last, **json.loads(line)}

@@ -70,7 +70,7 @@ class FlightMission(Mission):
         super().restore(snapshot)
         for name in _OF_FLOWN:
             getattr(self._flights, name)[0] = snapshot.arrays[f"result_{name}_m"]
-        self.result = replace(self.result, flown=Flown.of(self._flights))
+        self.result = replace(self.result, flown=Flown.of_flights(self._flights))
         return self.result
 
     def ways(self, actions: NDArray[Any] | None) -> NDArray[np.float64]:
@@ -132,7 +132,7 @@ class FlightMission(Mission):
                 track += [*map(tuple, between.tolist()), (col, row)]
 
     def _result(self, *values: Any) -> StepResult:
-        return replace(super()._result(*values), flown=Flown.of(self._flights))
+        return replace(super()._result(*values), flown=Flown.of_flights(self._flights))
 
     def _packed(self, result: StepResult) -> NDArray[Any]:
         row = super()._packed(result)

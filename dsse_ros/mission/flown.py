@@ -35,7 +35,7 @@ class Flown:
     places: NDArray[np.float64]
 
     @classmethod
-    def of(cls, flights: Flights) -> Flown:
+    def of_flights(cls, flights: Flights) -> Flown:
         """Return a copy of the last step of a batch of one."""
         return cls(
             flights.actions[0].copy(),

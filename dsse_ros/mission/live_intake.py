@@ -91,16 +91,16 @@ class LiveIntake:
     def take(self, kind: str, text: str) -> None:
         """Put the JSON text of an input in line."""
         parsed = parse(kind, text)
-        given = parsed.value.id if isinstance(parsed, Accepted) else _id_of(text)
-        self._line.append((kind, given, parsed))
+        input_id = parsed.value.id if isinstance(parsed, Accepted) else _id_of(text)
+        self._line.append((kind, input_id, parsed))
 
     def take_values(self, kind: str, values: Mapping[str, Any]) -> None:
         """Put the fields of an input in line."""
         self._line.append((kind, str(values.get("id", ""))[:_LONGEST_ID], read(kind, values)))
 
-    def refuse(self, kind: str, given: str, rejected: Rejected) -> None:
+    def refuse(self, kind: str, input_id: str, rejected: Rejected) -> None:
         """Put an input in line that is refused already."""
-        self._line.append((kind, given[:_LONGEST_ID], rejected))
+        self._line.append((kind, input_id[:_LONGEST_ID], rejected))
 
     def decide(self, stamp_s: float) -> list[Answer]:
         """Decide about the inputs in line; return the answers.
@@ -116,14 +116,14 @@ class LiveIntake:
         clocks = Clocks(self.clock.now_s, stamp_s, self.clock.of_stamp)
         answers, entries = [], []
         begin = None if self._journal is None else self._journal.end
-        for kind, given, parsed in line:
-            answer, entry = self._decide_one(kind, given, parsed, clocks)
+        for kind, input_id, parsed in line:
+            answer, entry = self._decide_one(kind, input_id, parsed, clocks)
             answers.append(answer)
             if entry is not None:
                 entries.append(entry)
         if begin is not None and entries and (failed := self._sync(begin)):
-            self._beliefs.reset([one for one in keeper.history if one not in entries])
-            answers = [_refused(one, failed) if one.ok else one for one in answers]
+            self._beliefs.reset([entry for entry in keeper.history if entry not in entries])
+            answers = [_refused(answer, failed) if answer.ok else answer for answer in answers]
         keeper = self._beliefs.keeper
         moved = 0.5 * float(np.abs(keeper.belief.poc() - poc).sum())
         take_changes(self._mission)
@@ -132,13 +132,15 @@ class LiveIntake:
         }  # fmt: skip
         for answer in answers:
             self._log(answer)
-        return [dataclasses.replace(one, **changes) if one.ok else one for one in answers]
+        return [
+            dataclasses.replace(answer, **changes) if answer.ok else answer for answer in answers
+        ]
 
     def _decide_one(
-        self, kind: str, given: str, parsed: Result[Input], clocks: Clocks
+        self, kind: str, input_id: str, parsed: Result[Input], clocks: Clocks
     ) -> tuple[Answer, Entry | None]:
         """Decide about an input; return the answer, and the entry of a new one that is accepted."""
-        keeper, answer = self._beliefs.keeper, Answer(given, kind)
+        keeper, answer = self._beliefs.keeper, Answer(input_id, kind)
         if isinstance(parsed, Rejected):
             return _refused(answer, parsed), None
         checked = Admission(keeper).check(parsed.value, clocks)
@@ -211,7 +213,7 @@ def _not_recorded(error: OSError) -> Rejected:
 def _id_of(text: str) -> str:
     """Return the id in a text that was refused, "" if it has none."""
     try:
-        given = json.loads(text)["id"]
+        stated = json.loads(text)["id"]
     except (KeyError, RecursionError, TypeError, ValueError):
         return ""
-    return given[:_LONGEST_ID] if isinstance(given, str) and given.isprintable() else ""
+    return stated[:_LONGEST_ID] if isinstance(stated, str) and stated.isprintable() else ""

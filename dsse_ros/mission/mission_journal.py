@@ -246,7 +246,7 @@ def snapshot_of(records: list[Record], history: NDArray[Any]) -> Snapshot:
         for record in with_state:
             for track, gained in zip(tracks, record["tracks"], strict=True):
                 track += gained
-        rows = b"".join(base64.b64decode(one["row"]) for one in records if "row" in one)
+        rows = b"".join(base64.b64decode(record["row"]) for record in records if "row" in record)
         past = {
             "history": np.frombuffer(rows, history.dtype).reshape(-1, history.shape[1]),
             "belief_records": np.frombuffer(to_text(history_of(records)).encode(), np.uint8),
@@ -301,6 +301,6 @@ def replayed(path: str | os.PathLike[str], note: Callable[[str], None]) -> Repla
         raise FieldError(str(error) if name in str(error) else f"{name}: {error}") from None
     return Replayed(
         records[0]["number"], len(keeper.steps),
-        Counter(one.kind for one in history if isinstance(one, Entry)), keeper.pos,
+        Counter(record.kind for record in history if isinstance(record, Entry)), keeper.pos,
         hashlib.sha256(keeper.belief.density.tobytes()).hexdigest(),
     )  # fmt: skip

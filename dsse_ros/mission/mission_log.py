@@ -234,10 +234,10 @@ def _cut(path: str | os.PathLike[str], end: tuple[int, int], columns: Sequence[s
         return
     with Path(path).open("rb+") as file:
         head = file.readline()
-        whole = ",".join(columns).encode() + b"\n"
-        if head not in (whole, whole[: len(head)]):
+        header = ",".join(columns).encode() + b"\n"
+        if head not in (header, header[: len(head)]):
             raise FieldError(f"record_file: {os.fspath(path)!r} is not a record of a mission")
-        keep = len(head) if head == whole else 0
+        keep = len(head) if head == header else 0
         for line in file:
             try:
                 mission, step, _ = line.split(b",", 2)

@@ -35,8 +35,8 @@ def of_cells(num_drones: int, grid_size: int, num_actions: int) -> Possible:
 
     def commands(state: dict[str, Any]) -> bool:
         return is_by_drone(
-            state.get("goals"), drones, lambda one: _is_cell(one, grid_size)
-        ) and is_by_drone(state.get("last"), drones, lambda one: _is_in(one, actions))
+            state.get("goals"), drones, lambda value: _is_cell(value, grid_size)
+        ) and is_by_drone(state.get("last"), drones, lambda value: _is_in(value, actions))
 
     def are_actions(array: NDArray[Any]) -> bool:
         return bool(np.isin(array, actions).all())
@@ -64,7 +64,7 @@ def check_mission(snapshot: Snapshot, now: Snapshot, can_be: Possible) -> None:
         "number": _is_int(extra["number"], 1),
         "aborted": isinstance(extra["aborted"], bool),
         "_stamp_ns": _is_int(extra["_stamp_ns"], 1),
-        "lost": _is_list(extra["lost"], lambda one: _is_in(one, drones)),
+        "lost": _is_list(extra["lost"], lambda value: _is_in(value, drones)),
         "tracks": _is_list(tracks, lambda track: _is_list(track, can_be.place) and len(track) > 0)
         and len(tracks) == len(drones),
         "commands": isinstance(extra["commands"], dict) and can_be.commands(extra["commands"]),
@@ -100,7 +100,7 @@ def _is_in(value: Any, numbers: range) -> bool:
 
 
 def _is_list(value: Any, holds: Any) -> bool:
-    return isinstance(value, list) and all(holds(one) for one in value)
+    return isinstance(value, list) and all(holds(part) for part in value)
 
 
 def is_by_drone(value: Any, drones: range, holds: Callable[[Any], bool]) -> bool:

@@ -45,29 +45,31 @@ class ReportTable:
         """
         _check(info, report)
         run_id, mission, step = (int(report[name][0]) for name in ("run_id", "mission", "step"))
-        made: list[str] = []
+        written: list[str] = []
         if (run_id, mission) != self._search:
-            made += [_title(info, run_id, mission)]
+            written += [_title(info, run_id, mission)]
             self._since_header = HEADER_EVERY
         elif self._last is not None:
             if self._last.tobytes() == report.tobytes():
                 return []
             before = int(self._last["step"][0])
             if step > before + 1:
-                made.append(f"steps {before + 1} to {step - 1} were not received")
+                written.append(f"steps {before + 1} to {step - 1} were not received")
         self._search, self._last = (run_id, mission), report
         shown, width = _layout(info, report, self._width)
         if self._since_header >= HEADER_EVERY:
             names = [name.ljust(width) for name in info.agents[:shown]]
-            made.append(_row("step", "time", "reward", names))
+            written.append(_row("step", "time", "reward", names))
             self._since_header = 0
         self._since_header += 1
-        made.append(_of_step(info, report, shown, width))
+        written.append(_of_step(info, report, shown, width))
         if _is_over(report):
             # Some rules have a step beyond the limit.
             steps = min(step, info.timestep_limit)
-            made.append(f"mission {mission} is over after {steps} steps: {_outcome(info, report)}")
-        return [_printable(line) for line in made]
+            written.append(
+                f"mission {mission} is over after {steps} steps: {_outcome(info, report)}"
+            )
+        return [_printable(line) for line in written]
 
 
 def _check(info: AgentsInfo, report: NDArray[Any]) -> None:

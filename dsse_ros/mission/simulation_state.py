@@ -52,5 +52,5 @@ def reason_to_refuse(request: Request, state: SimulationState) -> str:
     allowed = NEXT[request]
     if state in allowed:
         return ""
-    states = " or ".join(one.name.lower() for one in allowed)
+    states = " or ".join(state.name.lower() for state in allowed)
     return f"the simulation must be {states}, got {state.name.lower()}"

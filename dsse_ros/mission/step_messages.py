@@ -195,8 +195,8 @@ def _markers(maker: StepMessages, stamp: Any, reveal_person: bool) -> Any:
         datum=None if env.rules.covers else _at_sea(frame, *datum),
         radius_m=sea_map.radius(world) * frame.cell_size_m if circle else None,
         persons=[
-            ShownPerson(_at_sea(frame, int(one["x"]), int(one["y"])), bool(one["found"]))
-            for one in (persons if reveal_person else ())
+            ShownPerson(_at_sea(frame, int(person["x"]), int(person["y"])), bool(person["found"]))
+            for person in (persons if reveal_person else ())
         ],
         flows=[ShownFlow(flow.kind, flow.velocity_mps, flow.label) for flow in sea.flows],
         shore=sea.shore,

@@ -92,12 +92,12 @@ def meetings(
     high_m = np.minimum(ours[:, None, _HIGH], theirs[:, _HIGH])
     i, j = np.nonzero(low_m - high_m < MIN_GAP_M)
     if len(i):
-        one, other = ours[i], theirs[j]
-        at_home = (one[:, _HOME] > 0) | (other[:, _HOME] > 0)
+        own, other = ours[i], theirs[j]
+        at_home = (own[:, _HOME] > 0) | (other[:, _HOME] > 0)
         # Positions are known to a metre or so.
         least_m = np.minimum(distances_m, homes_apart_m - 1.0)[j]
         limits_m = np.where(at_home, least_m, distances_m[j])
-        meet[j[_apart_m(one, other) < limits_m]] = True
+        meet[j[_apart_m(own, other) < limits_m]] = True
     return meet
 
 
@@ -160,13 +160,13 @@ _START, _END, _LOW, _HIGH, _HOME = slice(0, 2), slice(2, 4), 4, 5, 6
 
 def rows_of(spaces: Iterable[Space]) -> NDArray[np.float64]:
     """Return spaces as an array (N, 7), for `meetings`."""
-    rows = [(*one.start, *one.end, one.low_m, one.high_m, one.home) for one in spaces]
+    rows = [(*space.start, *space.end, space.low_m, space.high_m, space.home) for space in spaces]
     return np.array(rows, dtype=np.float64).reshape(-1, 7)
 
 
-def _apart_m(one: NDArray[np.float64], other: NDArray[np.float64]) -> NDArray[np.float64]:
+def _apart_m(legs: NDArray[np.float64], other: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the horizontal distances (N,) between legs, row by row of `rows_of`."""
-    a, b, c, d = one[:, _START], one[:, _END], other[:, _START], other[:, _END]
+    a, b, c, d = legs[:, _START], legs[:, _END], other[:, _START], other[:, _END]
     ends_m = [_to_leg_m(a, c, d), _to_leg_m(b, c, d), _to_leg_m(c, a, b), _to_leg_m(d, a, b)]
     cross = (_side(a, b, c) * _side(a, b, d) < 0) & (_side(c, d, a) * _side(c, d, b) < 0)
     return np.where(cross, 0.0, np.minimum.reduce(ends_m))

@@ -70,7 +70,7 @@ class CotNode(AlarmNode):
                 self._endpoints.subscription(f"{name}/vehicle_fix", partial(self._on_fix, name))
 
     def _on_drones(self, message: PoseArray) -> None:
-        places = [(one.position.x, one.position.y, one.position.z) for one in message.poses]
+        places = [(pose.position.x, pose.position.y, pose.position.z) for pose in message.poses]
         if not all(math.isfinite(value) for place in places for value in place):
             raise ValueError("positions must be finite")
         self._picture.put_drones(places)

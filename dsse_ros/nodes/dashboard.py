@@ -206,9 +206,9 @@ class DashboardNode(AlarmNode):
     def _find_planners(self, namespace: str, shown: Shown) -> None:
         """Find the nodes that command the drones."""
         found = {
-            full_name(one): one.node_name
+            full_name(endpoint): endpoint.node_name
             for topic in _COMMANDS
-            for one in self.get_publishers_info_by_topic(f"{namespace}/{topic}")
+            for endpoint in self.get_publishers_info_by_topic(f"{namespace}/{topic}")
         }
         shown.planners = found | {
             node: name for node, name in shown.planners.items() if node in found
@@ -302,18 +302,18 @@ class DashboardNode(AlarmNode):
                 came += taken
                 self._topics[subscription.topic_name] = namespace, topic, subscription.msg_type
                 if topic == ANSWERS:
-                    for one in taken:
-                        take_answer(self._awaited, namespace, one.data)
+                    for message in taken:
+                        take_answer(self._awaited, namespace, message.data)
                 if taken and topic in LAYERS:
                     shown.exact = len(taken[-1].data) <= _MAX_EXACT_BYTES
                 if taken and (topic in TOPICS or topic in EXACT_LAYERS):
                     shown.heard_s = time.monotonic()
                 elif taken:
                     shown.bridge_heard_s = time.monotonic()
-        for one in self._arrivals.order(came, before, time.time_ns()):
-            namespace, topic, kind = self._topics[one.topic]
-            read = partial(deserialize_message, one.data, kind)
-            self.inbox.put(Received(namespace, topic, read, one.published_ns))
+        for message in self._arrivals.order(came, before, time.time_ns()):
+            namespace, topic, kind = self._topics[message.topic]
+            read = partial(deserialize_message, message.data, kind)
+            self.inbox.put(Received(namespace, topic, read, message.published_ns))
 
     def _put(self, namespace: str, topic: str, value: Any) -> None:
         self.inbox.put(Received(namespace, topic, lambda: value))
@@ -325,7 +325,7 @@ class DashboardNode(AlarmNode):
                 if node and shown.node == node:
                     shown.heard_s = time.monotonic()
                     self._put(namespace, "diagnostics", status)
-                planner = next((one.value for one in status.values if one.key == "planner"), "")
+                planner = next((item.value for item in status.values if item.key == "planner"), "")
                 if planner and node in shown.planners:
                     shown.planners[node] = planner
 

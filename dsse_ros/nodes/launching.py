@@ -52,8 +52,8 @@ def description(
 
     def checked(context: LaunchContext) -> list[Node]:
         if _is_started(file):
-            given = [word.partition(":=")[0] for word in context.argv]
-            check_known("the launch arguments", given, [one.name for one in arguments])
+            names = [word.partition(":=")[0] for word in context.argv]
+            check_known("the launch arguments", names, [argument.name for argument in arguments])
         return nodes(context)
 
     return LaunchDescription([*arguments, OpaqueFunction(function=checked)])
@@ -95,7 +95,7 @@ def mission_arguments() -> list[DeclareLaunchArgument]:
 def mission_nodes(
     context: LaunchContext,
     defaults: str,
-    given: Mapping[str, str],
+    more: Mapping[str, str],
     fixed: Mapping[str, Any],
     on_exit: OnExit | None = None,
 ) -> list[Node]:
@@ -104,7 +104,7 @@ def mission_nodes(
     Args:
         context: Of the launch.
         defaults: File in config/ with the default parameters.
-        given: More parameters of `sim_node`, see `node`.
+        more: Parameters of `sim_node`, see `node`.
         fixed: Parameters of `sim_node` by their values, see `node`.
         on_exit: What the end of the simulation or the planner does; by default it ends the launch.
     """
@@ -115,7 +115,7 @@ def mission_nodes(
         "rules.profile": "rules",
         "scenario.num_drones": "num_drones",
         **{name: name for name in ("seed", "step_rate", "frame_prefix")},
-        **given,
+        **more,
     }
     of_planner = {**clock, "planner": "planner", "seed": "seed"}
     ends: dict[str, Any] = {"on_exit": on_exit} if on_exit else {}
@@ -140,7 +140,7 @@ def node(
     context: LaunchContext,
     executable: str,
     defaults: Sequence[str],
-    given: Mapping[str, str],
+    names: Mapping[str, str],
     fixed: Mapping[str, Any] | None = None,
     **options: Any,
 ) -> Node:
@@ -150,7 +150,7 @@ def node(
         context: Of the launch.
         executable: Name of the executable and of the node.
         defaults: Files in config/.
-        given: Names of arguments by the parameters that they set, unless they are empty.
+        names: Names of arguments by the parameters that they set, unless they are empty.
         fixed: More parameters by name.
         options: Further arguments of `Node`.
     """
@@ -167,7 +167,11 @@ def node(
     # Through RViz, people command drones.
     enclave = "operator" if executable == "rviz2" else executable
     parameters: dict[str, Any] = {
-        **{name: LaunchConfiguration(one) for name, one in given.items() if values[one]},
+        **{
+            name: LaunchConfiguration(argument)
+            for name, argument in names.items()
+            if values[argument]
+        },
         **(fixed or {}),
     }
     return Node(

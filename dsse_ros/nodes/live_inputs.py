@@ -108,8 +108,8 @@ class LiveInputs:
         else:
             wanted = self._frame.map_frame
             reason = f"header.frame_id must be {wanted!r}, got {detection.frame_id[:80]!r}"
-            given = Rejected("foreign_frame", reason)
-            self._intake.refuse("detection", detection.values["id"], given)
+            rejected = Rejected("foreign_frame", reason)
+            self._intake.refuse("detection", detection.values["id"], rejected)
         self._arm()
 
     def _arm(self) -> None:

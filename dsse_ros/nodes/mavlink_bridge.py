@@ -105,7 +105,7 @@ class BridgeNode(AlarmNode):
         """
         directory = Path(self.settings.state_directory or default_directory())
         try:
-            connections = [(one.system_id, one.connection) for one in vehicles]
+            connections = [(vehicle.system_id, vehicle.connection) for vehicle in vehicles]
             records = FlightRecords(directory, connections)
         except OSError as error:
             raise FieldError(
@@ -156,8 +156,8 @@ class BridgeNode(AlarmNode):
         trouble, stamp = self.controller.trouble(now_s), self.get_clock().now().to_msg()
         for i, vehicle in enumerate(self.fleet):
             self._watch_link(self.controller.names[i], vehicle)
-            one = self.controller.followers[i]
-            self.publishers_.publish_state(i, one, vehicle, trouble, stamp, now_s)
+            follower = self.controller.followers[i]
+            self.publishers_.publish_state(i, follower, vehicle, trouble, stamp, now_s)
         if self.settings.exit_at_end and self.controller.finished:
             self.finished = True
 

@@ -110,7 +110,9 @@ class NavigateToPose:
         handle.execute()
         self._finish(self._navigation.begin(drone, handle))
         self.check()
-        self._publish(one for one in self._navigation.progress() if one.drone == drone)
+        self._publish(
+            progress for progress in self._navigation.progress() if progress.drone == drone
+        )
         self._on_command()
 
     def _cancel(self, handle: Any) -> CancelResponse:

@@ -59,7 +59,7 @@ def find_bridges(node: Node) -> dict[str, FoundBridge]:
             _, drones = found.setdefault(match["namespace"], (node_of, []))
             drones.append(match["drone"])
     return {
-        namespace: FoundBridge(name, tuple(sorted(drones, key=lambda one: int(one[5:]))))
+        namespace: FoundBridge(name, tuple(sorted(drones, key=lambda drone: int(drone[5:]))))
         for namespace, (name, drones) in found.items()
     }
 

@@ -274,8 +274,8 @@ class PlannerNode(AlarmNode):
         received = (self._inbox.infos, self._inbox.map, self._inbox.report)
         silent = [
             subscription.topic_name
-            for subscription, one in zip(self._inputs, received, strict=True)
-            if not one
+            for subscription, content in zip(self._inputs, received, strict=True)
+            if not content
         ]
         if silent:
             return f"a simulation: nothing on {', '.join(silent)} yet"

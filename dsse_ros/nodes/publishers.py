@@ -254,7 +254,10 @@ class MissionPublishers:
             into = self._messages.reused("drone<i>/odom", i)
             odoms[i].publish(odometry(head, bodies[i], *moving[i], into))
         if has_tf:
-            positions, yaws = [one.position for one in moving], [one.yaw for one in moving]
+            positions, yaws = (
+                [motion.position for motion in moving],
+                [motion.yaw for motion in moving],
+            )
             of_drones = transforms(head, bodies, positions, yaws)
             self._publish_time("/tf", self._tf_type(transforms=of_drones))
 

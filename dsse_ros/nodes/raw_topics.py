@@ -163,4 +163,6 @@ class RawTopics:
             self._without_publisher.add(topic)
         listeners = self._node.get_subscriptions_info_by_topic(topic)
         own = self._node.get_name()
-        return offered or [one.qos_profile for one in listeners if one.node_name != own]
+        return offered or [
+            listener.qos_profile for listener in listeners if listener.node_name != own
+        ]

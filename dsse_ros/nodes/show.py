@@ -67,7 +67,7 @@ class ShowNode(AlarmNode):
             self._take(report)
 
     def _take(self, report: NDArray[Any]) -> None:
-        info = self._infos.of(report)
+        info = self._infos.info_of(report)
         if info is None:
             self._early.append(report)
         elif not self.finished:

@@ -375,7 +375,7 @@ class SimNode(AlarmNode):
 
     def _on_time(self, drone: int, message: TimeReference) -> None:
         stamp_ns, boot_ns = (
-            to_nanoseconds(one) for one in (message.header.stamp, message.time_ref)
+            to_nanoseconds(stamp) for stamp in (message.header.stamp, message.time_ref)
         )
         self._fleet.set_time(drone, stamp_ns, boot_ns // 10**6)
         self._advance()

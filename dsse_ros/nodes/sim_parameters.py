@@ -48,17 +48,17 @@ def read_parameters(node: AlarmNode) -> tuple[SimSettings, SearchEnv, Endpoints]
         FieldError: If a parameter or the scenario is not allowed.
     """
     taken, qos = node.take_overrides({**SIM_PARAMETERS, **SHORT_NAMES}, FULL_NAMES)
-    given = {SHORT_NAMES.get(name, name): value for name, value in taken.items()}
-    for name, value in given.items():
+    stated = {SHORT_NAMES.get(name, name): value for name, value in taken.items()}
+    for name, value in stated.items():
         spec = SIM_PARAMETERS[name]
-        given[name] = spec.check(name, from_ros(spec, value))
-    file, base = given.pop(SCENARIO_FILE, ""), given.pop(PROFILE, AUTO)
-    settings = SimSettings(**{name: value for name, value in given.items() if "." not in name})
+        stated[name] = spec.check(name, from_ros(spec, value))
+    file, base = stated.pop(SCENARIO_FILE, ""), stated.pop(PROFILE, AUTO)
+    settings = SimSettings(**{name: value for name, value in stated.items() if "." not in name})
     path = find_scenario(file) if file else None
-    scenario = Scenario.of(path).override(**without_prefix("scenario.", given))
+    scenario = Scenario.read(path).override(**without_prefix("scenario.", stated))
     rules = profile(
         scenario.rules_of(base),
-        **without_prefix("rules.", given),
+        **without_prefix("rules.", stated),
         vehicle_timed_actions=settings.vehicle_time == FOLLOWED,
     )
     if rules.covers and settings.publish_belief:

@@ -54,12 +54,16 @@ class _Services:
 
     def reset(self, request: Any, response: Any) -> Any:
         """Reset the time, the mission or the run."""
-        of, scope = self._scopes, request.scope
-        if scope in (of.SCOPE_DEFAULT, of.SCOPE_ALL, of.SCOPE_TIME | of.SCOPE_STATE):
+        scopes, scope = self._scopes, request.scope
+        if scope in (
+            scopes.SCOPE_DEFAULT,
+            scopes.SCOPE_ALL,
+            scopes.SCOPE_TIME | scopes.SCOPE_STATE,
+        ):
             self._node.restart()
-        elif scope == of.SCOPE_STATE:
+        elif scope == scopes.SCOPE_STATE:
             self._node.reset()
-        elif scope == of.SCOPE_TIME and self._has_time:
+        elif scope == scopes.SCOPE_TIME and self._has_time:
             self._node.restart_time()
         else:
             wanted = f"{'time, ' if self._has_time else ''}state or all"
@@ -72,12 +76,12 @@ class _Services:
         """Step a paused simulation, for at most `LONGEST_S`."""
         node = self._node
         number, begun_s = node.mission.number, time.monotonic()
-        for made in range(int(request.steps)):
+        for done in range(int(request.steps)):
             if time.monotonic() - begun_s > LONGEST_S:
                 # Signals and other requests wait meanwhile.
                 return self._failed(
                     response,
-                    f"{made} of {request.steps} steps were made in {LONGEST_S:g} s, the longest "
+                    f"{done} of {request.steps} steps were made in {LONGEST_S:g} s, the longest "
                     "time for a request: request the rest",
                 )
             if refusal := node.try_step(Request.STEP_PAUSED):
@@ -106,16 +110,16 @@ class _Services:
 
     def get_features(self, _: Any, response: Any) -> Any:
         """Return what the services can do."""
-        of = self._features
+        features = self._features
         response.features.features = [
-            of.SIMULATION_RESET,
-            *([of.SIMULATION_RESET_TIME] if self._has_time else []),
-            of.SIMULATION_RESET_STATE,
-            of.SIMULATION_STATE_GETTING,
-            of.SIMULATION_STATE_SETTING,
-            of.SIMULATION_STATE_PAUSE,
-            of.STEP_SIMULATION_SINGLE,
-            of.STEP_SIMULATION_MULTIPLE,
+            features.SIMULATION_RESET,
+            *([features.SIMULATION_RESET_TIME] if self._has_time else []),
+            features.SIMULATION_RESET_STATE,
+            features.SIMULATION_STATE_GETTING,
+            features.SIMULATION_STATE_SETTING,
+            features.SIMULATION_STATE_PAUSE,
+            features.STEP_SIMULATION_SINGLE,
+            features.STEP_SIMULATION_MULTIPLE,
         ]
         return response
 

@@ -247,8 +247,8 @@ def _records(path: Path, on_cut_off: Callable[[str], None]) -> Iterator[McapReco
             if file.read(len(_ZSTD_MAGIC)) == _ZSTD_MAGIC:
                 raise _compressed(path)
             file.seek(0)
-            whole: Any = _Bounded(file, size)
-            reader = StreamReader(whole, emit_chunks=True, record_size_limit=size)
+            bounded: Any = _Bounded(file, size)
+            reader = StreamReader(bounded, emit_chunks=True, record_size_limit=size)
             records = _flat(reader.records, f"bag: {str(path)!r}")
             while True:
                 try:

@@ -171,7 +171,7 @@ class _Recording:
                 # Runs begin with the same stamps: take the report that came with the message.
                 past = [report for report in same if report.time_ns <= other.time_ns]
                 near = past if after and past else same
-                report = min(near, key=lambda one: abs(one.time_ns - other.time_ns))
+                report = min(near, key=lambda report: abs(report.time_ns - other.time_ns))
                 report.others.append(other)
             elif found := before if after else behind or before:
                 found[0].others.append(other)
@@ -228,20 +228,20 @@ def _collect(messages: Iterable[Recorded], counts: Counter[str]) -> dict[str, _R
     """Return the recordings by their namespaces, and count the messages of all topics."""
     recordings: defaultdict[str, _Recording] = defaultdict(_Recording)
     seen: set[tuple[str, int, int]] = set()
-    for one in messages:
-        time_ns = one.publish_time_ns or one.log_time_ns
+    for recorded in messages:
+        time_ns = recorded.publish_time_ns or recorded.log_time_ns
         # A new subscription receives a latched message again.
-        identity = (one.topic, time_ns, hash(one.data))
+        identity = (recorded.topic, time_ns, hash(recorded.data))
         if identity in seen:
             continue
         seen.add(identity)
-        counts[of_drones(one.topic)] += 1
-        match = _TOPIC.fullmatch(one.topic)
-        if match is None or one.type_name != topic_of(match["name"]).type_name:
+        counts[of_drones(recorded.topic)] += 1
+        match = _TOPIC.fullmatch(recorded.topic)
+        if match is None or recorded.type_name != topic_of(match["name"]).type_name:
             continue
         name, recording = match["name"], recordings[match["namespace"]]
         try:
-            message = one.message
+            message = recorded.message
             if name == "agents":
                 info = agents_from_json(message.data)
                 recording.infos[info.run_id, info.mission] = info
@@ -254,7 +254,7 @@ def _collect(messages: Iterable[Recorded], counts: Counter[str]) -> dict[str, _R
             else:
                 recording.others.append(_Other(time_ns, name, _key(message), digest(message)))
         except ValueError as error:
-            raise FieldError(f"{one.topic}: {error}") from None
+            raise FieldError(f"{recorded.topic}: {error}") from None
     if not any(recording.infos for recording in recordings.values()):
         raise FieldError("the bag has no message on agents, which describes the search")
     return recordings
@@ -448,9 +448,9 @@ def _expected_stamps(reports: Sequence[_Report], step_ns: int) -> tuple[list[int
     # A step that is reported again may be the first of another mission time.
     starts = [i for i in range(1, len(reports)) if reports[i].step == reports[i - 1].step]
     for begin, end in pairwise([0, *starts, len(reports)]):
-        of = [(report.step * step_ns, report.stamp_ns) for report in reports[begin:end]]
-        (first_ns, count), *_ = Counter(stamp - since for since, stamp in of).most_common(1)
-        known = 2 * count > len(of) > 1
+        times = [(report.step * step_ns, report.stamp_ns) for report in reports[begin:end]]
+        (first_ns, count), *_ = Counter(stamp - since for since, stamp in times).most_common(1)
+        known = 2 * count > len(times) > 1
         mission_time |= known
-        expected += [first_ns + since if known else stamp for since, stamp in of]
+        expected += [first_ns + since if known else stamp for since, stamp in times]
     return expected, mission_time

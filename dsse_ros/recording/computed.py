@@ -61,8 +61,8 @@ def _parts(value: Any, kind: str = "") -> Iterator[bytes]:
         for name, kind_of_field in value.get_fields_and_field_types().items():
             yield from _parts(getattr(value, name), kind_of_field)
     elif isinstance(value, list | tuple):
-        for one in value:
-            yield from _parts(one)
+        for part in value:
+            yield from _parts(part)
     elif isinstance(value, array.array | np.ndarray):
         yield value.tobytes()
     elif isinstance(value, float):

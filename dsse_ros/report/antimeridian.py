@@ -49,11 +49,11 @@ def cut_polygon(polygon: Polygon) -> list[Polygon]:
     if np.ptp(lons) <= 180:
         return [polygon]
     outer, *holes = [[(lon % 360, lat) for lon, lat in ring] for ring in polygon]
-    whole = shapely.Polygon(outer, holes)
+    uncut = shapely.Polygon(outer, holes)
     found: list[Polygon] = []
     for west, east, turn in ((0.0, EDGE_DEG, 0.0), (360 - EDGE_DEG, 360.0, 360.0)):
         for part in shapely.get_parts(
-            shapely.intersection(whole, shapely.box(west, -90, east, 90))
+            shapely.intersection(uncut, shapely.box(west, -90, east, 90))
         ):
             if part.geom_type == "Polygon":
                 rings = (

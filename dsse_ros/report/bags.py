@@ -81,37 +81,37 @@ class MissionBag:
         self._name = f"file: {os.fspath(path)!r}"
         infos: dict[str, dict[Key, AgentsInfo]] = {}
         reports: dict[str, dict[Key, _Reports]] = {}
-        for place, name, one in self._messages(*_READ):
-            content = self._content(one, _READ[name])
+        for place, name, recorded in self._messages(*_READ):
+            content = self._content(recorded, _READ[name])
             if name == "agents":
                 infos.setdefault(place, {})[content.run_id, content.mission] = content
             elif content.size:
-                _note(reports.setdefault(place, {}), np.atleast_2d(content), one)
+                _note(reports.setdefault(place, {}), np.atleast_2d(content), recorded)
         if not reports:
             raise FieldError(f"{self._name}: no step of a mission")
         self.namespace = self._chosen(namespace, reports)
         self._reports = reports[self.namespace]
         known = infos.get(self.namespace, {})
         self.missions = []
-        for key, of in self._reports.items():
+        for key, kept in self._reports.items():
             try:
-                self.missions.append(_mission(key, known.get(key), of.rows, search, max_cells))
+                self.missions.append(_mission(key, known.get(key), kept.rows, search, max_cells))
             except ValueError as error:
                 raise FieldError(f"{self._name}: mission {key[1]}: {error}") from None
 
     def _messages(self, *names: str) -> Iterator[tuple[str, str, Recorded]]:
         """Yield namespace, name and message of topics."""
-        for one in read_bag(self._path):
-            place, _, name = one.topic.rpartition("/")
+        for recorded in read_bag(self._path):
+            place, _, name = recorded.topic.rpartition("/")
             # A topic with another type belongs to other software.
-            if name in names and one.type_name == TOPICS[name].type_name:
-                yield place, name, one
+            if name in names and recorded.type_name == TOPICS[name].type_name:
+                yield place, name, recorded
 
-    def _content(self, one: Recorded, read: Callable[[Any], Any]) -> Any:
+    def _content(self, recorded: Recorded, read: Callable[[Any], Any]) -> Any:
         try:
-            return read(one.message)
+            return read(recorded.message)
         except ValueError as error:
-            raise FieldError(f"{self._name}: {one.topic}: {error}") from None
+            raise FieldError(f"{self._name}: {recorded.topic}: {error}") from None
 
     def _chosen(self, namespace: str | None, found: Collection[str]) -> str:
         shown = ", ".join(sorted(name or "/" for name in found))
@@ -141,31 +141,31 @@ class MissionBag:
         of_stamp = {heard[steps[k]][0]: k for k in wanted if steps[k] in heard}
         nearest_ns: dict[int, int] = {}
         maps: Maps = {}
-        for place, _, one in self._messages(_BELIEF):
+        for place, _, recorded in self._messages(_BELIEF):
             if place != self.namespace:
                 continue
-            k = of_stamp.get(to_nanoseconds(one.message.header.stamp))
+            k = of_stamp.get(to_nanoseconds(recorded.message.header.stamp))
             if k is None:
                 continue
-            away_ns = abs(one.log_time_ns - heard[steps[k]][1])
+            away_ns = abs(recorded.log_time_ns - heard[steps[k]][1])
             if k not in maps or away_ns < nearest_ns[k]:
-                maps[k] = self._content(one, image_to_probability)
+                maps[k] = self._content(recorded, image_to_probability)
                 nearest_ns[k] = away_ns
         return maps
 
 
-def _note(reports: dict[Key, _Reports], of_steps: NDArray[Any], one: Recorded) -> None:
+def _note(reports: dict[Key, _Reports], of_steps: NDArray[Any], recorded: Recorded) -> None:
     """Keep the rows (K, N) of a report."""
     first = of_steps[0, 0]
-    of = reports.setdefault((int(first["run_id"]), int(first["mission"])), _Reports())
+    known = reports.setdefault((int(first["run_id"]), int(first["mission"])), _Reports())
     for row in of_steps:
         step = int(row["step"][0])
         # The report of a mission has neither turns and speeds in metres nor looks of vehicles.
-        if _says_more(row) or not _says_more(of.rows.get(step)):
-            of.rows[step] = row
+        if _says_more(row) or not _says_more(known.rows.get(step)):
+            known.rows[step] = row
     if len(of_steps) == 1:
-        stamp_ns = to_nanoseconds(one.message.header.stamp)
-        of.heard.setdefault(int(first["step"]), (stamp_ns, one.log_time_ns))
+        stamp_ns = to_nanoseconds(recorded.message.header.stamp)
+        known.heard.setdefault(int(first["step"]), (stamp_ns, recorded.log_time_ns))
 
 
 def _says_more(row: NDArray[Any] | None) -> bool:

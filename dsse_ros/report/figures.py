@@ -120,8 +120,8 @@ def legend_figure(entries: Sequence[Symbol], theme: Theme) -> Figure:
     rows = -(-len(entries) // 2)
     figure = Figure(figsize=(7.2, 0.3 * rows + 0.2), facecolor=theme.paper)
     figure.legend(
-        [one.handle for one in entries], [one.label for one in entries], loc="center", ncols=2,
-        frameon=False, labelcolor=theme.ink, fontsize=9, handlelength=2.2,
+        [entry.handle for entry in entries], [entry.label for entry in entries],
+        loc="center", ncols=2, frameon=False, labelcolor=theme.ink, fontsize=9, handlelength=2.2,
     )  # fmt: skip
     return figure
 

@@ -22,7 +22,8 @@ def gpx_text(
     document = gpx.GPX()
     document.creator = "dsse_ros"
     document.waypoints = [
-        gpx.GPXWaypoint(one.lat_deg, one.lon_deg, one.alt_m, one.time, one.name) for one in places
+        gpx.GPXWaypoint(place.lat_deg, place.lon_deg, place.alt_m, place.time, place.name)
+        for place in places
     ]
     for name, mission in (routes or {}).items():
         route = gpx.GPXRoute(name)
@@ -36,7 +37,10 @@ def gpx_text(
         track = gpx.GPXTrack(name)
         track.segments = [
             gpx.GPXTrackSegment(
-                [gpx.GPXTrackPoint(one.lat_deg, one.lon_deg, one.alt_m, one.time) for one in part]
+                [
+                    gpx.GPXTrackPoint(point.lat_deg, point.lon_deg, point.alt_m, point.time)
+                    for point in part
+                ]
             )
             for part in cut_track(points)
         ]

@@ -51,7 +51,7 @@ def kml_text(mission: GisMission) -> str:
         for n, (name, polygons) in enumerate(mission.strips.items()):
             mark = _named(folder, "Placemark", f"strip of {name}")
             _text(mark, "styleUrl", f"#strip{n}")
-            _add_polygons(mark, [part for one in polygons for part in cut_polygon(one)])
+            _add_polygons(mark, [part for polygon in polygons for part in cut_polygon(polygon)])
     for place in mission.places:
         mark = _named(document, "Placemark", place.name)
         if place.time is not None:
@@ -107,14 +107,14 @@ def _colour(drone: int, opacity: str) -> str:
 
 def _add_line(parent: ET.Element, points: Sequence[GisPoint]) -> None:
     """Add a track, with times if all of its points have one."""
-    times = [one.time.isoformat() for one in points if one.time is not None]
+    times = [point.time.isoformat() for point in points if point.time is not None]
     line = ET.SubElement(parent, "gx:Track" if times else "LineString")
     _text(line, "altitudeMode", "relativeToGround")
     for time in times:
         _text(line, "when", time)
-    positions = [(one.lon_deg, one.lat_deg, one.alt_m) for one in points]
+    positions = [(point.lon_deg, point.lat_deg, point.alt_m) for point in points]
     if not times:
-        _text(line, "coordinates", " ".join(_position(*one) for one in positions))
+        _text(line, "coordinates", " ".join(_position(*position) for position in positions))
         return
     for position in positions:
         _text(line, "gx:coord", " ".join(map(repr, position)))
@@ -126,17 +126,17 @@ def _add_polygons(mark: ET.Element, polygons: Sequence[Polygon]) -> None:
         polygon = ET.SubElement(parent, "Polygon")
         for number, ring in enumerate(rings):
             side = ET.SubElement(polygon, "innerBoundaryIs" if number else "outerBoundaryIs")
-            text = " ".join(_position(*one) for one in ring)
+            text = " ".join(_position(*vertex) for vertex in ring)
             _text(ET.SubElement(side, "LinearRing"), "coordinates", text)
 
 
-def _add_cells(document: ET.Element, frame: GridFrame, one: GisMap) -> None:
+def _add_cells(document: ET.Element, frame: GridFrame, layer: GisMap) -> None:
     """Add the cells of a map; the more opaque, the more probable."""
-    named = "POC" if one.pod is None else "POC and POD"
-    folder = _named(document, "Folder", f"{named} after step {one.step}")
-    values = {"poc": one.poc} if one.pod is None else {"poc": one.poc, "pod": one.pod}
+    named = "POC" if layer.pod is None else "POC and POD"
+    folder = _named(document, "Folder", f"{named} after step {layer.step}")
+    values = {"poc": layer.poc} if layer.pod is None else {"poc": layer.poc, "pod": layer.pod}
     rows, cols = np.nonzero(np.sum(list(values.values()), axis=0))
-    shades = np.ceil(_SHADES * one.poc / (float(one.poc.max()) or 1.0)).astype(int)
+    shades = np.ceil(_SHADES * layer.poc / (float(layer.poc.max()) or 1.0)).astype(int)
     # The edges of cells lie half a cell from the centres.
     edges = np.arange(frame.grid_size + 1) - 0.5
     row, col = np.meshgrid(edges, edges, indexing="ij")

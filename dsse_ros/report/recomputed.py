@@ -200,19 +200,19 @@ def _ending(record: RecordedMission, k: int) -> str:
     )
 
 
-def forecast_for(record: RecordedMission, made: TargetForecast | None) -> TargetForecast | None:
+def forecast_for(record: RecordedMission, known: TargetForecast | None) -> TargetForecast | None:
     """Return the forecast for `follow_belief`; None if no belief can follow the mission.
 
     Args:
         record: The record.
-        made: One that was made before; it is returned if it is for this search.
+        known: One that was made before; it is returned if it is for this search.
     """
     if record.missing_steps or record.covers or record.grid_size > LARGEST_BELIEF_GRID:
         return None
     if record.rules.in_metres and (record.turns is None or record.seed is None):
         return None
-    if made is not None and (made.rules, made.scenario) == (record.rules, record.scenario):
-        return made
+    if known is not None and (known.rules, known.scenario) == (record.rules, record.scenario):
+        return known
     return new_forecast(record.scenario, record.rules, drift_samples=DRIFT_SAMPLES)
 
 

@@ -156,8 +156,8 @@ class Report:
         (folder / "legend.png").write_bytes(figures.png(figure))
         (folder / "legend.svg").write_bytes(figures.svg(figure))
         return [
-            LegendEntry(one.label, one.icon(), other.icon())
-            for one, other in zip(light, dark, strict=True)
+            LegendEntry(symbol.label, symbol.icon(), other.icon())
+            for symbol, other in zip(light, dark, strict=True)
         ]
 
     def _page(
@@ -235,10 +235,11 @@ class Report:
             "missions", ("run_id", "mission", "complete", *(m.name for m in METRICS)),
             [
                 (
-                    "" if one.run_id is None else one.run_id, one.number, int(one.complete),
-                    *(_number(value) for value in metrics(one).values()),
+                    "" if mission.run_id is None else mission.run_id,
+                    mission.number, int(mission.complete),
+                    *(_number(value) for value in metrics(mission).values()),
                 )
-                for one in self.missions
+                for mission in self.missions
             ],
         )  # fmt: skip
         names = (

@@ -208,7 +208,7 @@ class StepInbox:
         if self.map is None or self.report is None:
             return None
         (stamp, report), (map_stamp, probability) = self.report, self.map
-        info = self.infos.of(report)
+        info = self.infos.info_of(report)
         if info is None or stamp != map_stamp:
             return None
         fits = (

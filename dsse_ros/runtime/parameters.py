@@ -54,10 +54,10 @@ def declarable(
     """
     if name in OF_EVERY_NODE:
         value = Spec("bool", "").check(name, [] if value is None else value)
-    made = descriptor or ParameterDescriptor()
+    described = descriptor or ParameterDescriptor()
     if value is None:
-        made.dynamic_typing = True
-    return name, value, made
+        described.dynamic_typing = True
+    return name, value, described
 
 
 def overrides(node: Node) -> dict[str, Any]:
@@ -66,15 +66,15 @@ def overrides(node: Node) -> dict[str, Any]:
     The node must have been made with `automatically_declare_parameters_from_overrides`, so that
     values of any type arrive here and are checked in one place.
     """
-    given = {
+    stated = {
         # A parameter without a type was given as an empty list.
         name: [] if (value := node.get_parameter(name).value) is None else value
         for name in node.get_parameters_by_prefix("")
         if name not in OF_EVERY_NODE and not name.startswith(_CLOCK_PREFIX)
     }
-    for name in given:
+    for name in stated:
         node.undeclare_parameter(name)
-    return given
+    return stated
 
 
 def check_flat(arguments: Iterable[str]) -> None:
@@ -102,7 +102,7 @@ def to_ros(spec: Spec, value: Any) -> Any:
 
 def descriptor(name: str, spec: Spec, *, read_only: bool) -> ParameterDescriptor:
     """Return the descriptor of a field: sentence, unit, range, allowed values."""
-    made = ParameterDescriptor(
+    described = ParameterDescriptor(
         name=name,
         type=_TYPES[spec.kind].value,
         description=f"{spec.doc} Unit: {spec.unit}." if spec.unit else spec.doc,
@@ -112,19 +112,19 @@ def descriptor(name: str, spec: Spec, *, read_only: bool) -> ParameterDescriptor
     low, high = max(spec.low, spec.above), spec.high
     bounded = low > float("-inf") or high < float("inf")
     if spec.kind == "int" and bounded:
-        made.integer_range = [
+        described.integer_range = [
             IntegerRange(
                 from_value=int(max(low, -(2.0**62))), to_value=int(min(high, 2.0**62)), step=1
             )
         ]
     elif spec.kind == "float" and bounded:
         limit = sys.float_info.max
-        made.floating_point_range = [
+        described.floating_point_range = [
             FloatingPointRange(
                 from_value=float(max(low, -limit)), to_value=float(min(high, limit)), step=0.0
             )
         ]
-    return made
+    return described
 
 
 def declare(
@@ -132,12 +132,16 @@ def declare(
 ) -> None:
     """Declare one parameter per field with its effective value; None can be read too."""
     for name, spec in specs.items():
-        made = descriptor(name, spec, read_only=name not in mutable)
+        described = descriptor(name, spec, read_only=name not in mutable)
         value = to_ros(spec, values[name])
         if value is None or value == []:
             # A parameter with a type but no value would break a request for all parameters.
-            value, made.dynamic_typing, made.type = None, True, ParameterType.PARAMETER_NOT_SET
-        node.declare_parameter(name, value, made, ignore_override=True)
+            value, described.dynamic_typing, described.type = (
+                None,
+                True,
+                ParameterType.PARAMETER_NOT_SET,
+            )
+        node.declare_parameter(name, value, described, ignore_override=True)
 
 
 def check_changes(

@@ -114,12 +114,12 @@ class Endpoints:
 
     Args:
         node: Node of the endpoints.
-        given: The overrides that the node was started with, by name.
+        overrides: Those that the node was started with, by name.
     """
 
-    def __init__(self, node: AlarmNode, given: Mapping[str, Any]) -> None:
+    def __init__(self, node: AlarmNode, overrides: Mapping[str, Any]) -> None:
         self._node = node
-        self._given = dict(given)
+        self._overrides = dict(overrides)
 
     def publisher(self, topic: str) -> Publisher:
         """Return a publisher of a topic, such as `agents` or `drone3/pose`.
@@ -153,16 +153,16 @@ class Endpoints:
         Raises:
             FieldError: If one does not.
         """
-        for name in self._given.keys() & self._node.typed_names:
+        for name in self._overrides.keys() & self._node.typed_names:
             if not later or f"/{later}." not in of_drones(name):
                 raise FieldError(f"{name} matches no topic of {self._node.get_name()}")
 
     def _profile(self, entity: str, topic: str, qos: QoSProfile) -> QoSProfile:
         prefix = f"{QOS_PREFIX}{self._node.resolve_topic_name(topic)}.{entity}."
-        names = [name for name in self._given if name.startswith(prefix)]
+        names = [name for name in self._overrides if name.startswith(prefix)]
         if not names:
             return qos
-        policies = {name.removeprefix(prefix): self._given.pop(name) for name in names}
+        policies = {name.removeprefix(prefix): self._overrides.pop(name) for name in names}
         check_known(prefix.rstrip("."), policies, _POLICIES)
         specs = {prefix + policy: _POLICIES[policy][0] for policy in policies}
         values = {
@@ -186,7 +186,7 @@ def read_settings(node: AlarmNode, kind: type[T]) -> tuple[T, Endpoints]:
         FieldError: If a parameter is not allowed.
     """
     known = specs(kind)
-    given, qos = node.take_overrides(known)
-    settings = kind(**given)
+    values, qos = node.take_overrides(known)
+    settings = kind(**values)
     declare(node, known, vars(settings))
     return settings, Endpoints(node, qos)

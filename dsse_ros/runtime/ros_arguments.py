@@ -56,7 +56,7 @@ def typed_names(ros: Sequence[str]) -> frozenset[str]:
 
 def known_parameters(
     what: str,
-    given: Mapping[str, Any],
+    values: Mapping[str, Any],
     known: Collection[str],
     typed: Collection[str],
     full_names: Mapping[str, str] = NO_NAMES,
@@ -65,7 +65,7 @@ def known_parameters(
 
     Args:
         what: Whose parameters they are, for the error.
-        given: Values by name.
+        values: Values by name.
         known: The known names.
         typed: Names that are not from a file. Those, and all with a prefix of known names, must be
             known.
@@ -76,7 +76,7 @@ def known_parameters(
     """
     prefixes = {name.partition(".")[0] for name in known if "." in name}
     kept = {}
-    for name, value in given.items():
+    for name, value in values.items():
         if name in known:
             kept[name] = value
         elif name in full_names or name in typed or name.partition(".")[0] in prefixes:
@@ -84,10 +84,12 @@ def known_parameters(
     return kept
 
 
-def without_prefix(prefix: str, given: Mapping[str, Any]) -> dict[str, Any]:
+def without_prefix(prefix: str, values: Mapping[str, Any]) -> dict[str, Any]:
     """Return the parameters of a group, by the names that follow its prefix."""
     return {
-        name.removeprefix(prefix): value for name, value in given.items() if name.startswith(prefix)
+        name.removeprefix(prefix): value
+        for name, value in values.items()
+        if name.startswith(prefix)
     }
 
 

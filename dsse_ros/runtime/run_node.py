@@ -145,11 +145,11 @@ class AlarmNode(Node):
         Raises:
             FieldError: If a name is not allowed.
         """
-        given = overrides(self)
-        qos = {name: given.pop(name) for name in list(given) if name.startswith(QOS_PREFIX)}
+        values = overrides(self)
+        qos = {name: values.pop(name) for name in list(values) if name.startswith(QOS_PREFIX)}
         what = f"the parameters of {self.get_name()}"
-        kept = known_parameters(what, given, known, self.typed_names, full_names)
-        if others := given.keys() - kept.keys():
+        kept = known_parameters(what, values, known, self.typed_names, full_names)
+        if others := values.keys() - kept.keys():
             self.get_logger().info(
                 f"no parameters of {self.get_name()}, left to other nodes: "
                 + ", ".join(sorted(others))

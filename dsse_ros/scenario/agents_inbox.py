@@ -62,6 +62,6 @@ class AgentsInbox(Latest[int, AgentsInfo]):
         self.put(info.run_id, info)
         return info
 
-    def of(self, report: NDArray[Any]) -> AgentsInfo | None:
+    def info_of(self, report: NDArray[Any]) -> AgentsInfo | None:
         """Return the `agents` of the run of a report; None if it has not come."""
         return self.get(int(report["run_id"][0]))

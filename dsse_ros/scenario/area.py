@@ -59,7 +59,7 @@ class Area:
         return hash(self.polygons)
 
     @classmethod
-    def of(cls, value: Any, name: str = "area") -> Area:
+    def read(cls, value: Any, name: str = "area") -> Area:
         """Return the area from the path, text or content of GeoJSON, or from a list of points.
 
         Args:
@@ -79,8 +79,11 @@ class Area:
         try:
             outlines, others = outlines_of(_geojson_of(content))
             shapes = [
-                (shapely.from_geojson(json.dumps(one.geometry, allow_nan=False)), one.feature)
-                for one in outlines
+                (
+                    shapely.from_geojson(json.dumps(outline.geometry, allow_nan=False)),
+                    outline.feature,
+                )
+                for outline in outlines
             ]
         except (LookupError, RecursionError, TypeError, ValueError, shapely.GEOSException):
             raise _refusal(value, name) from None

@@ -49,15 +49,15 @@ class BatteryFields:
         Raises:
             FieldError: If there is no energy for a search, or fields are given without a battery.
         """
-        given = {
+        stated = {
             name: getattr(self, name)
             for name in ("battery_search", "battery_hover", "battery_return")
         }
         if not self.battery_move:
-            for name, value in {**given, "relief_steps": self.relief_steps}.items():
+            for name, value in {**stated, "relief_steps": self.relief_steps}.items():
                 if value:
                     raise FieldError(f"{name} must be 0 without battery_move, got {value:g}")
-        energies = {n: self.battery_move if e is None else e for n, e in given.items()}
+        energies = {n: self.battery_move if e is None else e for n, e in stated.items()}
         if self.battery_reserve + energies["battery_search"] > FULL:
             raise FieldError(
                 f"battery_reserve must be at most {FULL - energies['battery_search']:g} %, or "

@@ -32,8 +32,8 @@ def tracks_both_ways(
     Raises:
         ValueError: If wind or current are missing at a place or time, or a sighting is on land.
     """
-    first_s = min(one.time_s - one.time_error_s for one in sightings)
-    last_s = max(one.time_s + one.time_error_s for one in sightings)
+    first_s = min(sighting.time_s - sighting.time_error_s for sighting in sightings)
+    last_s = max(sighting.time_s + sighting.time_error_s for sighting in sightings)
     if last_s <= times_s[0]:
         return drift_tracks(drift, sightings, times_s, count, rng)
     # A copy of the generator draws the same particles.

@@ -50,7 +50,7 @@ class Given(Protocol):
     IS_FILE: ClassVar[bool]
 
     @classmethod
-    def of(cls, value: Any) -> Given:
+    def read(cls, value: Any) -> Given:
         """Return the value from any of its forms.
 
         Raises:
@@ -146,7 +146,7 @@ class Spec:
         if self.optional and (value is None or empty):
             return None
         if self.reader is not None:
-            return self.reader.of(value)
+            return self.reader.read(value)
         try:
             return self._convert(value)
         except (TypeError, ValueError, OverflowError):

@@ -56,7 +56,7 @@ class GivenArray:
     """By suffix of the file: returns the arguments of `_made` after the path."""
 
     @classmethod
-    def of(cls, value: Any) -> Self:
+    def read(cls, value: Any) -> Self:
         """Return the array from an array, a file, or its `to_json`.
 
         Raises:
@@ -68,13 +68,13 @@ class GivenArray:
             if isinstance(value, Mapping):
                 if value.keys() != {"path", "sha256"} or not value["path"]:
                     raise ValueError
-                made = cls.of(str(value["path"]))
-                if made.sha256 != value["sha256"]:
+                array = cls.read(str(value["path"]))
+                if array.sha256 != value["sha256"]:
                     raise FieldError(
-                        f"{cls.NAME} must be {made.path!r} with the SHA-256 "
-                        f"{shown(value['sha256'])}, got a file with {made.sha256}"
+                        f"{cls.NAME} must be {array.path!r} with the SHA-256 "
+                        f"{shown(value['sha256'])}, got a file with {array.sha256}"
                     )
-                return made
+                return array
             if isinstance(value, str | os.PathLike):
                 path = os.path.abspath(os.fspath(value))
                 if not stat.S_ISREG(os.stat(path).st_mode):

@@ -52,7 +52,7 @@ class GivenTracks:
         }
 
     @classmethod
-    def of(cls, value: Any, folder: str) -> GivenTracks:
+    def read(cls, value: Any, folder: str) -> GivenTracks:
         """Return the tracks of a file, or those of `to_dict`.
 
         Raises:

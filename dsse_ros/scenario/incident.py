@@ -96,7 +96,7 @@ class Incident:
         waves: Stokes drift at the surface; None for none.
         land: Polygons of land to strand on; None for none.
         laid: What the grid determines, once it is laid out; None before.
-        given: Tracks of another model, which then replace sightings, wind, current and land.
+        given_tracks: Tracks of another model, which then replace sightings, wind, current and land.
         truth: The incident whose drift the persons follow, if it is a different one; it
             differs in the fields of `truth`.
     """
@@ -117,7 +117,7 @@ class Incident:
     waves: Flow | None = None
     land: Area | None = None
     laid: Laid | None = None
-    given: GivenTracks | None = None
+    given_tracks: GivenTracks | None = None
     truth: Incident | None = None
 
     @property
@@ -126,7 +126,7 @@ class Incident:
         return self if self.truth is None else replace(self.truth, laid=self.laid)
 
     @classmethod
-    def of(cls, value: Any, folder: str = "") -> Incident:
+    def read(cls, value: Any, folder: str = "") -> Incident:
         """Return the incident from its fields, or from JSON text of them.
 
         Args:
@@ -181,17 +181,17 @@ class Incident:
             "base": None if self.base is None else list(self.base),
             "laid": None if self.laid is None else self.laid._asdict(),
         }
-        if self.given is not None:
-            return {"tracks": of_tracks(self.given), **search}
+        if self.given_tracks is not None:
+            return {"tracks": of_tracks(self.given_tracks), **search}
         return self._law(of_flow) | {
             **search,
             "seen": [
                 {
-                    "lat": one.lat_deg, "lon": one.lon_deg, "time": utc(one.time_s),
-                    "radius": one.radius_m, "weight": one.weight,
-                    "time_error": one.time_error_s / 60,
+                    "lat": sighting.lat_deg, "lon": sighting.lon_deg, "time": utc(sighting.time_s),
+                    "radius": sighting.radius_m, "weight": sighting.weight,
+                    "time_error": sighting.time_error_s / 60,
                 }
-                for one in self.sightings
+                for sighting in self.sightings
             ],
             "shore": None if self.land is None else self.land.to_json(),
             "truth": None if self.truth is None else self.truth._law(of_flow),
@@ -234,8 +234,8 @@ class Incident:
             FieldError: If wind, current or given tracks do not cover them, or a sighting is on
                 land.
         """
-        if self.given is not None:
-            return self._given_tracks(self.given, times_s)
+        if self.given_tracks is not None:
+            return self._given_drift(self.given_tracks, times_s)
         return self._drifted(self.sightings, times_s, count, rng)
 
     def backtracked(
@@ -253,7 +253,7 @@ class Incident:
             FieldError: If wind or current do not cover them, only tracks are given, or it was found
                 on land.
         """
-        if self.given is not None:
+        if self.given_tracks is not None:
             raise FieldError("incident: tracks of another model cannot be followed back")
         return self._drifted([found], times_s, count, rng)
 
@@ -270,12 +270,12 @@ class Incident:
         except ValueError as error:
             raise FieldError(f"incident: {error}") from None
 
-    def _given_tracks(self, given: GivenTracks, times_s: NDArray[np.float64]) -> DriftTracks:
-        lats, lons = given.lats_deg.astype(np.float64), given.lons_deg.astype(np.float64)
+    def _given_drift(self, tracks: GivenTracks, times_s: NDArray[np.float64]) -> DriftTracks:
+        lats, lons = tracks.lats_deg.astype(np.float64), tracks.lons_deg.astype(np.float64)
         # Tracks of another model do not state when a particle strands.
         stranded = np.zeros(lats.shape, np.bool_)
         try:
-            return at_times(DriftTracks(given.times_s, lats, lons, stranded), times_s)
+            return at_times(DriftTracks(tracks.times_s, lats, lons, stranded), times_s)
         except ValueError as error:
             raise FieldError(f"incident: {error}") from None
 
@@ -301,10 +301,10 @@ def _incident(values: Mapping[str, Any], folder: str) -> Incident:
         calm, still = (constant_flow(kind, 0.0, 0.0) for kind in _ALWAYS)
         return Incident(
             "", (), start_s, base, calm, Uncertainty(), still, Uncertainty(), laid=laid,
-            given=GivenTracks.of(values["tracks"], folder),
+            given_tracks=GivenTracks.read(values["tracks"], folder),
         )  # fmt: skip
     sightings = _sightings(values["seen"])
-    last = max(one.time_s + one.time_error_s for one in sightings)
+    last = max(sighting.time_s + sighting.time_error_s for sighting in sightings)
     if start_s < last:
         raise FieldError(
             f"incident.search_start must not be before a sighting, got {utc(start_s)} and "
@@ -385,7 +385,7 @@ def _land(value: Any, folder: str) -> Area:
     """
     if isinstance(value, str) and not value.lstrip().startswith("{"):
         value = os.path.join(folder, value)
-    return Area.of(value, "incident.shore")
+    return Area.read(value, "incident.shore")
 
 
 def _base(value: Any) -> tuple[float, float] | None:
@@ -416,14 +416,14 @@ def _sightings(values: Any) -> tuple[Sighting, ...]:
     sightings = []
     for number, value in enumerate(values):
         name = f"incident.seen[{number}]"
-        one = mapping(name, value)
-        check_known(name, one, _OF_SIGHTING)
+        fields = mapping(name, value)
+        check_known(name, fields, _OF_SIGHTING)
         checked: dict[str, Any] = {}
         for part, (spec, default) in _OF_SIGHTING.items():
-            given = one.get(part, default)
-            if given is None:
+            stated = fields.get(part, default)
+            if stated is None:
                 raise FieldError(f"{name}.{part} must be given")
-            checked[part] = spec.check(f"{name}.{part}", given)
+            checked[part] = spec.check(f"{name}.{part}", stated)
         sightings.append(
             Sighting(
                 checked["lat"], checked["lon"], _time(f"{name}.time", checked["time"]),
@@ -437,19 +437,19 @@ def _near(sightings: Sequence[Sighting]) -> tuple[Sighting, ...]:
     """Return sightings of which those on both sides of the antimeridian are near each other."""
     first = sightings[0].lon_deg
     return tuple(
-        one._replace(lon_deg=one.lon_deg + 360 * round((first - one.lon_deg) / 360))
-        for one in sightings
+        sighting._replace(lon_deg=sighting.lon_deg + 360 * round((first - sighting.lon_deg) / 360))
+        for sighting in sightings
     )
 
 
 def _span(sightings: tuple[Sighting, ...], start_s: float) -> Span:
     """Return where and when a drift may need wind and current."""
-    begin = min(one.time_s - one.time_error_s for one in sightings)
+    begin = min(sighting.time_s - sighting.time_error_s for sighting in sightings)
     end = start_s + LONGEST_SEARCH_S
     spread = min(FASTEST_DRIFT_MPS * (end - begin), MAX_SPREAD_M)
-    lats = np.array([one.lat_deg for one in sightings])
-    lons = np.array([one.lon_deg for one in sightings])
-    radius = max(one.radius_m for one in sightings)
+    lats = np.array([sighting.lat_deg for sighting in sightings])
+    lons = np.array([sighting.lon_deg for sighting in sightings])
+    radius = max(sighting.radius_m for sighting in sightings)
     return Span(box_around(lats, lons, spread + 2 * radius), begin, end)
 
 

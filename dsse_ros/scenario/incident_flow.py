@@ -109,13 +109,13 @@ def _paths(name: str, value: Any, folder: str) -> list[str]:
     """
     names = Spec("names", "").check(name, [value] if isinstance(value, str) else value)
     paths: list[str] = []
-    for one in names:
+    for pattern in names:
         # An address has no folder.
-        path = one if "://" in one else os.path.join(folder, one)
+        path = pattern if "://" in pattern else os.path.join(folder, pattern)
         if glob.has_magic(path) and not os.path.exists(path):
             found = sorted(glob.glob(path))
             if not found:
-                raise FieldError(f"{name} must match files, got {one!r}")
+                raise FieldError(f"{name} must match files, got {pattern!r}")
             paths += found
         else:
             paths.append(path)

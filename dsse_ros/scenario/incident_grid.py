@@ -148,11 +148,11 @@ def positions(
     assert incident.laid is not None
     times = incident.laid.begins_s + step_s * np.arange(steps + 1, dtype=np.float64)
     tracks = incident.tracks(times, count, rng)
-    made = np.empty((*tracks.lats_deg.shape, 2))
+    places_m = np.empty((*tracks.lats_deg.shape, 2))
     for step in range(steps + 1):
         x, y = metres_from(origin, tracks.lats_deg[step], tracks.lons_deg[step])
-        made[step, :, 0], made[step, :, 1] = x, side_m - y
-    return made
+        places_m[step, :, 0], places_m[step, :, 1] = x, side_m - y
+    return places_m
 
 
 def nearest_cells(

@@ -83,7 +83,7 @@ def contacts_from_json(text: str) -> tuple[Contact, ...]:
     listed = parse_json(text, "contacts")
     if not isinstance(listed, list) or len(listed) > MAX_CONTACTS:
         raise ValueError(f"contacts must be a list of at most {MAX_CONTACTS}")
-    return tuple(_contact(Keys(one, f"contacts[{i}]")) for i, one in enumerate(listed))
+    return tuple(_contact(Keys(contact, f"contacts[{i}]")) for i, contact in enumerate(listed))
 
 
 def _contact(keys: Keys) -> Contact:

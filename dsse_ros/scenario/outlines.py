@@ -56,26 +56,26 @@ def _geometries(content: Any, feature: str) -> Iterator[tuple[Any, str]]:
     """Yield the geometries of GeoJSON with their features."""
     match content["type"]:
         case "FeatureCollection":
-            for number, one in enumerate(content["features"], start=1):
-                about = one.get("properties") or {}
+            for number, part in enumerate(content["features"], start=1):
+                about = part.get("properties") or {}
                 name = next((str(about[key])[:40] for key in _NAMES if about.get(key)), "")
-                yield from _geometries(one, f"feature {number}" + (f" ({name})" if name else ""))
+                yield from _geometries(part, f"feature {number}" + (f" ({name})" if name else ""))
         case "Feature":
             if content["geometry"] is None:
                 yield None, feature
             else:
                 yield from _geometries(content["geometry"], feature)
         case "GeometryCollection":
-            for one in content["geometries"]:
-                yield from _geometries(one, feature)
+            for part in content["geometries"]:
+                yield from _geometries(part, feature)
         case _:
             yield content, feature
 
 
 def _positions(values: Any) -> Any:
     """Return nested positions with longitude and latitude alone, rounded to the Earth."""
-    if values and all(isinstance(one, list | tuple) for one in values):
-        return [_positions(one) for one in values]
+    if values and all(isinstance(value, list | tuple) for value in values):
+        return [_positions(value) for value in values]
     lon, lat = values[:2]
     return [_rounded(lon, 180.0), _rounded(lat, 90.0)]
 

@@ -178,13 +178,13 @@ class Scenario(
                 if values.get(name) and isinstance(values[name], str):
                     values[name] = os.path.join(os.path.dirname(path), values[name])
             if isinstance(values, dict) and values.get("incident") is not None:
-                values["incident"] = Incident.of(values["incident"], os.path.dirname(path))
+                values["incident"] = Incident.read(values["incident"], os.path.dirname(path))
             return cls.from_dict({} if values is None else values)
         except FieldError as error:
             raise FieldError(f"scenario {os.fspath(path)!r}: {error}") from None
 
     @classmethod
-    def of(cls, source: ScenarioSource) -> Scenario:
+    def read(cls, source: ScenarioSource) -> Scenario:
         """Return a scenario from any source: a scenario, a mapping, a YAML path or None.
 
         Raises:
@@ -207,14 +207,14 @@ class Scenario(
         Raises:
             FieldError: If a key is unknown or a value is not allowed.
         """
-        given = _renamed(values, {k: v for k, v in values.items() if v is not None})
-        if "sigma" in given:
-            given = {"sigma_x": None, "sigma_y": None, **given}
+        stated = _renamed(values, {k: v for k, v in values.items() if v is not None})
+        if "sigma" in stated:
+            stated = {"sigma_x": None, "sigma_y": None, **stated}
         for ways in _ALTERNATIVES:
             for way, other in (ways, ways[::-1]):
-                if any(name in given for name in way):
-                    given = {**dict.fromkeys(set(other) - set(given), None), **given}
-        return dataclasses.replace(self, **given)
+                if any(name in stated for name in way):
+                    stated = {**dict.fromkeys(set(other) - set(stated), None), **stated}
+        return dataclasses.replace(self, **stated)
 
     def resolve(self, rules: Rules) -> ResolvedScenario:
         """Return the scenario with nothing left to derive.
@@ -229,7 +229,7 @@ class Scenario(
         lat = DEFAULT_ORIGIN_DEG[0] if self.origin_lat is None else self.origin_lat
         lon = DEFAULT_ORIGIN_DEG[1] if self.origin_lon is None else self.origin_lon
         origin = (lat, lon, self.origin_alt)
-        on_cells = {name: one.on_grid(grid, cell, origin) for name, one in arrays.items()}
+        on_cells = {name: array.on_grid(grid, cell, origin) for name, array in arrays.items()}
         mask = area_mask(self.area, self.land, grid, cell, origin)
         positions = self._resolve_positions(grid, mask, rules.collisions)
         count, has_battery = len(positions), self.battery_move > 0
@@ -270,8 +270,8 @@ class Scenario(
             **on_cells,
             **self.resolved_faults(count, slowest),
         }
-        given = {name: getattr(self, name) for name in SPECS}
-        resolved = ResolvedScenario(**{**given, **derived, "stated": self})
+        stated = {name: getattr(self, name) for name in SPECS}
+        resolved = ResolvedScenario(**{**stated, **derived, "stated": self})
         check_pre_search(
             self.pre_search_minutes, resolved.pre_search_steps, resolved.step_duration_s
         )
@@ -309,7 +309,7 @@ class Scenario(
         arrays = self._arrays(rules)
         if self.zone_size is None:
             side = self.grid_size
-            side = side or next((one.side for one in arrays.values()), rules.grid_size)
+            side = side or next((array.side for array in arrays.values()), rules.grid_size)
             return SPECS["grid_size"].check("grid_size", side)
         # The tolerance keeps rounding from adding a cell to a zone of exactly n cells.
         grid = max(math.ceil(self.zone_size / cell - 1e-9), 1)
@@ -323,8 +323,8 @@ class Scenario(
         Raises:
             FieldError: If the rules have no use for one.
         """
-        given = {name: getattr(self, name) for name in GIVEN}
-        arrays = {name: one for name, one in given.items() if isinstance(one, GivenArray)}
+        values = {name: getattr(self, name) for name in GIVEN}
+        arrays = {name: value for name, value in values.items() if isinstance(value, GivenArray)}
         for name in arrays:
             check_use(name, rules)
         return arrays
@@ -474,21 +474,21 @@ def scenario_and_rules(
     of_scenario = {*SPECS, *SYNONYMS}
     check_known("the scenario or the rules", fields, [*of_scenario, *specs(Rules)])
     of_rules = {k: v for k, v in fields.items() if k not in of_scenario and v is not None}
-    given = {k: v for k, v in fields.items() if k in of_scenario}
-    stated = Scenario.of(scenario).override(**given)
+    for_scenario = {k: v for k, v in fields.items() if k in of_scenario}
+    stated = Scenario.read(scenario).override(**for_scenario)
     chosen = rules if isinstance(rules, Rules) else profile(stated.rules_of(rules))
     return stated, chosen.override(**of_rules)
 
 
-def _renamed(values: Mapping[str, Any], given: Mapping[str, Any] | None = None) -> dict[str, Any]:
+def _renamed(values: Mapping[str, Any], stated: Mapping[str, Any] | None = None) -> dict[str, Any]:
     """Return the values, or those given, without synonyms; all names must be known.
 
     Raises:
         FieldError: If a name is unknown, or a field is given twice.
     """
     check_known("the scenario", values, [*specs(Scenario), *SYNONYMS])
-    given = values if given is None else given
-    renamed = {SYNONYMS.get(name, name): value for name, value in given.items()}
-    if len(renamed) < len(given):
+    stated = values if stated is None else stated
+    renamed = {SYNONYMS.get(name, name): value for name, value in stated.items()}
+    if len(renamed) < len(stated):
         raise FieldError("dispersion_start and sigma are the same field; give one")
     return renamed

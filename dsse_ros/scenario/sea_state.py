@@ -109,7 +109,7 @@ def sea_state(scenario: ResolvedScenario, step: int) -> SeaState:
         return SeaState()
     time_s = incident.laid.begins_s + step * scenario.step_duration_s
     time = _clock(time_s, incident)
-    if incident.given is not None:
+    if incident.given_tracks is not None:
         return SeaState(time=time)
     origin = (scenario.origin_lat, scenario.origin_lon, scenario.origin_alt)
     centre = cell_centre(scenario.grid_size, scenario.cell_size, *scenario.person_initial_position)
@@ -125,15 +125,17 @@ def sea_state(scenario: ResolvedScenario, step: int) -> SeaState:
 
 def _sightings(incident: Incident, origin: Origin) -> tuple[LastKnownPosition, ...]:
     seen = incident.sightings
-    x, y = metres_from(origin, *np.array([(one.lat_deg, one.lon_deg) for one in seen]).T)
-    total = sum(one.weight for one in seen)
+    x, y = metres_from(
+        origin, *np.array([(sighting.lat_deg, sighting.lon_deg) for sighting in seen]).T
+    )
+    total = sum(sighting.weight for sighting in seen)
     return tuple(
         LastKnownPosition(
-            east, north, one.radius_m,
-            f"LKP {_clock(one.time_s, incident)}"
-            + (f", {one.weight / total:.0%}" if len(seen) > 1 else ""),
+            east, north, sighting.radius_m,
+            f"LKP {_clock(sighting.time_s, incident)}"
+            + (f", {sighting.weight / total:.0%}" if len(seen) > 1 else ""),
         )
-        for one, east, north in zip(seen, x.tolist(), y.tolist(), strict=True)
+        for sighting, east, north in zip(seen, x.tolist(), y.tolist(), strict=True)
     )  # fmt: skip
 
 

@@ -95,8 +95,8 @@ def _by_step(
     Raises:
         FieldError: If a step leads further than to a neighbour.
     """
-    given = chances != 0
-    start, to, chances = start[given], to[given], chances[given]
+    possible = chances != 0
+    start, to, chances = start[possible], to[possible], chances[possible]
     (row, col), (to_row, to_col) = np.divmod(start, side), np.divmod(to, side)
     dx, dy = to_col - col, to_row - row
     far = np.flatnonzero((abs(dx) > 1) | (abs(dy) > 1))

@@ -113,5 +113,5 @@ LAWS = {"inverse_cube": inverse_cube, "random_search": random_search}
 def in_place(passes: tuple[Pods, Pods]) -> Pods:
     """Return the PODs of a search in place: half the effort of each of two passes."""
     cells = [*passes[0], *(cell for cell in passes[1] if cell not in passes[0])]
-    missed = {cell: [1.0 - of.get(cell, 0.0) for of in passes] for cell in cells}
+    missed = {cell: [1.0 - pods.get(cell, 0.0) for pods in passes] for cell in cells}
     return {cell: 1.0 - math.sqrt(math.prod(each)) for cell, each in missed.items()}

@@ -95,8 +95,8 @@ def sweep_width_m(
             raise ValueError(f"{field} must be one of {', '.join(known)}, got {name!r}")
     heights = {
         float(height) * FOOT_M: widths
-        for (of, by, height), widths in _WIDTHS.items()
-        if (of, by) == (search_object, platform)
+        for (what, by, height), widths in _WIDTHS.items()
+        if (what, by) == (search_object, platform)
     }
     kind = SEARCH_OBJECTS[search_object]
     speeds = {

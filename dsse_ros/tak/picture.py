@@ -99,11 +99,13 @@ class CotPicture:
             f"{prefix}.{name}": drone_event(f"{prefix}.{name}", name, place, how)
             for name, place, how in self._places(now_s)
         }
-        shown = [one for one in self._contacts if one.state != "dismissed"][-MAX_CONTACTS:]
-        for one in shown:
-            uid, place = f"{prefix}.{one.name}", (one.lat_deg, one.lon_deg)
+        shown = [contact for contact in self._contacts if contact.state != "dismissed"][
+            -MAX_CONTACTS:
+        ]
+        for contact in shown:
+            uid, place = f"{prefix}.{contact.name}", (contact.lat_deg, contact.lon_deg)
             events[uid] = contact_event(
-                uid, one.name, one.state, place, one.radius_m, _remarks(one)
+                uid, contact.name, contact.state, place, contact.radius_m, _remarks(contact)
             )
         for area, name, ring in self._areas:
             events[f"{prefix}.{area}"] = area_event(f"{prefix}.{area}", name, ring)

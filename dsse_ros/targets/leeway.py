@@ -27,8 +27,8 @@ def tracks(scenario: Any, steps: int, rng: np.random.Generator, count: int) -> W
 
 def count(scenario: Any) -> int:
     """Return the number of tracks: the scenario's, or that of the tracks of another model."""
-    given = None if scenario.incident is None else scenario.incident.given
-    return requested(scenario) if given is None else int(given.lats_deg.shape[1])
+    given_tracks = None if scenario.incident is None else scenario.incident.given_tracks
+    return requested(scenario) if given_tracks is None else int(given_tracks.lats_deg.shape[1])
 
 
 LEEWAY = Ensemble(

@@ -71,7 +71,10 @@ class Cases:
 def joined(*parts: Cases) -> Cases:
     """Return the searches of several `Cases` in one."""
     return Cases(
-        *(torch.cat(of) for of in zip(*(vars(one).values() for one in parts), strict=True))
+        *(
+            torch.cat(tensors)
+            for tensors in zip(*(vars(part).values() for part in parts), strict=True)
+        )
     )
 
 

@@ -245,7 +245,9 @@ class Learner:
         nn.utils.clip_grad_norm_(self.networks.parameters(), 0.5)
         self.optimizer.step()
         clipped = ((ratio - 1).abs() > clip).float()
-        return torch.stack([(weights * one).mean() for one in (entropy, missed, clipped)]).detach()
+        return torch.stack(
+            [(weights * values).mean() for values in (entropy, missed, clipped)]
+        ).detach()
 
 
 def _among(scores: Tensor, allowed: Tensor) -> Tensor:

@@ -30,12 +30,12 @@ class Replayed:
         """Return what the function returns."""
         if inputs[0].device.type != "cuda":
             return self.function(*inputs)
-        shapes = tuple(one.shape for one in inputs)
+        shapes = tuple(tensor.shape for tensor in inputs)
         if shapes not in self._recorded:
-            self._recorded[shapes] = self._record([one.clone() for one in inputs])
+            self._recorded[shapes] = self._record([tensor.clone() for tensor in inputs])
         graph, places, results = self._recorded[shapes]
-        for place, one in zip(places, inputs, strict=True):
-            place.copy_(one)
+        for place, value in zip(places, inputs, strict=True):
+            place.copy_(value)
         graph.replay()
         return results
 

@@ -265,7 +265,7 @@ class Picture:
 
     def _add_strips(self, widths_m: tuple[float, ...]) -> None:
         """Add the strips that drones in metres see on their paths."""
-        self._widths = [self._layout.map_pt * one / (1000.0 * self._side) for one in widths_m]
+        self._widths = [self._layout.map_pt * width / (1000.0 * self._side) for width in widths_m]
         self._strips = self._add_lines(
             colors=self._theme.soft, alpha=STRIP_ALPHA, zorder=0.9, capstyle="butt",
             joinstyle="round",
@@ -431,7 +431,7 @@ class Picture:
         now = fan_out(self._place(view.tracks[:, -1]), self._apart, self._side)
         if view.headings is not None:
             # One for each drone, as every collection takes its markers in turn.
-            self._heads.set_paths([heading_marker(one) for one in view.headings[view.alive]])
+            self._heads.set_paths([heading_marker(turn) for turn in view.headings[view.alive]])
         self._put(self._heads, now[view.alive], self._colours[view.alive])
         self._put(self._lost, now[~view.alive], self._colours[~view.alive])
         for text, (x, y) in zip(self._numbers, now.tolist(), strict=False):

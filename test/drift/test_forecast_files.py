@@ -84,4 +84,4 @@ def test_an_address_is_not_joined_to_a_folder_and_refused_in_a_line(
         "current": {"file": f"{scheme}://127.0.0.1:9/thredds/dodsC/sea.nc"},
     }  # fmt: skip
     with pytest.raises(ValueError, match=f"current '{scheme}://127.0.0.1:9/thredds/dodsC/sea.nc'"):
-        Incident.of(fields, str(tmp_path))
+        Incident.read(fields, str(tmp_path))

@@ -182,11 +182,11 @@ def test_a_projection_with_a_figure_counts_more_than_latitudes_that_contradict_i
 
 def test_a_flow_on_its_own_grid_survives_a_message(tmp_path: Path) -> None:
     file = written(projected(POLAR, **CURRENT, spacing=800.0), tmp_path)
-    incident = Incident.of({
+    incident = Incident.read({
         "object": "PIW-1", "search_start": "2026-01-17T13:00Z", "current": {"file": str(file)},
         "seen": {"lat": SOUTH, "lon": WEST, "time": "2026-01-17T12:30Z"},
     })  # fmt: skip
-    again = Incident.of(json.loads(json.dumps(incident.to_json(), allow_nan=False)))
+    again = Incident.read(json.loads(json.dumps(incident.to_json(), allow_nan=False)))
     assert again == incident and by_flow(again.current, PLACES[0]) == by_flow(
         incident.current, PLACES[0]
     )

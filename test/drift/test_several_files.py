@@ -98,7 +98,7 @@ def test_a_scenario_names_a_list_or_a_pattern(tmp_path: Path, whole: Any) -> Non
     }  # fmt: skip
 
     def of(name: Any) -> Incident:
-        return Incident.of({**fields, "current": {"file": name}}, str(tmp_path))
+        return Incident.read({**fields, "current": {"file": name}}, str(tmp_path))
 
     assert of("hour_*.nc") == of([f"hour_{hour}.nc" for hour in range(7)]) == of("whole.nc")
     assert not Incident.may_be_sent({**fields, "current": {"file": ["whole.nc"]}})

@@ -60,7 +60,7 @@ def test_the_hidden_person_begins_where_it_was_seen_and_each_seed_hides_another(
     detector: dict[str, Any],
 ) -> None:
     rules = profile("sea")
-    scenario = Scenario.of(str(ROOT / "config" / "kayak.yaml")).override(
+    scenario = Scenario.read(str(ROOT / "config" / "kayak.yaml")).override(
         num_drones=1, particles=100
     )
     resolved = scenario.resolve(rules)

@@ -64,7 +64,7 @@ class Log:
 
 def environment(rules: str = "paper", **scenario: Any) -> SearchEnv:
     """Return the environment of a small search with these fields."""
-    return SearchEnv(Scenario.of(SCENARIO).override(**scenario), profile(rules))
+    return SearchEnv(Scenario.read(SCENARIO).override(**scenario), profile(rules))
 
 
 def fly(

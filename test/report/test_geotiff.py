@@ -88,7 +88,7 @@ def test_a_scenario_takes_it_as_probability_matrix_of_its_grid(tmp_path: Path) -
     write_geotiff(path, FRAME, {"poc": a_matrix(12)})
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        matrix = ProbabilityMatrix.of(path)
+        matrix = ProbabilityMatrix.read(path)
     assert np.array_equal(matrix.values, a_matrix(12))
     on_grid = matrix.on_grid(12, 130.0, (-24.04, -46.17, 5.0))
     assert np.array_equal(on_grid.values, matrix.values)

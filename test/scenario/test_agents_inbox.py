@@ -47,10 +47,10 @@ def test_a_report_finds_the_agents_of_its_run() -> None:
         assert inbox.take(agents_json(replace(INFO, run_id=run_id))).run_id == run_id
     report = np.zeros(1, step_report_dtype(2))
     report["run_id"] = 5
-    found = inbox.of(report)
+    found = inbox.info_of(report)
     assert found is not None and found.run_id == 5
     report["run_id"] = 7
-    assert inbox.of(report) is None
+    assert inbox.info_of(report) is None
 
 
 def test_agents_that_cannot_be_read_replace_none() -> None:

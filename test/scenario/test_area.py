@@ -228,8 +228,8 @@ def test_runs_are_the_cells_of_a_mask_row_by_row() -> None:
 def test_geojson_comes_back_from_its_text_and_from_a_file_beside_the_scenario(
     tmp_path: Path,
 ) -> None:
-    area = Area.of(geojson_of(random_mask(np.random.default_rng(3), 12)))
-    assert Area.of(area.to_text()) == area
+    area = Area.read(geojson_of(random_mask(np.random.default_rng(3), 12)))
+    assert Area.read(area.to_text()) == area
     assert Scenario(area=area).override(area="").area is None
     feature = {"type": "Feature", "properties": {}, "geometry": json.loads(area.to_text())}
     collection = {"type": "FeatureCollection", "features": [feature]}
@@ -237,7 +237,7 @@ def test_geojson_comes_back_from_its_text_and_from_a_file_beside_the_scenario(
     (tmp_path / "scenario.yaml").write_text("area: shore.geojson\n")
     assert Scenario.from_yaml(tmp_path / "scenario.yaml").area == area
     (tmp_path / "scenario.yaml").write_text(f"area: {SQUARE}\n")
-    assert Scenario.from_yaml(tmp_path / "scenario.yaml").area == Area.of(SQUARE)
+    assert Scenario.from_yaml(tmp_path / "scenario.yaml").area == Area.read(SQUARE)
 
 
 RING = [[-46.4, -24.1], [-46.2, -24.1], [-46.2, -23.9], [-46.4, -23.9], [-46.4, -24.1]]
@@ -255,31 +255,31 @@ def test_polygons_count_among_points_lines_and_null_geometries(
     caplog: pytest.LogCaptureFixture,
 ) -> None:
     polygon = {"type": "Polygon", "coordinates": [RING]}
-    area = Area.of(polygon)
+    area = Area.read(polygon)
     line = {"type": "LineString", "coordinates": [[*point, 0, 9] for point in RING[:2]]}
     long = {"type": "Polygon", "coordinates": [[[*point, 0, 17e8] for point in RING]]}
     both = {"type": "GeometryCollection", "geometries": [POINT, polygon]}
-    assert Area.of(collection_of(None, line, long)) == area
+    assert Area.read(collection_of(None, line, long)) == area
     assert "area: 2 geometries are no polygons and do not count" in caplog.text
-    assert Area.of(both) == Area.of(collection_of(both)) == area
+    assert Area.read(both) == Area.read(collection_of(both)) == area
     with pytest.raises(FieldError, match=r"Self-intersection.* \(lon lat\) in feature 2 \(F1\)"):
         bow = [[lon, lat] for lat, lon in (*BOW, BOW[0])]
-        Area.of(collection_of(polygon, {"type": "Polygon", "coordinates": [bow]}))
+        Area.read(collection_of(polygon, {"type": "Polygon", "coordinates": [bow]}))
 
 
 def test_an_outline_may_reach_the_antimeridian_within_rounding() -> None:
     ring = [[179.0, -18], [180.00000000000014, -18], [180.00000000000014, -16], [179, -16]]
-    area = Area.of({"type": "Polygon", "coordinates": [[*ring, ring[0]]]})
+    area = Area.read({"type": "Polygon", "coordinates": [[*ring, ring[0]]]})
     assert max(lon for _, lon in area.polygons[0][0]) == 180.0
     far = [[lon + 1e-6, lat] for lon, lat in ring]
     with pytest.raises(FieldError, match="180, got -18 to -16 and 179.000001 to 180.000001"):
-        Area.of({"type": "Polygon", "coordinates": [[*far, far[0]]]})
+        Area.read({"type": "Polygon", "coordinates": [[*far, far[0]]]})
 
 
 def test_a_byte_order_mark_is_read(tmp_path: Path) -> None:
     polygon = {"type": "Polygon", "coordinates": [RING]}
     (tmp_path / "area.geojson").write_bytes(b"\xef\xbb\xbf" + json.dumps(polygon).encode())
-    assert Area.of(tmp_path / "area.geojson") == Area.of(polygon)
+    assert Area.read(tmp_path / "area.geojson") == Area.read(polygon)
 
 
 @pytest.mark.slow
@@ -302,12 +302,12 @@ def test_a_file_of_another_program_is_an_area(
         path, shapely.to_wkb(np.array([shape])), field_data=[], fields=[], driver=driver, crs=crs,
         geometry_type=shape.geom_type, **({"layer": "routes"} if driver == "GPX" else {}),
     )  # fmt: skip
-    read, wanted = Area.of(path), Area.of({"type": "Polygon", "coordinates": [RING]})
+    read, wanted = Area.read(path), Area.read({"type": "Polygon", "coordinates": [RING]})
     found = [shapely.Polygon(one.polygons[0][0]) for one in (read, wanted)]
     assert found[0].symmetric_difference(found[1]).area < 1e-6
     path.write_bytes(b"nothing")
     with pytest.raises(FieldError, match="area must be a file that GDAL reads, got '.*area"):
-        Area.of(path)
+        Area.read(path)
 
 
 BOW = [[-24.035, -46.165], [-24.02, -46.15], [-24.035, -46.15], [-24.02, -46.165]]
@@ -426,20 +426,22 @@ def test_a_large_grid_is_looked_at_in_parts(
     monkeypatch: pytest.MonkeyPatch, little_memory: Any
 ) -> None:
     ring = [(-24.05, -46.18), (-23.9, -46.1), (-23.95, -46.0)]
-    whole = area_mask(Area.of(ring), False, 300, 30.0, (-24.04, -46.17, 0.0))
+    whole = area_mask(Area.read(ring), False, 300, 30.0, (-24.04, -46.17, 0.0))
     monkeypatch.setattr("dsse_ros.scenario.area._BLOCK_CELLS", 7 * 300)
     area_mask.cache_clear()
-    parts = area_mask(Area.of(ring), False, 300, 30.0, (-24.04, -46.17, 0.0))
+    parts = area_mask(Area.read(ring), False, 300, 30.0, (-24.04, -46.17, 0.0))
     assert whole is not None and parts is not None and 0 < parts.sum() < 90_000
     np.testing.assert_array_equal(parts, whole)
     with pytest.raises(
         FieldError,
         match=r"a cell of the grid, -24\.03986 to -23\.95885 N and -46\.16985 to -46\.08167 E",
     ):
-        area_mask(Area.of([(10, 10), (10, 11), (11, 11)]), False, 300, 30.0, (-24.04, -46.17, 0.0))
+        area_mask(
+            Area.read([(10, 10), (10, 11), (11, 11)]), False, 300, 30.0, (-24.04, -46.17, 0.0)
+        )
     monkeypatch.undo()
     with little_memory():
-        area_mask(Area.of(ring), False, 2000, 4.0, (-24.04, -46.17, 0.0))
+        area_mask(Area.read(ring), False, 2000, 4.0, (-24.04, -46.17, 0.0))
 
 
 class Points(tuple[Any, ...]):
@@ -453,7 +455,7 @@ class Points(tuple[Any, ...]):
 
 
 def test_a_reset_does_not_look_through_the_points_of_the_area() -> None:
-    area = Area.of([[-24.035, -46.165], [-24.035, -46.155], [-24.03, -46.16]])
+    area = Area.read([[-24.035, -46.165], [-24.035, -46.155], [-24.03, -46.16]])
     counted = Area(Points(area.polygons))
     env = parallel_env(
         area=counted, grid_size=20, origin_lat=-24.04, origin_lon=-46.17, num_drones=2,

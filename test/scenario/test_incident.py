@@ -121,7 +121,7 @@ def test_a_resolved_incident_needs_no_file_and_lays_no_grid_again() -> None:
     resolved = Scenario.from_yaml(KAYAK).resolve(SEA)
     stated = resolved.incident.to_json()
     assert Incident.may_be_sent(stated)
-    again = Incident.of(json.loads(json.dumps(stated, allow_nan=False)))
+    again = Incident.read(json.loads(json.dumps(stated, allow_nan=False)))
     assert again == resolved.incident and hash(again) == hash(resolved.incident)
     names = ("origin_lat", "origin_lon", "grid_size", "drones_positions", "vector")
     fields = {name: getattr(resolved, name) for name in names}
@@ -196,7 +196,7 @@ def stranded(lon: float, land: dict[str, Any]) -> float:
     """Return the share of objects seen at a longitude that land stops within half an hour."""
     current = {"toward": 90, "speed": 1.0}
     seen = {**SEEN, "lon": lon}
-    incident = Incident.of({**FIELDS, "seen": [seen], "current": current, "shore": land})
+    incident = Incident.read({**FIELDS, "seen": [seen], "current": current, "shore": land})
     times = incident.search_start_s + np.array([0.0, 1800.0])
     tracks = incident.tracks(times, 2000, np.random.default_rng(0))
     return float(tracks.stranded[-1].mean())
@@ -234,7 +234,7 @@ def test_a_snapshot_of_an_incident_is_restored() -> None:
 
 
 def test_a_snapshot_has_the_digest_of_a_flow_and_fits_no_other_flow() -> None:
-    times = Incident.of(FIELDS).search_start_s + 3600.0 * np.arange(-2, 8)
+    times = Incident.read(FIELDS).search_start_s + 3600.0 * np.arange(-2, 8)
     axes = {"lats_deg": np.linspace(-25, -23, 40), "lons_deg": np.linspace(-47, -45, 40)}
 
     def current(east_mps: float) -> dict[str, Any]:
@@ -338,7 +338,7 @@ def test_wind_that_ends_before_the_search_is_refused_in_a_line(tmp_path: Path) -
 def write_tracks(path: Path) -> np.ndarray:
     """Write an OpenDrift file of our own drift; latitudes (T, M)."""
     netcdf = pytest.importorskip("netCDF4")
-    made = Incident.of(FIELDS)
+    made = Incident.read(FIELDS)
     times = made.search_start_s + 600.0 * np.arange(10)
     tracks = made.tracks(times, 5000, np.random.default_rng(1))
     with netcdf.Dataset(path, "w") as file:
@@ -365,7 +365,7 @@ def test_tracks_of_another_model_are_the_ensemble(tmp_path: Path) -> None:
     assert given.sigma_x == pytest.approx(ours.sigma_x, rel=0.1)
     fields = given.incident.to_json()
     assert Incident.may_be_sent(fields) and not Incident.may_be_sent(stated)
-    assert Incident.of(json.dumps(fields, allow_nan=False)) == given.incident
+    assert Incident.read(json.dumps(fields, allow_nan=False)) == given.incident
     with pytest.raises(FieldError, match="incident: the tracks must cover .* got 2026-01-17T14:00"):
         Scenario(incident=stated, timestep_limit=900).resolve(SEA)
     with pytest.raises(FieldError, match="'wind' is not a field of an incident with tracks"):
@@ -413,24 +413,24 @@ def test_where_truth_has_another_law_a_search_finds_fewer_than_its_pos(truth: An
     ours, theirs = tracks_of(wrong, SEA), tracks_of(right, SEA)
     assert ours is not None and theirs is not None
     assert np.array_equal(ours.particles, theirs.particles)
-    again = Incident.of(json.dumps(wrong.incident.to_json(), allow_nan=False))
+    again = Incident.read(json.dumps(wrong.incident.to_json(), allow_nan=False))
     assert again == wrong.incident and again.followed == wrong.incident.followed
 
 
 def test_stokes_drift_is_optional_and_survives_a_message() -> None:
-    moved = Incident.of({**FIELDS, "waves": {"speed": 0.2, "toward": 90}})
-    assert Incident.of(FIELDS).waves is None and moved != Incident.of(FIELDS)
-    assert Incident.of(json.dumps(moved.to_json(), allow_nan=False)) == moved
+    moved = Incident.read({**FIELDS, "waves": {"speed": 0.2, "toward": 90}})
+    assert Incident.read(FIELDS).waves is None and moved != Incident.read(FIELDS)
+    assert Incident.read(json.dumps(moved.to_json(), allow_nan=False)) == moved
     assert not Incident.may_be_sent({**FIELDS, "waves": {"file": "waves.nc"}})
     times = moved.search_start_s + np.array([0.0, 3600.0])
     lons = [
         one.tracks(times, 500, np.random.default_rng(1)).lons_deg[-1].mean()
-        for one in (moved, Incident.of(FIELDS))
+        for one in (moved, Incident.read(FIELDS))
     ]
     # Since the sighting, an hour before the search: 0.2 m/s for two hours are 1440 m.
     assert (lons[0] - lons[1]) * 101_700 == pytest.approx(1440, abs=15)
     with pytest.raises(FieldError, match="incident.waves must have no error, got 1"):
-        Incident.of({**FIELDS, "waves": {"speed": 0.2, "toward": 90, "error": 1.0}})
+        Incident.read({**FIELDS, "waves": {"speed": 0.2, "toward": 90, "error": 1.0}})
 
 
 def test_the_truth_of_a_message_names_no_file() -> None:

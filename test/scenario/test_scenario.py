@@ -46,10 +46,10 @@ def test_yaml_dict_and_keywords_state_the_same(tmp_path: Path) -> None:
     assert Scenario.from_yaml(path) == Scenario.from_yaml(str(path)) == expected
     assert Scenario.from_dict(FIELDS) == expected
     for source in (path, str(path), FIELDS, expected):
-        assert Scenario.of(source) == expected
+        assert Scenario.read(source) == expected
         assert parallel_env(source).scenario == expected.resolve(PAPER)
     assert parallel_env(**FIELDS).scenario == expected.resolve(PAPER)
-    assert Scenario.of(None) == Scenario() == Scenario.of({})
+    assert Scenario.read(None) == Scenario() == Scenario.read({})
 
 
 def test_values_arrive_in_one_canonical_form() -> None:

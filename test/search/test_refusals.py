@@ -239,7 +239,7 @@ def test_any_rules_render_mode_or_scenario_is_accepted_or_refused(value: Any) ->
 
 @pytest.mark.parametrize("value", ["", "no/such/place.yaml", ".", "a\0b", "x" * 300])
 def test_a_path_that_leads_to_no_file_is_refused(value: str) -> None:
-    text = refusal(lambda: Scenario.of(value))
+    text = refusal(lambda: Scenario.read(value))
     assert text is not None and "scenario" in text
 
 
