@@ -15,7 +15,6 @@ from dataclasses import dataclass
 
 from dsse_ros.checks import check_number
 from dsse_ros.mission_items.items import (
-    FIRMWARES,
     FRAME_GLOBAL,
     FRAME_MISSION,
     NAV_RETURN_TO_LAUNCH,
@@ -121,15 +120,15 @@ def check_item(item: MissionItem, fence: Fence) -> Result[MissionItem]:
 
 
 def check_mission(
-    items: Sequence[MissionItem], fence: Fence, firmware: str
+    items: Sequence[MissionItem], fence: Fence, *, home_first: bool
 ) -> Result[tuple[MissionItem, ...]]:
-    """Check every item of a mission, which is numbered like the missions of its vehicle.
+    """Check every item of a mission, which is numbered as `VehicleMission.numbered` does.
 
     Returns:
         The mission, or the rejection of its first refused item, see `check_item`.
     """
     for index, item in enumerate(items):
-        is_home = index == 0 and FIRMWARES[firmware].home_first
+        is_home = index == 0 and home_first
         checked = _check_home(item, fence) if is_home else check_item(item, fence)
         if isinstance(checked, Rejected):
             return Rejected(checked.code, f"item {index}: {checked.reason}")

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any, Literal, TypeVar
 
 from numpy.typing import NDArray
 
+from dsse_ros.autopilots import AUTOPILOTS
 from dsse_ros.bridge.custody import MAY_ORDER, Custody
 from dsse_ros.bridge.fleet_airspace import FleetAirspace
 from dsse_ros.bridge.flight_plan import FlightPlan
@@ -25,7 +26,6 @@ from dsse_ros.bridge.settings import BridgeSettings
 from dsse_ros.bridge.vehicle_custody import VehicleCustody
 from dsse_ros.bridge.vehicle_follower import Permissions, VehicleFollower
 from dsse_ros.defects import Defects, describe
-from dsse_ros.flight.autopilots import AUTOPILOTS
 from dsse_ros.flight.orders import FlyMission, Hold
 from dsse_ros.flight.vehicle_controller import Order
 from dsse_ros.result import Rejected, Result

@@ -7,13 +7,13 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
+from dsse_ros.autopilots import AUTOPILOTS
 from dsse_ros.bridge.fence import Fence, check_search, check_take_off
 from dsse_ros.bridge.settings import BridgeSettings
 from dsse_ros.bridge.tasks import Task, leg_task, mission_task, way_task
-from dsse_ros.flight.autopilots import AUTOPILOTS
+from dsse_ros.bridge.vehicle_missions import Track, layers, search_missions
 from dsse_ros.flight.orders import GoTo
 from dsse_ros.flight.vehicle_state import VehicleState
-from dsse_ros.mission.vehicle_missions import Track, layers, search_missions
 from dsse_ros.mission_items.items import Home
 from dsse_ros.mission_items.reduced_tracks import without_repeats
 from dsse_ros.mission_items.separation import Space, place_of, track_spaces

@@ -6,8 +6,8 @@ from __future__ import annotations
 
 import math
 
+from dsse_ros.autopilots import Autopilot
 from dsse_ros.bridge.flight_record import FlightRecord
-from dsse_ros.flight.autopilots import Autopilot
 from dsse_ros.flight.orders import FlyMission, FlyTrack, GoTo, Hold, Land, Return, Search, TakeOff
 from dsse_ros.flight.vehicle_controller import Order
 from dsse_ros.flight.vehicle_state import VehicleState

@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from dsse_ros.flight.autopilots import Autopilot
+from dsse_ros.autopilots import Autopilot
 from dsse_ros.flight.vehicle_state import VehicleState
 
 _LOWER_M = 1.0

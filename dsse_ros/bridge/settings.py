@@ -7,7 +7,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from dsse_ros.mission.vehicle_missions import FlightSettings
+from dsse_ros.bridge.vehicle_missions import FlightSettings
 from dsse_ros.scenario.fields import FieldError, check_all, field
 
 

@@ -11,13 +11,13 @@ from dataclasses import replace
 
 import numpy as np
 
+from dsse_ros.autopilots import Autopilot
 from dsse_ros.bridge.fence import Fence, check_mission, check_place
-from dsse_ros.flight.autopilots import Autopilot
+from dsse_ros.bridge.vehicle_missions import FlightSettings
 from dsse_ros.flight.orders import FlyMission, FlyTrack, GoTo, Search
 from dsse_ros.flight.paced_setpoint import AHEAD_M, BRAKING_MPS2, Place
 from dsse_ros.flight.vehicle_controller import Order
 from dsse_ros.flight.vehicle_state import VehicleState
-from dsse_ros.mission.vehicle_missions import FlightSettings
 from dsse_ros.mission_items.items import NAV_WAYPOINT, VehicleMission
 from dsse_ros.mission_items.track_missions import Leg, acceptance_radius_m
 from dsse_ros.result import Accepted, Rejected, Result
@@ -122,15 +122,15 @@ def mission_task(
         autopilot: Autopilot of the vehicle.
         holds_over_home: Whether the second to last item is a hold over home.
     """
-    checked = check_mission(mission.numbered(autopilot.name), fence, autopilot.name)
+    items = mission.numbered(home_first=autopilot.home_first)
+    checked = check_mission(items, fence, home_first=autopilot.home_first)
     if isinstance(checked, Rejected):
         return checked
-    items = checked.value
     if not autopilot.keeps_item_radius:
         # This autopilot has one radius for all waypoints, and reads items back with a radius of 0.
-        items = tuple(
+        items = [
             replace(item, param2=0.0) if item.command == NAV_WAYPOINT else item for item in items
-        )
+        ]
     hold_item = len(items) - 2 if holds_over_home else -1
     return Accepted((FlyMission(tuple(items), hold_item=hold_item),))
 

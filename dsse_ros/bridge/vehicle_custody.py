@@ -15,10 +15,10 @@ from collections.abc import Callable, Iterable
 from dataclasses import replace
 from typing import Literal
 
+from dsse_ros.autopilots import Autopilot
 from dsse_ros.bridge.custody import AIRBORNE, Custody, Event, next_custody
 from dsse_ros.bridge.flight_record import FlightRecord, SearchId
 from dsse_ros.bridge.foreign_acts import foreign_act, is_ours, lacks_setpoints, modes_of
-from dsse_ros.flight.autopilots import Autopilot
 from dsse_ros.flight.orders import FlyMission, Hold, TakeOff
 from dsse_ros.flight.vehicle_controller import Order, Outcome
 from dsse_ros.flight.vehicle_state import VehicleState

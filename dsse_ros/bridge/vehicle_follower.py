@@ -13,6 +13,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import cast
 
+from dsse_ros.autopilots import AUTOPILOTS
 from dsse_ros.bridge.custody import MAY_ORDER, Custody, Event
 from dsse_ros.bridge.fence import Fence
 from dsse_ros.bridge.flight_record import FlightRecord, SearchId
@@ -23,7 +24,6 @@ from dsse_ros.bridge.settings import BridgeSettings
 from dsse_ros.bridge.take_off import lacks, reason_to_stay, unready
 from dsse_ros.bridge.tasks import Task, waits_over_home
 from dsse_ros.bridge.vehicle_custody import Arm, VehicleCustody
-from dsse_ros.flight.autopilots import AUTOPILOTS
 from dsse_ros.flight.orders import (
     FlyMission,
     GoTo,

@@ -13,16 +13,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dsse_ros.cli.command_line import Parser, options_of, search_of
-from dsse_ros.cli.mission_file import FILE_HELP, add_choice, choose, read
-from dsse_ros.cli.pattern_mission import PatternMission, add_pattern, check_no_pattern
-from dsse_ros.cli.start import not_found
-from dsse_ros.mission.vehicle_missions import (
+from dsse_ros.bridge.vehicle_missions import (
     FlightSettings,
     layers,
     search_missions,
     write_missions,
 )
+from dsse_ros.cli.command_line import Parser, options_of, search_of
+from dsse_ros.cli.mission_file import FILE_HELP, add_choice, choose, read
+from dsse_ros.cli.pattern_mission import PatternMission, add_pattern, check_no_pattern
+from dsse_ros.cli.start import not_found
 from dsse_ros.mission_items.items import Home
 from dsse_ros.planners import planner_for, play
 from dsse_ros.runtime.exit_codes import fail

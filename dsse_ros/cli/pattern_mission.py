@@ -10,8 +10,8 @@ from dataclasses import replace
 
 import numpy as np
 
+from dsse_ros.bridge.vehicle_missions import FlightSettings
 from dsse_ros.cli.command_line import Parser, place
-from dsse_ros.mission.vehicle_missions import FlightSettings
 from dsse_ros.mission_items.items import NAV_WAYPOINT, Home, VehicleMission
 from dsse_ros.mission_items.track_missions import TrackStyle, track_mission
 from dsse_ros.planners.patterns import SearchPattern

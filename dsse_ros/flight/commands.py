@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from dsse_ros.flight.autopilots import AUTOPILOTS, Autopilot
+from dsse_ros.autopilots import AUTOPILOTS, Autopilot
 from dsse_ros.flight.transfer import Timeouts
 from dsse_ros.flight.vehicle_state import VehicleState
 from dsse_ros.mavlink.messages import (

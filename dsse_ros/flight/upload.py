@@ -11,8 +11,8 @@ from collections.abc import Sequence
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from dsse_ros.autopilots import Autopilot
 from dsse_ros.checks import check_number
-from dsse_ros.flight.autopilots import Autopilot
 from dsse_ros.flight.item_messages import INTEGER_FRAMES
 from dsse_ros.flight.transfer import DEFAULT_TIMEOUTS, Done, Failed, Timeouts, Transfer
 from dsse_ros.mavlink.messages import (

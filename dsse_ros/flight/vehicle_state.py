@@ -10,7 +10,7 @@ from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from dsse_ros.flight.autopilots import Autopilot
+from dsse_ros.autopilots import Autopilot
 from dsse_ros.flight.identity import (
     Identity,
     unidentified,
@@ -19,6 +19,7 @@ from dsse_ros.flight.identity import (
     with_version,
     without_uid,
 )
+from dsse_ros.mavlink.events import EventMessage
 from dsse_ros.mavlink.messages import (
     NO_POSITION,
     Address,
@@ -42,7 +43,6 @@ from dsse_ros.mavlink.messages import (
     SysStatus,
     command_long,
 )
-from dsse_ros.mavlink.px4_events import SUMMARY, EventMessage, failed_check
 
 _CRITICAL = frozenset({mavlink.MAV_STATE_CRITICAL, mavlink.MAV_STATE_EMERGENCY})
 _LANDED_UNKNOWN = mavlink.MAV_LANDED_STATE_UNDEFINED
@@ -243,7 +243,7 @@ def observe(
         case StatusText(_, text):
             return _status_text(state, text, now, autopilot)
         case EventMessage():
-            return _event(state, message)
+            return _event(state, message, autopilot)
     return state
 
 
@@ -387,13 +387,13 @@ def _status_text(state: VehicleState, text: str, now: float, autopilot: Autopilo
     return state
 
 
-def _event(state: VehicleState, event: EventMessage) -> VehicleState:
+def _event(state: VehicleState, event: EventMessage, autopilot: Autopilot) -> VehicleState:
     complaints = dict(state._complaints)
-    if event.id == SUMMARY:
+    if event.id == autopilot.check_report:
         complaints = {
             text: time_s for text, time_s in complaints.items() if time_s != _UNTIL_THE_NEXT_REPORT
         }
-    elif text := failed_check(event):
+    elif text := autopilot.failed_check(event):
         complaints[text] = _UNTIL_THE_NEXT_REPORT
     return replace(state, _complaints=tuple(complaints.items()))
 

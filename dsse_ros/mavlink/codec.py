@@ -15,6 +15,7 @@ from dataclasses import dataclass, field
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from dsse_ros.mavlink.events import EventMessage
 from dsse_ros.mavlink.messages import (
     INCOMING,
     Address,
@@ -24,7 +25,6 @@ from dsse_ros.mavlink.messages import (
     StatusText,
     is_valid,
 )
-from dsse_ros.mavlink.px4_events import EventMessage
 from dsse_ros.mavlink.signing import SigningClock
 
 _MARKER = re.compile(rb"[\xfd\xfe]")

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple, get_args
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from dsse_ros.mavlink.px4_events import EventMessage
+from dsse_ros.mavlink.events import EventMessage
 
 NO_POSITION = (
     mavlink.POSITION_TARGET_TYPEMASK_X_IGNORE

@@ -6,12 +6,21 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from dsse_ros.mission.vehicle_missions import ArrivalSettings
 from dsse_ros.scenario.fields import check_all, field
 
 IGNORED, FOLLOWED, AWAITED = "ignored", "followed", "awaited"
 """What the time of vehicles counts for the sea: nothing; the sea follows their clocks; or it stands
 still until they have done their tasks."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ArrivalSettings:
+    """Setting for when a vehicle has arrived."""
+
+    acceptance_radius: float = field(
+        "float", "Distance from the centre of a cell within which a vehicle has arrived; at most "
+        "half the side of a cell.", 10.0, low=1, high=255, unit="m",
+    )  # fmt: skip
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -8,7 +8,6 @@ Commands and frames: https://mavlink.io/en/messages/common.html.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -26,29 +25,6 @@ FRAME_GLOBAL_RELATIVE_ALT = 3
 """Altitude above home."""
 
 _LIMITS = {"latitude": 90.0, "longitude": 180.0, "altitude": 1e6}
-
-
-class Firmware(NamedTuple):
-    """The mission format of an autopilot's firmware.
-
-    Attributes:
-        home_first: Whether item 0 is home; else it is the first to fly.
-        mav_autopilot: Its number in MAV_AUTOPILOT.
-        mav_type: Number of its vehicles in MAV_TYPE.
-    """
-
-    home_first: bool
-    mav_autopilot: int
-    mav_type: int = 2
-
-
-FIRMWARES: Mapping[str, Firmware] = {
-    "ardupilot": Firmware(home_first=True, mav_autopilot=3),
-    "arduplane": Firmware(home_first=True, mav_autopilot=3, mav_type=1),
-    "px4": Firmware(home_first=False, mav_autopilot=12),
-    "px4plane": Firmware(home_first=False, mav_autopilot=12, mav_type=1),
-}
-"""By the names of the autopilots: see `dsse_ros.flight.autopilots`."""
 
 
 class Home(NamedTuple):
@@ -107,9 +83,9 @@ class VehicleMission:
     home: Home
     items: tuple[MissionItem, ...]
 
-    def numbered(self, firmware: str) -> list[MissionItem]:
-        """Return the items as vehicles with one of `FIRMWARES` number them."""
-        if not FIRMWARES[firmware].home_first:
+    def numbered(self, *, home_first: bool) -> list[MissionItem]:
+        """Return the items as a vehicle numbers them; with `home_first`, item 0 is home."""
+        if not home_first:
             return list(self.items)
         lat_deg, lon_deg, alt_m = self.home
         home = MissionItem(

@@ -11,7 +11,7 @@ import json
 import math
 from typing import Any
 
-from dsse_ros.mission_items.items import FIRMWARES, MissionItem, VehicleMission, check_item
+from dsse_ros.mission_items.items import MissionItem, VehicleMission, check_item
 
 _SPEED_MPS = 10.0
 """For QGroundControl's estimates."""
@@ -22,12 +22,13 @@ _FENCE_VERSION = 2
 _RALLY_VERSION = 2
 
 
-def plan_text(mission: VehicleMission, firmware: str = "ardupilot") -> str:
+def plan_text(mission: VehicleMission, firmware: int, vehicle: int) -> str:
     """Return the text of a `.plan` file, whose numbers are exact; NaN is written as null.
 
     Args:
         mission: The mission.
-        firmware: One of `FIRMWARES`.
+        firmware: MAV_AUTOPILOT of the vehicle.
+        vehicle: Its MAV_TYPE.
 
     Raises:
         ValueError: If an item or home has a place that is not finite or not on the Earth, or a
@@ -41,12 +42,12 @@ def plan_text(mission: VehicleMission, firmware: str = "ardupilot") -> str:
         "groundStation": "QGroundControl",
         "mission": {
             "cruiseSpeed": _SPEED_MPS,
-            "firmwareType": FIRMWARES[firmware].mav_autopilot,
+            "firmwareType": firmware,
             "globalPlanAltitudeMode": _ALTITUDE_ABOVE_HOME,
             "hoverSpeed": _SPEED_MPS,
             "items": [_simple_item(number, item) for number, item in enumerate(mission.items, 1)],
             "plannedHomePosition": list(mission.home),
-            "vehicleType": FIRMWARES[firmware].mav_type,
+            "vehicleType": vehicle,
             "version": _MISSION_VERSION,
         },
         "rallyPoints": {"points": [], "version": _RALLY_VERSION},

@@ -13,10 +13,10 @@ from pathlib import Path
 from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import String
 
+from dsse_ros.autopilots import AUTOPILOTS
 from dsse_ros.bridge.fleet_controller import FleetController
 from dsse_ros.bridge.flight_records import FlightRecords, default_directory
 from dsse_ros.bridge.settings import BridgeSettings
-from dsse_ros.flight.autopilots import AUTOPILOTS
 from dsse_ros.flight.vehicle import Fleet, Vehicle, VehicleSettings
 from dsse_ros.nodes import bridge_services
 from dsse_ros.nodes.bridge_publishers import BridgePublishers

@@ -164,26 +164,28 @@ def test_what_is_accepted_can_be_flown_and_what_can_be_flown_is_accepted(
 
 def test_a_mission_is_refused_by_its_first_bad_item():
     mission = track_mission(FRAME, [(0, 0), (1, 0)], style=TrackStyle(datum_amsl_m=0.0))
-    items = [*mission.numbered("ardupilot"), waypoint(9000.0), waypoint(alt_m=500.0)]
-    checked = check_mission(items, FENCE, "ardupilot")
+    items = [*mission.numbered(home_first=True), waypoint(9000.0), waypoint(alt_m=500.0)]
+    checked = check_mission(items, FENCE, home_first=True)
     assert isinstance(checked, Rejected)
     assert checked.code == "outside_fence" and checked.reason.startswith("item 5: ")
 
 
-def test_home_is_checked_where_ardupilot_has_it_and_nowhere_else():
-    items = track_mission(FRAME, [(0, 0)], style=TrackStyle(datum_amsl_m=0.0)).numbered("ardupilot")
-    assert check_mission(items, FENCE, "ardupilot") == Accepted(tuple(items))
-    as_px4 = check_mission(items, FENCE, "px4")
+def test_home_is_checked_where_a_mission_has_it_and_nowhere_else():
+    items = track_mission(FRAME, [(0, 0)], style=TrackStyle(datum_amsl_m=0.0)).numbered(
+        home_first=True
+    )
+    assert check_mission(items, FENCE, home_first=True) == Accepted(tuple(items))
+    without = check_mission(items, FENCE, home_first=False)
     # Home is on the ground.
-    assert isinstance(as_px4, Rejected) and as_px4.reason.startswith("item 0: altitude must be")
-    far = VehicleMission(Home(0.0, 0.0, 0.0), tuple(items[1:])).numbered("ardupilot")
+    assert isinstance(without, Rejected) and without.reason.startswith("item 0: altitude must be")
+    far = VehicleMission(Home(0.0, 0.0, 0.0), tuple(items[1:])).numbered(home_first=True)
     for spoilt, wanted in (
         (far, "outside_fence"),
         (items[1:], "unknown_command"),
         ([waypoint(frame=3), *items[1:]], "unknown_frame"),
         ([dataclasses.replace(items[0], lat_deg=math.nan), *items[1:]], "not_finite"),
     ):
-        checked = check_mission(spoilt, FENCE, "ardupilot")
+        checked = check_mission(spoilt, FENCE, home_first=True)
         assert isinstance(checked, Rejected) and checked.code == wanted
         assert checked.reason.startswith("item 0: ") and "None" not in checked.reason
 

@@ -7,8 +7,8 @@ from __future__ import annotations
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from dsse_ros.autopilots import AUTOPILOTS
 from dsse_ros.bridge.own_return import reason_to_leave
-from dsse_ros.flight.autopilots import AUTOPILOTS
 from dsse_ros.flight.vehicle_state import VehicleState, observe
 from dsse_ros.mavlink.messages import ParamValue
 

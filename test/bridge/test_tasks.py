@@ -13,9 +13,9 @@ from hypothesis import strategies as st
 from dsse_ros.bridge.airspace import Flyer
 from dsse_ros.bridge.fence import Fence, check_place
 from dsse_ros.bridge.tasks import way_task
+from dsse_ros.bridge.vehicle_missions import FlightSettings
 from dsse_ros.flight.orders import FlyTrack
 from dsse_ros.flight.vehicle_state import VehicleState
-from dsse_ros.mission.vehicle_missions import FlightSettings
 from dsse_ros.mission_items.separation import place_of
 from dsse_ros.mission_items.track_missions import Leg
 from dsse_ros.result import Accepted

@@ -9,11 +9,11 @@ from typing import Any
 
 import pytest
 
+from dsse_ros.autopilots import ARDUPILOT, PX4, Autopilot
 from dsse_ros.bridge.custody import Custody
 from dsse_ros.bridge.flight_record import FlightRecord, inherited
 from dsse_ros.bridge.foreign_acts import RISEN_M
 from dsse_ros.bridge.vehicle_custody import CONSENT_S, FAILSAFE_S, Arm, VehicleCustody
-from dsse_ros.flight.autopilots import ARDUPILOT, PX4, Autopilot
 from dsse_ros.flight.identity import Identity
 from dsse_ros.flight.orders import FlyMission, GoTo, Hold, Land, Order, Return, TakeOff
 from dsse_ros.flight.vehicle_controller import Outcome

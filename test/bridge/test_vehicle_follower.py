@@ -12,6 +12,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from dsse_ros.autopilots import PX4
 from dsse_ros.bridge.custody import MAY_ORDER, Custody
 from dsse_ros.bridge.fence import Fence
 from dsse_ros.bridge.flight_record import FlightRecord, inherited
@@ -20,7 +21,7 @@ from dsse_ros.bridge.settings import BridgeSettings
 from dsse_ros.bridge.tasks import leg_task, mission_task
 from dsse_ros.bridge.vehicle_custody import FAILSAFE_S
 from dsse_ros.bridge.vehicle_follower import Permissions, VehicleFollower
-from dsse_ros.flight.autopilots import PX4
+from dsse_ros.bridge.vehicle_missions import search_missions
 from dsse_ros.flight.identity import Identity
 from dsse_ros.flight.orders import (
     FlyMission,
@@ -35,7 +36,6 @@ from dsse_ros.flight.orders import (
 )
 from dsse_ros.flight.vehicle_controller import Outcome
 from dsse_ros.flight.vehicle_state import VehicleState
-from dsse_ros.mission.vehicle_missions import search_missions
 from dsse_ros.mission_items.items import Home
 from dsse_ros.mission_items.track_missions import Leg
 from dsse_ros.result import Accepted, Rejected

@@ -38,9 +38,9 @@ from rclpy.qos import QoSProfile, ReliabilityPolicy  # noqa: E402
 from rclpy.signals import SignalHandlerOptions  # noqa: E402
 from sensor_msgs.msg import PointCloud2  # noqa: E402
 
+from dsse_ros.bridge.vehicle_missions import FlightSettings  # noqa: E402
 from dsse_ros.cli.command_line import Parser, make_folder, search_of  # noqa: E402
 from dsse_ros.cli.node_process import MissionFailed, check_running, process  # noqa: E402
-from dsse_ros.mission.vehicle_missions import FlightSettings  # noqa: E402
 from dsse_ros.mission.vehicle_time import FOLLOWED, IGNORED  # noqa: E402
 from dsse_ros.nodes.settings import SimSettings  # noqa: E402
 from dsse_ros.report.recomputed import mission_views  # noqa: E402

@@ -13,7 +13,7 @@ from message_values import changed
 from mission_vehicle import VEHICLE, addressed
 from sample_missions import mission
 
-from dsse_ros.flight.autopilots import ARDUPILOT, PX4
+from dsse_ros.autopilots import ARDUPILOT, PX4
 from dsse_ros.flight.transfer import Timeouts
 from dsse_ros.flight.upload import Download, Upload, VerifiedUpload
 from dsse_ros.mavlink.messages import (

@@ -13,7 +13,7 @@ import pytest
 from autopilot.running import Running, running_autopilot
 from pace import Pace
 
-from dsse_ros.flight.autopilots import ARDUPILOT, PX4
+from dsse_ros.autopilots import ARDUPILOT, PX4
 from dsse_ros.flight.orders import GoTo, Return, TakeOff
 from dsse_ros.flight.vehicle import Fleet, VehicleSettings
 

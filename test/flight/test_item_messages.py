@@ -49,7 +49,7 @@ def test_an_item_comes_over_the_wire(item, seq, target):
 
 @given(MISSIONS)
 def test_the_items_of_a_mission_are_numbered(mission):
-    items = mission_messages(mission.numbered("ardupilot"))
+    items = mission_messages(mission.numbered(home_first=True))
     assert [item.seq for item in items] == list(range(len(mission.items) + 1))
     assert [item.current for item in items] == [1, *[0] * len(mission.items)]
 

@@ -9,7 +9,7 @@ from mission_vehicle import VEHICLE, VEHICLES, ArduPilot
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from sample_missions import mission
 
-from dsse_ros.flight.autopilots import AUTOPILOTS, PX4
+from dsse_ros.autopilots import AUTOPILOTS, PX4
 from dsse_ros.flight.transfer import Done, Failed, Timeouts
 from dsse_ros.flight.upload import Upload, difference
 from dsse_ros.mavlink.messages import (

@@ -12,8 +12,9 @@ from hypothesis import strategies as st
 from message_values import with_fields
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from dsse_ros.flight.autopilots import AUTOPILOTS
+from dsse_ros.autopilots import AUTOPILOTS
 from dsse_ros.flight.vehicle_state import VehicleState, observe, without_link
+from dsse_ros.mavlink.events import EventMessage
 from dsse_ros.mavlink.messages import (
     INCOMING,
     AutopilotVersion,
@@ -31,7 +32,6 @@ from dsse_ros.mavlink.messages import (
     StatusText,
     SysStatus,
 )
-from dsse_ros.mavlink.px4_events import EventMessage
 
 GUIDED = Heartbeat(2, 3, 1, 4, 3, 3)
 ARMED = Heartbeat(2, 3, 129, 4, 4, 3)

@@ -15,7 +15,7 @@ from message_values import changed, contents
 from mission_vehicle import HOME, VEHICLE, VEHICLES, ArduPilot, Px4
 from sample_missions import mission
 
-from dsse_ros.flight.autopilots import ARDUPILOT, AUTOPILOTS, PX4
+from dsse_ros.autopilots import ARDUPILOT, AUTOPILOTS, PX4
 from dsse_ros.flight.transfer import Done, Failed, Timeouts
 from dsse_ros.flight.upload import VerifiedUpload, difference
 from dsse_ros.mavlink.messages import (

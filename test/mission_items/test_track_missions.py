@@ -70,7 +70,9 @@ def test_no_waypoint_and_no_leg_lies_in_a_cell_that_the_drone_was_not_in(seed, m
         FRAME, cells, rng.random(len(cells)) < 0.2, style=TrackStyle(merge_legs, datum_amsl_m=0.0)
     )
     fence = Fence(FRAME, margin_m=0.0, min_amsl_m=30.0, max_amsl_m=120.0, area=area)
-    assert isinstance(check_mission(mission.numbered("px4"), fence, "px4"), Accepted)
+    assert isinstance(
+        check_mission(mission.numbered(home_first=False), fence, home_first=False), Accepted
+    )
     stops_at = np.array([place(item) for item in mission.items[1:-1]], float)
     for start, end in zip(stops_at, stops_at[1:], strict=False):
         for share in np.linspace(0, 1, 97):
@@ -118,12 +120,12 @@ def test_a_search_on_a_straight_leg_is_not_lost():
     assert [place(item) for item in items[1:-1]] == [(0, 0), (1, 0), (1, 0), (1, 0), (2, 0)]
 
 
-def test_ardupilot_numbers_home_and_px4_does_not():
+def test_home_has_the_first_number_where_an_autopilot_wants_it():
     mission = track_mission(FRAME, [(0, 0)], home=Home(-24.0, -46.3, 4.0))
-    home, *items = mission.numbered("ardupilot")
+    home, *items = mission.numbered(home_first=True)
     assert (home.command, home.frame) == (NAV_WAYPOINT, FRAME_GLOBAL)
     assert (home.lat_deg, home.lon_deg, home.alt_m) == (-24.0, -46.3, 4.0)
-    assert items == mission.numbered("px4") == list(mission.items)
+    assert items == mission.numbered(home_first=False) == list(mission.items)
     assert (items[0].lat_deg, items[0].lon_deg) == (-24.0, -46.3)
 
 
@@ -133,9 +135,9 @@ def test_every_mission_in_the_area_is_inside_its_fence(cells, merge_legs):
     searched = [True] * len(cells)
     mission = track_mission(FRAME, cells, searched, style=TrackStyle(merge_legs, datum_amsl_m=0.0))
     fence = Fence(FRAME, margin_m=0.0, min_amsl_m=30.0, max_amsl_m=120.0)
-    for firmware in ("ardupilot", "px4"):
-        items = mission.numbered(firmware)
-        assert check_mission(items, fence, firmware) == Accepted(tuple(items))
+    for home_first in (False, True):
+        items = mission.numbered(home_first=home_first)
+        assert check_mission(items, fence, home_first=home_first) == Accepted(tuple(items))
 
 
 def test_an_empty_track_is_refused():

@@ -30,7 +30,7 @@ def test_items_come_back_from_a_file_to_eight_decimals(items):
 
 
 def test_a_file_is_laid_out_as_the_format_says():
-    text = qgc_wpl(track_mission(FRAME, [(0, 0)]).numbered("ardupilot"))
+    text = qgc_wpl(track_mission(FRAME, [(0, 0)]).numbered(home_first=True))
     header, *lines = text.removesuffix("\n").split("\n")
     assert header == "QGC WPL 110"
     rows = [line.split("\t") for line in lines]

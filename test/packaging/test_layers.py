@@ -175,9 +175,11 @@ LAYERS: dict[str, tuple[set[str], set[str]]] = {
         {"dsse_ros.mavlink", "dsse_ros.private_files", "dsse_ros.whole_files"},
         {"ros", "messages"},
     ),
+    "dsse_ros.autopilots": ({"dsse_ros.autopilots", "dsse_ros.mavlink"}, {"ros", "messages"}),
     "dsse_ros.flight": (
         {
             "dsse_ros.flight",
+            "dsse_ros.autopilots",
             "dsse_ros.mavlink",
             "dsse_ros.mission_items",
             "dsse_ros.scenario.geodesy",
@@ -190,6 +192,7 @@ LAYERS: dict[str, tuple[set[str], set[str]]] = {
         WORLD
         | {
             "dsse_ros.bridge",
+            "dsse_ros.autopilots",
             "dsse_ros.flight",
             "dsse_ros.mission",
             "dsse_ros.mission_items",
@@ -221,6 +224,7 @@ LAYERS: dict[str, tuple[set[str], set[str]]] = {
         WORLD
         | {
             "dsse_ros.nodes",
+            "dsse_ros.autopilots",
             "dsse_ros.runtime",
             "dsse_ros.bridge",
             "dsse_ros.dashboard",

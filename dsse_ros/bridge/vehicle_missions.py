@@ -13,7 +13,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dsse_ros.mission_items.items import FIRMWARES, Home, VehicleMission
+from dsse_ros.autopilots import AUTOPILOTS
+from dsse_ros.mission.vehicle_time import ArrivalSettings
+from dsse_ros.mission_items.items import Home, VehicleMission
 from dsse_ros.mission_items.plan_files import plan_text
 from dsse_ros.mission_items.reduced_tracks import without_repeats
 from dsse_ros.mission_items.separation import level_cells
@@ -31,16 +33,6 @@ LOWEST_LAYER_M = 10.0
 
 
 @dataclass(frozen=True, kw_only=True)
-class ArrivalSettings:
-    """Setting for when a vehicle has arrived."""
-
-    acceptance_radius: float = field(
-        "float", "Distance from the centre of a cell within which a vehicle has arrived; at most "
-        "half the side of a cell.", 10.0, low=1, high=255, unit="m",
-    )  # fmt: skip
-
-
-@dataclass(frozen=True, kw_only=True)
 class FlightSettings(ArrivalSettings):
     """Settings for flying a drone's moves and searches.
 
@@ -49,7 +41,7 @@ class FlightSettings(ArrivalSettings):
     """
 
     autopilot: str = field("str", "Autopilot of the vehicles.", "ardupilot",
-        choices=tuple(FIRMWARES),
+        choices=tuple(AUTOPILOTS),
     )  # fmt: skip
     search_altitude: float = field(
         "float", "Altitude to which a vehicle descends to search a cell, measured as the flight "
@@ -142,24 +134,25 @@ def layers(
 
 
 def write_missions(
-    directory: Path, missions: Mapping[str, VehicleMission], firmware: str
+    directory: Path, missions: Mapping[str, VehicleMission], autopilot: str
 ) -> list[Path]:
     """Write missions, by the names of their drones, as `.waypoints` and as `.plan` files.
 
     Args:
         directory: Folder; created if it does not exist.
         missions: By name.
-        firmware: One of `FIRMWARES`.
+        autopilot: One of `AUTOPILOTS`.
 
     Raises:
         OSError: If a file cannot be written.
     """
+    one = AUTOPILOTS[autopilot]
     directory.mkdir(parents=True, exist_ok=True)
     written = []
     for name, mission in missions.items():
         for suffix, text in (
-            (".waypoints", qgc_wpl(mission.numbered(firmware))),
-            (".plan", plan_text(mission, firmware=firmware)),
+            (".waypoints", qgc_wpl(mission.numbered(home_first=one.home_first))),
+            (".plan", plan_text(mission, one.number, one.kinds[0])),
         ):
             path = directory / f"{name}{suffix}"
             path.write_text(text, encoding="utf-8")

@@ -1,40 +1,26 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""Events of PX4: numbers, which a ground station looks up in the autopilot's metadata.
-
-https://mavlink.io/en/services/events.html. An event's number is a hash of its name, so the few
-about arming need no metadata. PX4 reports all failing arming checks whenever they change: the
-summary, the checks, and the summary of its health.
-"""
+"""PX4: its multicopters and its fixed wings."""
 
 from __future__ import annotations
 
-import struct
+import math
 from collections.abc import Mapping
-from typing import Any
+from dataclasses import replace
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-_COMPONENT = mavlink.MAV_COMP_ID_AUTOPILOT1 << 24
-_FNV_BASIS, _FNV_PRIME = 0x811C9DC5, 0x01000193
+from dsse_ros.autopilots.autopilot import FIXED_WINGS, MESSAGES, Autopilot
+from dsse_ros.mavlink.events import EventMessage, event_number
+from dsse_ros.mavlink.messages import BatteryStatus, PositionTarget
+
 _ALL_MODES = 0xFFFFFFFF
 _RESTING = 1 << 4
-"""HOLD is PX4's NAVIGATION_STATE_AUTO_LOITER."""
-_WARNING = mavlink.MAV_SEVERITY_WARNING
-
-
-def event_number(name: str) -> int:
-    """Return the number of an event of the autopilot: FNV-1a of its name."""
-    number = _FNV_BASIS
-    for letter in name.encode():
-        number = (number ^ letter) * _FNV_PRIME % 2**32
-    return _COMPONENT | number & 0xFFFFFF
-
-
-SUMMARY = event_number("commander_arming_check_summary")
-"""Begins a report."""
-
-_TEXTS: Mapping[int, str] = {
+"""HOLD is NAVIGATION_STATE_AUTO_LOITER."""
+# An event's number is a hash of its name, so these need no metadata. All failing arming checks are
+# reported whenever they change: the summary, the checks, and the summary of its health.
+_CHECK_REPORT = event_number("commander_arming_check_summary")
+_CHECKS: Mapping[int, str] = {
     event_number(f"check_{name}"): text
     for name, text in {
         "accel_missing": "accelerometer is missing",
@@ -112,44 +98,97 @@ _TEXTS: Mapping[int, str] = {
         "wind_too_high": "wind is too strong",
     }.items()
 }
-"""Of the checks that a multicopter may fail, in PX4 1.17's `HealthAndArmingChecks`."""
+"""Checks that a multicopter may fail, in PX4 1.17's `HealthAndArmingChecks`."""
 
 
-def failed_check(event: EventMessage) -> str:
+def _failed_check(event: EventMessage) -> str:
     """Return which arming check has failed in HOLD, empty if that is not what an event is about."""
     modes = int.from_bytes(event.arguments[:4], "little")
     # Those that no mode needs are reported as warnings of all.
-    optional = modes == _ALL_MODES and event.log_levels & 0xF == _WARNING
-    if event.id == SUMMARY or not modes & _RESTING or optional:
+    optional = modes == _ALL_MODES and event.log_levels & 0xF == mavlink.MAV_SEVERITY_WARNING
+    if event.id == _CHECK_REPORT or not modes & _RESTING or optional:
         return ""
-    return _TEXTS.get(event.id, "")
+    return _CHECKS.get(event.id, "")
 
 
-class EventMessage(mavlink.MAVLink_message):
-    """EVENT as pymavlink's generator would write it, which leaves it out."""
+PX4 = Autopilot(
+    name="px4",
+    number=mavlink.MAV_AUTOPILOT_PX4,
+    # MAVLink does not enumerate these: see px4_custom_mode.h; the names are QGroundControl's.
+    modes={
+        (1, 0): "MANUAL",
+        (2, 0): "ALTCTL",
+        (3, 0): "POSCTL",
+        (3, 1): "ORBIT",
+        (4, 1): "READY",
+        (4, 2): "TAKEOFF",
+        (4, 3): "HOLD",
+        (4, 4): "MISSION",
+        (4, 5): "RTL",
+        (4, 6): "LAND",
+        (4, 8): "FOLLOW",
+        (4, 9): "PRECLAND",
+        (5, 0): "ACRO",
+        (6, 0): "OFFBOARD",
+        (7, 0): "STABILIZED",
+        (8, 0): "RATTITUDE",
+        (9, 0): "SIMPLE",
+        (10, 0): "TERMINATION",
+    },
+    mode_shifts=(16, 24),
+    mode_mask=0xFF,
+    guided_mode="OFFBOARD",
+    resting_mode="HOLD",
+    mission_mode="MISSION",
+    return_mode="RTL",
+    land_mode="LAND",
+    take_off_mode="TAKEOFF",
+    # Without a remote control it starts in HOLD; with one, the switches choose the mode.
+    boot_modes=frozenset(),
+    landed_modes=frozenset({"RTL", "LAND", "MISSION"}),
+    item_modes={
+        mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH: "RTL",
+        mavlink.MAV_CMD_NAV_LAND: "LAND",
+    },
+    return_altitudes={"RTL_RETURN_ALT": 1.0},
+    disarmed_modes=frozenset({"HOLD"}),
+    disarming_s=3.0,
+    messages=(*MESSAGES, BatteryStatus, PositionTarget),
+    # At rest its EKF_STATUS_REPORT always has CONST_POS_MODE.
+    position_is_checked=True,
+    # It sends the same texts as a mere warning.
+    texts_prove_failsafe=False,
+    check_texts=("preflight:", "preflight fail:"),
+    checks_s=35.0,
+    check_report=_CHECK_REPORT,
+    failed_check=_failed_check,
+    acts_when_critical=True,
+    # In OFFBOARD the check fails as long as no setpoints come.
+    mode_is_checked=True,
+    streams_setpoints=True,
+    # Parameter COM_OBL_RC_ACT chooses among them.
+    setpoint_loss_modes=frozenset({"RTL", "HOLD", "LAND", "POSCTL", "ALTCTL", "STABILIZED"}),
+    paced_setpoints=True,
+    take_off_amsl=True,
+    unchanged=math.nan,
+    missions_by_command=False,
+    home_first=False,
+    keeps_item_radius=True,
+    parameter_tolerance=1e-3,
+    upload_can_be_cancelled=True,
+    first_port=14540,
+    port_step=1,
+)
 
-    id = 410
-    msgname = "EVENT"
-    fieldnames = (
-        "number", "event_time_boot_ms", "sequence", "destination_component", "destination_system",
-        "log_levels", "arguments",
-    )  # fmt: skip
-    ordered_fieldnames = fieldnames
-    fieldtypes = ("uint32_t", "uint32_t", "uint16_t", "uint8_t", "uint8_t", "uint8_t", "uint8_t")
-    array_lengths = (0, 0, 0, 0, 0, 0, 40)
-    crc_extra = 160
-    unpacker = struct.Struct("<IIHBBB40s")
-    orders = tuple(range(7))
-    lengths = (1,) * 7
-
-    def __init__(self, number: int, *others: Any, **named: Any) -> None:
-        super().__init__(EventMessage.id, EventMessage.msgname)
-        given = dict(zip(self.fieldnames, (number, *others), strict=False)) | named
-        self._values = [given[name] for name in self.fieldnames]
-        self.id, self.log_levels = number, given["log_levels"]
-        self.arguments = self._values[-1] = bytes(given["arguments"])
-
-    def pack(self, mav: Any, force_mavlink1: bool = False) -> bytes:
-        """Return the frame."""
-        payload = self.unpacker.pack(*self._values)
-        return bytes(self._pack(mav, self.crc_extra, payload, force_mavlink1=force_mavlink1))
+PX4_PLANE = replace(
+    PX4,
+    name="px4plane",
+    kinds=FIXED_WINGS,
+    kind="a fixed wing",
+    # NAV_LOITER_RAD is 80 m unless it is changed.
+    circle_m=150.0,
+    alt_error_m=4.0,
+    land_mode="RTL",
+    return_ends={"RTL_DESCEND_ALT": 1.0},
+    paced_setpoints=False,
+)

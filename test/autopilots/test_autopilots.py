@@ -12,19 +12,14 @@ from pathlib import Path
 import pytest
 from virtual_flight import OURSELVES, VEHICLE, VirtualFlight, mission
 
-from dsse_ros.flight.autopilots import AUTOPILOTS, PX4, Autopilot
+from dsse_ros.autopilots import AUTOPILOTS, PX4, Autopilot
 from dsse_ros.flight.commands import ControllerSettings
 from dsse_ros.flight.orders import FlyMission, GoTo, Hold, Return, TakeOff
 from dsse_ros.flight.vehicle_controller import VehicleController
 from dsse_ros.mavlink.messages import SetPositionTarget
-from dsse_ros.mission_items.items import FIRMWARES
 
 ROOT = Path(__file__).resolve().parents[2]
 SOURCES = [file for top in ("dsse_ros", "msg_adapters") for file in (ROOT / top).rglob("*.py")]
-
-
-def test_each_autopilot_has_its_missions() -> None:
-    assert list(AUTOPILOTS) == list(FIRMWARES)
 
 
 @pytest.mark.parametrize("autopilot", AUTOPILOTS.values(), ids=list(AUTOPILOTS))
@@ -43,7 +38,6 @@ def test_no_other_module_names_a_mode() -> None:
     found = [
         (file.name, node.value)
         for file in files
-        if file.name != "autopilots.py"
         for node in ast.walk(ast.parse(file.read_text()))
         if isinstance(node, ast.Constant) and node.value in MODES
     ]
@@ -62,7 +56,6 @@ def test_another_autopilot_is_one_object_and_its_registration(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setitem(AUTOPILOTS, "another", replace(PX4, name="another"))  # type: ignore[arg-type]
-    monkeypatch.setitem(FIRMWARES, "another", FIRMWARES["px4"])  # type: ignore[arg-type]
     flight = VirtualFlight("px4")
     settings = ControllerSettings(autopilot="another")
     flight.controller = VehicleController(VEHICLE, OURSELVES, settings)

@@ -15,8 +15,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
+from dsse_ros.bridge.vehicle_missions import FlightSettings, layers, search_missions
 from dsse_ros.cli import export_mission
-from dsse_ros.mission.vehicle_missions import FlightSettings, layers, search_missions
 from dsse_ros.mission_items.items import NAV_WAYPOINT, Home, VehicleMission
 from dsse_ros.planners import COVERAGE_PLANNERS, PLANNER_NAMES
 from dsse_ros.scenario.frames import GridFrame, scenario_frame

@@ -7,11 +7,11 @@ from __future__ import annotations
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from dsse_ros.flight.autopilots import PX4
+from dsse_ros.autopilots import PX4
 from dsse_ros.flight.vehicle_state import VehicleState, observe
 from dsse_ros.mavlink.codec import Codec
+from dsse_ros.mavlink.events import EventMessage, event_number
 from dsse_ros.mavlink.messages import Address
-from dsse_ros.mavlink.px4_events import EventMessage, event_number, failed_check
 
 # Payloads, the zeros at their ends left out.
 SUMMARY = "e093a801c06a00001b00000088000000100080000000b03a7f80b03a7f80"
@@ -51,7 +51,7 @@ def test_the_number_of_an_event_is_a_hash_of_its_name() -> None:
     ],
 )
 def test_a_check_is_named_that_keeps_it_from_being_armed_in_hold(payload: str, text: str) -> None:
-    assert failed_check(received(payload)) == text
+    assert PX4.failed_check(received(payload)) == text
 
 
 def test_each_report_is_in_place_of_the_one_before() -> None:

@@ -1,33 +1,28 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""The differences between autopilots: one `Autopilot` each, registered in `AUTOPILOTS`.
-
-`dsse_ros.mission_items.items.FIRMWARES` has the numbering of missions under the same names.
-"""
+"""What differs between autopilots, as fields of `Autopilot`."""
 
 from __future__ import annotations
 
-import math
-from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from dsse_ros.mavlink.events import EventMessage
 from dsse_ros.mavlink.messages import (
     Attitude,
-    BatteryStatus,
-    EkfStatus,
     ExtendedSysState,
     GlobalPosition,
     GpsRaw,
     MissionCurrent,
-    PositionTarget,
     SysStatus,
     enum_name,
 )
-from dsse_ros.mission_items.items import FIRMWARES
 
+MESSAGES = (GlobalPosition, Attitude, GpsRaw, SysStatus, ExtendedSysState, MissionCurrent)
+"""Types of the messages that every autopilot sends."""
 _NO_MODES: frozenset[str] = frozenset()
 _FAILSAFE_TEXTS = (
     ("battery", ("is low", "failsafe", "low battery", "is critical")),
@@ -43,20 +38,22 @@ _FAILSAFE_CHARGES = frozenset(
         mavlink.MAV_BATTERY_CHARGE_STATE_FAILED,
     }
 )
-MULTICOPTERS = frozenset(
-    {
-        mavlink.MAV_TYPE_QUADROTOR,
-        mavlink.MAV_TYPE_COAXIAL,
-        mavlink.MAV_TYPE_HELICOPTER,
-        mavlink.MAV_TYPE_HEXAROTOR,
-        mavlink.MAV_TYPE_OCTOROTOR,
-        mavlink.MAV_TYPE_TRICOPTER,
-        mavlink.MAV_TYPE_DODECAROTOR,
-        mavlink.MAV_TYPE_DECAROTOR,
-    }
+MULTICOPTERS = (
+    mavlink.MAV_TYPE_QUADROTOR,
+    mavlink.MAV_TYPE_COAXIAL,
+    mavlink.MAV_TYPE_HELICOPTER,
+    mavlink.MAV_TYPE_HEXAROTOR,
+    mavlink.MAV_TYPE_OCTOROTOR,
+    mavlink.MAV_TYPE_TRICOPTER,
+    mavlink.MAV_TYPE_DODECAROTOR,
+    mavlink.MAV_TYPE_DECAROTOR,
 )
 """HEARTBEAT.type of the vehicles that take off and land upright."""
-FIXED_WINGS = frozenset({mavlink.MAV_TYPE_FIXED_WING})
+FIXED_WINGS = (mavlink.MAV_TYPE_FIXED_WING,)
+
+
+def _no_check(event: EventMessage) -> str:
+    return ""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -64,8 +61,9 @@ class Autopilot:
     """How an autopilot is flown, and what its messages mean.
 
     Attributes:
-        name: Its name in parameters and in `FIRMWARES`.
-        kinds: HEARTBEAT.type of the vehicles whose modes are known here.
+        name: Its name in parameters.
+        number: HEARTBEAT.autopilot.
+        kinds: HEARTBEAT.type of the vehicles whose modes are known here; plan files have the first.
         kind: What they are called.
         circle_m: Distance within which a vehicle that cannot hover circles over a place; 0 for one
             that can.
@@ -101,6 +99,9 @@ class Autopilot:
         failsafe_charges: MAV_BATTERY_CHARGE_STATE at which it acts.
         check_texts: How a STATUSTEXT begins that says why it cannot be armed.
         checks_s: Time after which such a text, if it is not repeated, is not true any more.
+        check_report: Number of the event that begins a report of its arming checks; 0 for none.
+        failed_check: Returns which arming check has failed according to an event of such a report;
+            empty for none.
         acts_when_critical: Whether it reports a critical state only while a failsafe flies it, in
             whatever mode.
         mode_is_checked: Whether the pre-arm check depends on the mode, and passes in
@@ -115,6 +116,7 @@ class Autopilot:
         unchanged: Parameter of MAV_CMD_NAV_TAKEOFF that keeps position and yaw.
         missions_by_command: Whether MAV_CMD_MISSION_START starts a mission on the ground. If not,
             `mission_mode` does.
+        home_first: Whether item 0 of its missions is home; else it is the first to fly.
         keeps_item_radius: Whether it stores the acceptance radius of each waypoint.
         parameter_tolerance: Greatest difference of an item's parameter that is read back.
         upload_can_be_cancelled: Whether MISSION_ACK with CANCELLED ends an upload.
@@ -123,7 +125,8 @@ class Autopilot:
     """
 
     name: str
-    kinds: frozenset[int] = MULTICOPTERS
+    number: int
+    kinds: tuple[int, ...] = MULTICOPTERS
     kind: str = "a multicopter"
     circle_m: float = 0.0
     alt_error_m: float = 0.0
@@ -153,6 +156,8 @@ class Autopilot:
     failsafe_charges: frozenset[int] = _FAILSAFE_CHARGES
     check_texts: tuple[str, ...]
     checks_s: float
+    check_report: int = 0
+    failed_check: Callable[[EventMessage], str] = _no_check
     acts_when_critical: bool
     mode_is_checked: bool
     streams_setpoints: bool
@@ -161,6 +166,7 @@ class Autopilot:
     take_off_amsl: bool
     unchanged: float
     missions_by_command: bool
+    home_first: bool
     keeps_item_radius: bool
     parameter_tolerance: float
     upload_can_be_cancelled: bool
@@ -174,9 +180,8 @@ class Autopilot:
             kind: HEARTBEAT.type.
             autopilot: HEARTBEAT.autopilot.
         """
-        number = FIRMWARES[self.name].mav_autopilot
-        if autopilot != number:
-            wanted, name = (enum_name("MAV_AUTOPILOT", one) for one in (number, autopilot))
+        if autopilot != self.number:
+            wanted, name = (enum_name("MAV_AUTOPILOT", one) for one in (self.number, autopilot))
             return f"HEARTBEAT.autopilot must be {wanted} with autopilot:={self.name}, got {name}"
         if kind not in self.kinds:
             return f"HEARTBEAT.type must be {self.kind}, got {enum_name('MAV_TYPE', kind)}"
@@ -210,7 +215,7 @@ class Autopilot:
     @property
     def first_item(self) -> int:
         """Number of the first mission item that is flown; home has the number before."""
-        return int(FIRMWARES[self.name].home_first)
+        return int(self.home_first)
 
     def mode_name(self, custom_mode: int) -> str:
         """Return the name of HEARTBEAT.custom_mode; `MODE(n)` if it is unknown."""
@@ -236,158 +241,3 @@ class Autopilot:
         """Return the default connections of this number of simulated vehicles."""
         ports = (self.first_port + self.port_step * index for index in range(number))
         return [f"udpin:127.0.0.1:{port}" for port in ports]
-
-
-_MESSAGES = (GlobalPosition, Attitude, GpsRaw, SysStatus, ExtendedSysState, MissionCurrent)
-
-ARDUPILOT = Autopilot(
-    name="ardupilot",
-    # https://mavlink.io/en/messages/ardupilotmega.html#COPTER_MODE
-    modes={
-        (number,): entry.name.removeprefix("COPTER_MODE_")
-        for number, entry in mavlink.enums["COPTER_MODE"].items()
-        if not entry.name.endswith("_ENUM_END")
-    },
-    mode_shifts=(0,),
-    mode_mask=0xFFFFFFFF,
-    guided_mode="GUIDED",
-    resting_mode="GUIDED",
-    mission_mode="AUTO",
-    return_mode="RTL",
-    land_mode="LAND",
-    boot_modes=frozenset({"STABILIZE"}),
-    landed_modes=frozenset({"RTL", "LAND", "AUTO"}),
-    # The second of each from 4.7 on.
-    return_altitudes={"RTL_ALT": 0.01, "RTL_ALT_M": 1.0},
-    return_climbs={"RTL_CLIMB_MIN": 0.01, "RTL_CLIMB_MIN_M": 1.0},
-    messages=(*_MESSAGES, EkfStatus, PositionTarget),
-    position_is_checked=False,
-    texts_prove_failsafe=True,
-    check_texts=("prearm:", "arm:"),
-    # It repeats them every 30 s.
-    checks_s=35.0,
-    acts_when_critical=False,
-    mode_is_checked=False,
-    streams_setpoints=False,
-    paced_setpoints=False,
-    take_off_amsl=False,
-    unchanged=0.0,
-    missions_by_command=True,
-    keeps_item_radius=False,
-    # It stores whole seconds and metres.
-    parameter_tolerance=1.0,
-    upload_can_be_cancelled=False,
-    # As MAVProxy sends, which sim_vehicle.py starts.
-    first_port=14550,
-    port_step=10,
-)
-
-ARDUPLANE = replace(
-    ARDUPILOT,
-    name="arduplane",
-    kinds=FIXED_WINGS,
-    kind="a fixed wing",
-    # WP_LOITER_RAD is 60 m unless it is changed.
-    circle_m=120.0,
-    # After turns it is up to 2.6 m off, PX4's plane circles up to 3.3 m too low.
-    alt_error_m=4.0,
-    repositions=True,
-    # https://mavlink.io/en/messages/ardupilotmega.html#PLANE_MODE
-    modes={
-        (number,): entry.name.removeprefix("PLANE_MODE_")
-        for number, entry in mavlink.enums["PLANE_MODE"].items()
-        if not entry.name.endswith("_ENUM_END")
-    },
-    resting_mode="LOITER",
-    land_mode="RTL",
-    take_off_mode="TAKEOFF",
-    takes_off_by_mode=True,
-    boot_modes=frozenset({"MANUAL", "STABILIZE", "INITIALIZING"}),
-    landed_modes=frozenset({"RTL", "AUTO"}),
-    # The second from 4.5 on. It descends to it too.
-    return_altitudes={"ALT_HOLD_RTL": 0.01, "RTL_ALTITUDE": 1.0},
-    return_climbs={"RTL_CLIMB_MIN": 1.0},
-    return_ends={"ALT_HOLD_RTL": 0.01, "RTL_ALTITUDE": 1.0},
-)
-
-PX4 = Autopilot(
-    name="px4",
-    # MAVLink does not enumerate these: see px4_custom_mode.h; the names are QGroundControl's.
-    modes={
-        (1, 0): "MANUAL",
-        (2, 0): "ALTCTL",
-        (3, 0): "POSCTL",
-        (3, 1): "ORBIT",
-        (4, 1): "READY",
-        (4, 2): "TAKEOFF",
-        (4, 3): "HOLD",
-        (4, 4): "MISSION",
-        (4, 5): "RTL",
-        (4, 6): "LAND",
-        (4, 8): "FOLLOW",
-        (4, 9): "PRECLAND",
-        (5, 0): "ACRO",
-        (6, 0): "OFFBOARD",
-        (7, 0): "STABILIZED",
-        (8, 0): "RATTITUDE",
-        (9, 0): "SIMPLE",
-        (10, 0): "TERMINATION",
-    },
-    mode_shifts=(16, 24),
-    mode_mask=0xFF,
-    guided_mode="OFFBOARD",
-    resting_mode="HOLD",
-    mission_mode="MISSION",
-    return_mode="RTL",
-    land_mode="LAND",
-    take_off_mode="TAKEOFF",
-    # Without a remote control it starts in HOLD; with one, the switches choose the mode.
-    boot_modes=_NO_MODES,
-    landed_modes=frozenset({"RTL", "LAND", "MISSION"}),
-    item_modes={
-        mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH: "RTL",
-        mavlink.MAV_CMD_NAV_LAND: "LAND",
-    },
-    return_altitudes={"RTL_RETURN_ALT": 1.0},
-    disarmed_modes=frozenset({"HOLD"}),
-    disarming_s=3.0,
-    messages=(*_MESSAGES, BatteryStatus, PositionTarget),
-    # At rest its EKF_STATUS_REPORT always has CONST_POS_MODE.
-    position_is_checked=True,
-    # It sends the same texts as a mere warning.
-    texts_prove_failsafe=False,
-    check_texts=("preflight:", "preflight fail:"),
-    checks_s=35.0,
-    acts_when_critical=True,
-    # In OFFBOARD the check fails as long as no setpoints come.
-    mode_is_checked=True,
-    streams_setpoints=True,
-    # Parameter COM_OBL_RC_ACT chooses among them.
-    setpoint_loss_modes=frozenset({"RTL", "HOLD", "LAND", "POSCTL", "ALTCTL", "STABILIZED"}),
-    paced_setpoints=True,
-    take_off_amsl=True,
-    unchanged=math.nan,
-    missions_by_command=False,
-    keeps_item_radius=True,
-    parameter_tolerance=1e-3,
-    upload_can_be_cancelled=True,
-    first_port=14540,
-    port_step=1,
-)
-
-PX4_PLANE = replace(
-    PX4,
-    name="px4plane",
-    kinds=FIXED_WINGS,
-    kind="a fixed wing",
-    # NAV_LOITER_RAD is 80 m unless it is changed.
-    circle_m=150.0,
-    alt_error_m=4.0,
-    land_mode="RTL",
-    return_ends={"RTL_DESCEND_ALT": 1.0},
-    paced_setpoints=False,
-)
-
-AUTOPILOTS: Mapping[str, Autopilot] = {
-    one.name: one for one in (ARDUPILOT, ARDUPLANE, PX4, PX4_PLANE)
-}

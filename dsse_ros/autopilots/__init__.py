@@ -1,0 +1,18 @@
+# Copyright 2026 dsse_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""The supported autopilots: one file for each firmware, and the registry of their names."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from dsse_ros.autopilots.ardupilot import ARDUPILOT, ARDUPLANE
+from dsse_ros.autopilots.autopilot import Autopilot
+from dsse_ros.autopilots.px4 import PX4, PX4_PLANE
+
+__all__ = ["ARDUPILOT", "ARDUPLANE", "AUTOPILOTS", "PX4", "PX4_PLANE", "Autopilot"]
+
+AUTOPILOTS: Mapping[str, Autopilot] = {
+    one.name: one for one in (ARDUPILOT, ARDUPLANE, PX4, PX4_PLANE)
+}
+"""By the names that the parameter `autopilot` has."""
