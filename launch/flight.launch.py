@@ -5,6 +5,7 @@
 from launch import LaunchContext, LaunchDescription
 from launch_ros.actions import Node
 
+from dsse_ros.autopilots import AUTOPILOTS
 from dsse_ros.nodes.launching import (
     argument,
     description,
@@ -17,7 +18,7 @@ from dsse_ros.nodes.launching import (
 ARGUMENTS = [
     argument("mode", "What the vehicles fly: guided or mission."),
     argument("connections", "MAVLink connections of the vehicles, drone0's first: [one, two]."),
-    argument("autopilot", "Autopilot of the vehicles: ardupilot, arduplane, px4 or px4plane."),
+    argument("autopilot", f"Autopilot of the vehicles: {', '.join(AUTOPILOTS)}."),
     argument("arm", "Searches for which vehicles may be armed: false, true or always."),
 ]
 

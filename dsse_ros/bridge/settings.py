@@ -29,8 +29,8 @@ class BridgeSettings(FlightSettings):
     )  # fmt: skip
     connections: tuple[str, ...] = field(
         "names", "Connections to the vehicles, drone0's first, such as udpin:HOST:PORT, "
-        "tcp:HOST:PORT or /dev/ttyUSB0,57600; by default udpin:127.0.0.1 at 14550, 14560, ..., "
-        "for PX4 at 14540, 14541, ...", (),
+        "tcp:HOST:PORT or /dev/ttyUSB0,57600; by default udpin:127.0.0.1 at the ports to which the "
+        "autopilot's simulator sends.", (),
     )  # fmt: skip
     system_ids: tuple[int, ...] = field(
         "ints", "System ids of the vehicles; by default 1, 2, ...", (), low=1, high=255

@@ -30,7 +30,7 @@ import sys
 del sys.path[0]
 class Nothing:
     def find_spec(self, name, path=None, target=None):
-        if name.split(".")[0] in ("rclpy", "pymavlink") or name.endswith("_msgs"):
+        if name.split(".")[0] == "rclpy" or name.endswith("_msgs"):
             raise ModuleNotFoundError(name, name=name)
 sys.meta_path.insert(0, Nothing())
 from dsse_ros.cli.start import export_mission
@@ -39,7 +39,7 @@ sys.exit(export_mission())
 
 
 def export(*arguments: str | Path, code: int = 0) -> str:
-    """Run the program and return what it prints; ROS and MAVLink are only there for --ros-args."""
+    """Run the program and return what it prints; ROS is only there for --ros-args."""
     program = WITH_ROS if "--ros-args" in arguments else WITHOUT_ROS
     done = subprocess.run(
         [sys.executable, "-c", program, *map(str, arguments)],
