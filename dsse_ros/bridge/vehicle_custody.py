@@ -43,6 +43,7 @@ _OFF_THE_GROUND_M = 2.0
 _DISARMED_BEATS = 2
 """Heartbeats that prove that it was disarmed: one may be that of another vehicle with its id."""
 _KEPT = "kept on the ground"
+_NO_SEARCH = "no search goes on for it: ~/return or ~/land brings it down"
 _UNNAMED = "critical failsafe"
 
 
@@ -206,7 +207,8 @@ class VehicleCustody:
         if custody in (Custody.HELD, Custody.RECALLED) or released:
             return self._clear_in_the_air(search_alive=search_alive)
         if custody is Custody.FOLLOWING:
-            return Accepted("cleared to fly")
+            goes_on = search_alive or self._as_mission
+            return Accepted("cleared to fly") if goes_on else Rejected("no_search", _NO_SEARCH)
         if seen.unfit or not seen.mode:
             return Rejected("unfit", seen.unfit or "no heartbeat")
         if custody is Custody.ENDING:
@@ -234,8 +236,7 @@ class VehicleCustody:
             why = "in the air, and its mission does not go on: clear it once it is down"
             return Rejected("in_the_air", why)
         if self.is_out or not search_alive:
-            why = "no search goes on for it: ~/return or ~/land brings it down"
-            return Rejected("no_search", why)
+            return Rejected("no_search", _NO_SEARCH)
         self.on(Event.CLEAR)
         if self.search is not None and self.record.search != self.search:
             self._join(self.search)

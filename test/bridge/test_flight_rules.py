@@ -509,11 +509,16 @@ def test_what_an_operator_is_answered_is_what_happens() -> None:
     fleet.wait(5.0)
     fleet.end(search)
     fleet.wait(2.0)
-    done, text = controller.arm(0, True)
-    assert not done and "no search goes on" in text
+    assert [fleet.custody(i) for i in range(2)] == ["held", "following"]
+    for drone in range(2):
+        done, text = controller.arm(drone, True)
+        assert not done and "no search goes on" in text
     fleet.wait(20.0)
     assert fleet.custody(0) == "held" and fleet.flights[0].vehicle.craft.up_m > 35.0
     search = fleet.simulate(8)
+    fleet.wait(2.0)
+    done, text = controller.arm(1, True)
+    assert not done and "no search goes on" in text
     controller.operate(None, "return")
     fleet.until(fleet.down)
     fleet.wait(5.0)
