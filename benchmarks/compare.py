@@ -35,7 +35,7 @@ from dsse_ros.campaign.estimates import clusters, of_mean, of_share
 from dsse_ros.planners import Planner, Search, load_planner, planner_for
 from dsse_ros.planners.batch import play_missions
 from dsse_ros.planners.mission_batches import PlayedMissions
-from dsse_ros.progress import progress, say
+from dsse_ros.progress_bar import progress, say
 from dsse_ros.scenario.definition import SearchDefinition
 from dsse_ros.scenario.scenario import scenario_and_rules
 from dsse_ros.search import FieldError, Rules, Scenario

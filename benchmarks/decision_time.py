@@ -22,7 +22,7 @@ import numpy as np
 from benchmarks.bench import RESULTS, machine, own_versions, rounded
 from benchmarks.compare import CASES
 from benchmarks.intervals import quantile
-from dsse_ros.belief.beliefs import forecast_for
+from dsse_ros.belief.forecasts import forecast_for
 from dsse_ros.planners.beam_search import BeamSearch, steps_planned
 from dsse_ros.planners.belief import DRIFT_SAMPLES
 from dsse_ros.planners.forward_backward import ForwardBackward

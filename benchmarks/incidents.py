@@ -23,8 +23,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.intervals import LEVEL
-from dsse_ros.belief.beliefs import forecast_for
 from dsse_ros.belief.ensemble_belief import PathsFlown
+from dsse_ros.belief.forecasts import forecast_for
 from dsse_ros.campaign.estimates import of_mean, of_share
 from dsse_ros.drift.flow import utc
 from dsse_ros.drift.leeway import leeway_classes
@@ -33,7 +33,7 @@ from dsse_ros.planners import load_planner, registry
 from dsse_ros.planners.batch import play_missions
 from dsse_ros.planners.planner import Search, cells_of
 from dsse_ros.planners.play import PlayedStep, play
-from dsse_ros.progress import progress, say
+from dsse_ros.progress_bar import progress, say
 from dsse_ros.scenario.actions import STRAIGHT
 from dsse_ros.scenario.definition import SearchDefinition
 from dsse_ros.scenario.scenario import ResolvedScenario, Scenario

@@ -24,14 +24,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.intervals import LEVEL, contains
-from dsse_ros.belief.beliefs import forecast_for
+from dsse_ros.belief.forecasts import forecast_for
 from dsse_ros.campaign.estimates import wilson
 from dsse_ros.live.admission import Admission, Clocks
 from dsse_ros.live.beliefs import LiveBeliefs
 from dsse_ros.live.inputs import read
 from dsse_ros.live.keeper import Forecasts, Keeper
 from dsse_ros.live.places import inside
-from dsse_ros.progress import say
+from dsse_ros.progress_bar import say
 from dsse_ros.result import Accepted
 from dsse_ros.scenario.actions import ACTION_VECTORS
 from dsse_ros.scenario.frames import cell_centre

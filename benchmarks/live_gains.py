@@ -27,10 +27,10 @@ from dsse_ros.live.admission import Admission, Clocks
 from dsse_ros.live.beliefs import LiveBeliefs
 from dsse_ros.live.inputs import read
 from dsse_ros.live.keeper import Keeper
-from dsse_ros.live.looks import StepLooks
+from dsse_ros.live.step_looks import StepLooks
 from dsse_ros.planners import planner_for
 from dsse_ros.planners.belief import BeliefPlanner
-from dsse_ros.progress import say
+from dsse_ros.progress_bar import say
 from dsse_ros.result import Accepted
 from dsse_ros.scenario.frames import cell_centre
 from dsse_ros.scenario.incident import Incident

@@ -32,7 +32,7 @@ from benchmarks.intervals import LEVEL, contains, of_mean
 from benchmarks.pages import with_table
 from benchmarks.reference_values import GREEDY, SWEEP, Source
 from dsse_ros.campaign.estimates import wilson
-from dsse_ros.progress import progress
+from dsse_ros.progress_bar import progress
 from dsse_ros.scenario.scenario import scenario_and_rules
 from dsse_ros.search.world import World
 

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from benchmarks import mpso
 from benchmarks.path_bound import upper_bound
-from dsse_ros.belief.beliefs import forecast_for
+from dsse_ros.belief.forecasts import forecast_for
 from dsse_ros.planners.forward_backward import ForwardBackward
 from dsse_ros.planners.options import ForwardBackwardOptions
 from dsse_ros.planners.planner import DecisionPoint

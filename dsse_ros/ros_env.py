@@ -29,8 +29,8 @@ from std_srvs.srv import Trigger
 from dsse_ros.runtime import security
 from dsse_ros.runtime.observed_step import ObservedStep, StepInbox, step_id_of
 from dsse_ros.runtime.qos import offered, requested
+from dsse_ros.scenario.env_options import IGNORED_OPTION, check_seed
 from dsse_ros.scenario.fields import shown
-from dsse_ros.scenario.options import IGNORED_OPTION, check_seed
 from dsse_ros.search import FieldError
 from dsse_ros.search.agent_spaces import AgentSpaces
 from dsse_ros.search.flight_env import action_space, flight_action_of, state_space

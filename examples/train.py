@@ -56,7 +56,7 @@ from dsse_ros.training.lockstep import (
     published_case,
     random_cases,
 )
-from dsse_ros.training.ppo import Flights, Learner, Settings, room_for
+from dsse_ros.training.ppo import Learner, Rollouts, Settings, room_for
 
 SEED, CHECK_SEED = 1, 10_000_000
 """Seeds of the training, and of the random searches that choose the best policy."""
@@ -71,14 +71,14 @@ SHARED_FROM = 0.15
 """Part of the training after which drones share every find; at first they share half."""
 
 
-def fly(learner: Learner, generator: torch.Generator, flights: Flights) -> None:
+def fly(learner: Learner, generator: torch.Generator, rollouts: Rollouts) -> None:
     """Fly the missions of an update."""
     worlds = learner.settings.worlds
     published, small = (round(worlds * share) for share in (PUBLISHED, SMALL))
     others = random_cases(worlds - published - small, 40, generator)
     large = joined(published_case(published).to(learner.device), others)
-    learner.fly(Searches(large, 40, DRIFTS), flights, slice(small, None))
-    learner.fly(Searches(random_cases(small, 20, generator), 20, DRIFTS), flights, slice(small))
+    learner.fly(Searches(large, 40, DRIFTS), rollouts, slice(small, None))
+    learner.fly(Searches(random_cases(small, 20, generator), 20, DRIFTS), rollouts, slice(small))
 
 
 def check(learner: Learner) -> dict[str, float]:
@@ -107,7 +107,7 @@ class Training:
         settings = Settings(worlds=worlds, batches=50 if gpu else 12)
         self.generator = torch.Generator(device)
         self.learner = Learner(width, settings, device)
-        self.flights = room_for(worlds, 4, device)
+        self.rollouts = room_for(worlds, 4, device)
         self.seconds, self.drone_steps = 0.0, 0
         self.curve: list[dict[str, Any]] = []
         self.stopped = False
@@ -136,12 +136,12 @@ class Training:
         """Fly missions and learn from them."""
         began_s = time.monotonic()
         done = self.seconds / self.total_s
-        fly(self.learner, self.generator, self.flights)
+        fly(self.learner, self.generator, self.rollouts)
         shared = min(0.5 + 0.5 * done / SHARED_FROM, 1.0)
-        figures = self.learner.learn(self.flights, 1 - done, shared)
-        mean = float(self.flights.missing.sum(0).mean())
+        figures = self.learner.learn(self.rollouts, 1 - done, shared)
+        mean = float(self.rollouts.missing.sum(0).mean())
         self.seconds += time.monotonic() - began_s
-        self.drone_steps += LIMIT * self.flights.there[0].numel()
+        self.drone_steps += LIMIT * self.rollouts.there[0].numel()
         return {"mean_steps": mean, **figures}
 
     def keep(self, figures: dict[str, float]) -> None:

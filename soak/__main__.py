@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.bench import machine, own_versions, rounded
-from dsse_ros.progress import progress, say
+from dsse_ros.progress_bar import progress, say
 from dsse_ros.whole_files import write_whole
 from soak import ROOT
 from soak.rigs import use_defaults_of_dds

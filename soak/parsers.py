@@ -85,7 +85,7 @@ def _commands() -> tuple[Take, list[bytes]]:
     from rclpy.serialization import deserialize_message, serialize_message
     from std_msgs.msg import Int32MultiArray, String
 
-    from dsse_ros.mission import commands
+    from dsse_ros.mission import command_parsers
     from dsse_ros.scenario.frames import GridFrame
     from msg_adapters.commands import joint_action_message
     from msg_adapters.poses import pose_from_message
@@ -93,11 +93,13 @@ def _commands() -> tuple[Take, list[bytes]]:
     frame = GridFrame(8, 130.0, -24.0, -46.0, 0.0, 120.0)
     actions = ("left", "right", "up", "down", "search")
     kinds: list[tuple[Any, Callable[[Any], object]]] = [
-        (String, lambda m: commands.parse_action_name(m.data, actions)),
-        (PoseStamped, lambda m: commands.parse_goal(pose_from_message(m), frame)),
+        (String, lambda m: command_parsers.parse_action_name(m.data, actions)),
+        (PoseStamped, lambda m: command_parsers.parse_goal(pose_from_message(m), frame)),
         (
             Int32MultiArray,
-            lambda m: commands.parse_joint_action(m.data, 1, 0, actions, [True, False, True]),
+            lambda m: command_parsers.parse_joint_action(
+                m.data, 1, 0, actions, [True, False, True]
+            ),
         ),
     ]
 
@@ -316,7 +318,7 @@ PARSERS = {
     ),
     "geojson": Parser("areas in GeoJSON", _geojson, ("dsse_ros.scenario.area",)),
     "commands": Parser(
-        "commands", _commands, ("dsse_ros.mission.commands", "dsse_ros.scenario.frames")
+        "commands", _commands, ("dsse_ros.mission.command_parsers", "dsse_ros.scenario.frames")
     ),
     "observations": Parser(
         "agents, maps and reports",

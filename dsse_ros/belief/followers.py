@@ -18,9 +18,9 @@ from dsse_ros.belief import (
 )
 from dsse_ros.belief.belief import Belief, Forecast
 from dsse_ros.belief.belief_kernels import Mass
-from dsse_ros.belief.beliefs import is_ensemble
 from dsse_ros.belief.ensemble_belief import EnsembleBelief, EnsembleForecast
 from dsse_ros.belief.follow_kernels import Beliefs, Scratch, Tables
+from dsse_ros.belief.forecasts import is_ensemble
 from dsse_ros.belief.look_kernels import Followed
 from dsse_ros.belief.particle_kernels import ParticleTables
 from dsse_ros.belief.passing_kernels import PassingTables, seen_of

@@ -19,9 +19,9 @@ from dsse_ros.mission.scenario_files import find_scenario
 from dsse_ros.planners import load_planner
 from dsse_ros.scenario.definition import SearchDefinition
 from dsse_ros.scenario.fields import check_all, check_known, field, shown, specs
-from dsse_ros.scenario.identity import identity_of, plain
 from dsse_ros.scenario.rules import AUTO
 from dsse_ros.scenario.scenario import FILES, ResolvedScenario, scenario_and_rules
+from dsse_ros.scenario.scenario_identity import identity_of, plain
 from dsse_ros.scenario.truth_fields import SIMULATED
 from dsse_ros.scenario.yaml_file import read_yaml
 from dsse_ros.search import FieldError, Rules, Scenario

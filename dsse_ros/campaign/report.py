@@ -18,7 +18,7 @@ from dsse_ros.campaign.config import Campaign, Case
 from dsse_ros.campaign.estimates import Estimate
 from dsse_ros.campaign.statistics import (
     MEASURES,
-    Pair,
+    PlannerPair,
     Played,
     horizon_of,
     pairs,
@@ -134,7 +134,7 @@ def _summary_line(row: Row) -> tuple[Any, ...]:
     return (*named, row.time_s, row.unit, *astuple(row.estimate))
 
 
-def _pair_line(pair: Pair) -> tuple[Any, ...]:
+def _pair_line(pair: PlannerPair) -> tuple[Any, ...]:
     return (
         pair.case.name, pair.first, pair.second, pair.only_first, pair.only_second,
         *astuple(pair.found), pair.found_p, *astuple(pair.time_s), pair.time_p,
@@ -169,7 +169,7 @@ def _illustrations(
         )
 
 
-def verdict(compared: Sequence[Pair], shares: Mapping[str, float], alpha: float) -> str:
+def verdict(compared: Sequence[PlannerPair], shares: Mapping[str, float], alpha: float) -> str:
     """Return in words which planner of a scenario is best, and by how much.
 
     Args:
@@ -230,7 +230,7 @@ def _estimates(case: Case, rows: Sequence[Sequence[Row]]) -> Table:
     )
 
 
-def _comparison(campaign: Campaign, case: Case, compared: Sequence[Pair]) -> Table:
+def _comparison(campaign: Campaign, case: Case, compared: Sequence[PlannerPair]) -> Table:
     seconds = duration(horizon_of(campaign, case))
     return Table(
         f"{case.name}: planners in pairs on the same seeds, first minus second; times to detection "

@@ -128,7 +128,7 @@ MEASURES = (
 
 
 @dataclass(frozen=True)
-class Pair:
+class PlannerPair:
     """Two planners on the same seeds of a scenario; differences are of the first minus the second.
 
     Attributes:
@@ -170,7 +170,7 @@ def pos_at(played: Played, time_s: float, confidence: float) -> Estimate:
     return of_share(played.detection_s <= time_s * (1 + 1e-12), confidence, played.clusters)
 
 
-def pairs(campaign: Campaign, missions: Sequence[Played]) -> Iterator[Pair]:
+def pairs(campaign: Campaign, missions: Sequence[Played]) -> Iterator[PlannerPair]:
     """Yield every two planners of each scenario.
 
     The p-values of each test are adjusted for all pairs of the scenario (Holm 1979).
@@ -185,7 +185,7 @@ def pairs(campaign: Campaign, missions: Sequence[Played]) -> Iterator[Pair]:
         found_p = holm([_mcnemar(*pair) for pair in zip(founds, by, strict=True)])
         time_p = holm([_wilcoxon(*pair) for pair in zip(times, by, strict=True)])
         for k, (a, b) in enumerate(both):
-            yield Pair(
+            yield PlannerPair(
                 case, a.planner, b.planner,
                 int((founds[k] > 0).sum()), int((founds[k] < 0).sum()),
                 of_mean(founds[k], level, *by[k]), found_p[k],

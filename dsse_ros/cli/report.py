@@ -16,7 +16,7 @@ from dsse_ros.belief.protocol import TargetForecast
 from dsse_ros.cli.command_line import Parser, make_folder
 from dsse_ros.cli.mission_file import FILE_HELP, add_mission_file, choose, pictures, read
 from dsse_ros.cli.start import not_found
-from dsse_ros.progress import progress
+from dsse_ros.progress_bar import progress
 from dsse_ros.report.recomputed import (
     LARGEST_BELIEF_GRID,
     follow_belief,

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dsse_ros.belief.beliefs import forecast_for
 from dsse_ros.belief.ensemble_belief import EnsembleBelief
+from dsse_ros.belief.forecasts import forecast_for
 from dsse_ros.belief.protocol import TargetBelief
 from dsse_ros.conformance.agreement import SIGMAS, excess
 from dsse_ros.conformance.registered import registered

@@ -11,7 +11,7 @@ from typing import Any
 from nicegui import ui
 from nicegui.element import Element
 
-from dsse_ros.dashboard.commands import clicked_at
+from dsse_ros.dashboard.service_calls import clicked_at
 
 BUTTON = "no-caps unelevated outline"
 """Look of the buttons."""

@@ -9,7 +9,7 @@ from collections.abc import Callable
 from nicegui import ui
 
 from dsse_ros.dashboard.clicks import BUTTON, Clicks
-from dsse_ros.dashboard.commands import Command
+from dsse_ros.dashboard.service_calls import Command
 
 
 class Confirmation:

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from dsse_ros.dashboard.history import DroneState, SearchHistory, has_field
+from dsse_ros.dashboard.search_history import DroneState, SearchHistory, has_field
 from dsse_ros.scenario.agents import AgentsInfo
 from dsse_ros.step.fault_kernels import STATUSES
 

@@ -12,7 +12,7 @@ import threading
 from collections.abc import Callable, Collection
 from typing import Any, NamedTuple
 
-from dsse_ros.dashboard.commands import Command
+from dsse_ros.dashboard.service_calls import Command
 
 
 class Received(NamedTuple):

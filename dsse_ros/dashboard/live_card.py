@@ -15,12 +15,12 @@ from typing import Any
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from nicegui import ui
 
-from dsse_ros.dashboard import live_inputs
+from dsse_ros.dashboard import live_forms
 from dsse_ros.dashboard.clicks import BUTTON, Clicks
-from dsse_ros.dashboard.commands import Command
 from dsse_ros.dashboard.confirmation import Confirmation
 from dsse_ros.dashboard.live_marks import NO_SKETCH, Sketch
 from dsse_ros.dashboard.missions import ShownMission
+from dsse_ros.dashboard.service_calls import Command
 
 _TEMPLATES = Environment(
     loader=PackageLoader("dsse_ros.dashboard", "."), autoescape=True, undefined=StrictUndefined
@@ -30,9 +30,9 @@ MAX_ROWS = 50
 """Rows of a table, the last contacts or inputs."""
 _TABS = ("Contacts", "Sighting", "Searched", "Weather", "Inputs")
 _MAKE = {
-    "sighting": live_inputs.sighting,
-    "searched": live_inputs.searched,
-    "weather": live_inputs.weather,
+    "sighting": live_forms.sighting,
+    "searched": live_forms.searched,
+    "weather": live_forms.weather,
 }
 """Kinds of inputs that have a form, and what makes them of its fields."""
 _FINAL = ("confirm", "withdraw")
@@ -191,7 +191,7 @@ class LiveCard:
 
     def pick(self, lat_deg: float, lon_deg: float) -> None:
         """Take a click on the map into the form that is open."""
-        line = live_inputs.place_line(lat_deg, lon_deg)
+        line = live_forms.place_line(lat_deg, lon_deg)
         if self._tabs.value == "Sighting":
             self._fields["sighting"]["place"].set_value(line)
         elif self._tabs.value == "Searched":
@@ -207,7 +207,7 @@ class LiveCard:
             return NO_SKETCH
         fields = self._fields[kind]
         try:
-            places = live_inputs.places_of((fields.get("places") or fields["place"]).value or "")
+            places = live_forms.places_of((fields.get("places") or fields["place"]).value or "")
         except ValueError:
             # It is being written.
             return NO_SKETCH
@@ -310,7 +310,7 @@ class LiveCard:
             _INPUTS.render(
                 inputs=answers[: -MAX_ROWS - 1 : -1],
                 withdrawn=withdrawn,
-                change_of=live_inputs.change_of,
+                change_of=live_forms.change_of,
             )
         )
         if mission.live_answer != self._answered:

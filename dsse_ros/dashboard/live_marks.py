@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 from dsse_ros.scenario.frames import GridFrame
 from dsse_ros.scenario.geodesy import geodetic_to_map, map_to_geodetic
-from dsse_ros.scenario.live_texts import Contact
+from dsse_ros.scenario.live_texts import ShownContact
 
 MAX_MARKS = 200
 """Largest number of contacts on the map, the last ones."""
@@ -29,7 +29,9 @@ class Sketch(NamedTuple):
 NO_SKETCH = Sketch((), closed=False)
 
 
-def live_marks(frame: GridFrame, contacts: tuple[Contact, ...], sketch: Sketch) -> dict[str, Any]:
+def live_marks(
+    frame: GridFrame, contacts: tuple[ShownContact, ...], sketch: Sketch
+) -> dict[str, Any]:
     """Return what the map draws, in shares of its side from the west and the north.
 
     The keys are contacts (point, radius, label and state), sketch (points) and closed.

@@ -12,15 +12,15 @@ from typing import Any, NamedTuple
 
 from numpy.typing import NDArray
 
-from dsse_ros.dashboard.history import EXACT_LAYERS, LAYERS, MapImage, SearchHistory
 from dsse_ros.dashboard.inbox import Received
 from dsse_ros.dashboard.map_image import map_png
+from dsse_ros.dashboard.search_history import EXACT_LAYERS, LAYERS, MapImage, SearchHistory
 from dsse_ros.defects import reason_of
 from dsse_ros.drift.flow import utc
 from dsse_ros.scenario.agents import AgentsInfo
 from dsse_ros.scenario.agents_inbox import AgentsInbox, Latest
 from dsse_ros.scenario.frames import map_to_places
-from dsse_ros.scenario.live_texts import Answer, Contact, answer_from_json, contacts_from_json
+from dsse_ros.scenario.live_texts import Answer, ShownContact, answer_from_json, contacts_from_json
 from dsse_ros.scenario.scenario import ResolvedScenario
 from dsse_ros.scenario.sea_state import SeaState, sea_state
 from dsse_ros.search.strips import strips_of
@@ -129,7 +129,7 @@ class ShownMission:
         self.bridge: tuple[str, ...] = ()
         self.had_bridge = False
         self.vehicle_answer = ""
-        self.contacts: tuple[Contact, ...] = ()
+        self.contacts: tuple[ShownContact, ...] = ()
         self.inputs: Latest[str, Answer] = Latest(_MAX_INPUTS)
         self.live_answer = ""
         self.trouble: dict[str, str] = {}

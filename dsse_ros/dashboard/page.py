@@ -14,12 +14,12 @@ from nicegui import ui
 from nicegui.element import Element
 
 from dsse_ros.dashboard.clicks import BUTTON, Clicks
-from dsse_ros.dashboard.commands import Command
 from dsse_ros.dashboard.inbox import Inbox
 from dsse_ros.dashboard.live_card import LiveCard
 from dsse_ros.dashboard.live_marks import place_at
 from dsse_ros.dashboard.map_chart import Window
 from dsse_ros.dashboard.missions import ShownMissions
+from dsse_ros.dashboard.service_calls import Command
 from dsse_ros.dashboard.vehicles_card import VehiclesCard
 from dsse_ros.dashboard.view import ORDERS, RATES, PageView, layers_of
 

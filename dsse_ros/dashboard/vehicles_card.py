@@ -10,9 +10,9 @@ from functools import partial
 from nicegui import ui
 
 from dsse_ros.dashboard.clicks import Clicks
-from dsse_ros.dashboard.commands import Command
 from dsse_ros.dashboard.confirmation import Confirmation
 from dsse_ros.dashboard.missions import ShownMission
+from dsse_ros.dashboard.service_calls import Command
 
 _OPERATIONS = {
     "arm": ("Arm", "flight_takeoff"),

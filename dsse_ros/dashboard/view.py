@@ -13,11 +13,11 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from numpy.typing import NDArray
 
 from dsse_ros.dashboard.drone_states import battery_of, collided_with, flight_of, state_of
-from dsse_ros.dashboard.history import LAYERS, DroneState, MapImage, SearchHistory, has_field
 from dsse_ros.dashboard.live_marks import NO_SKETCH, live_marks
 from dsse_ros.dashboard.map_chart import Window, chart_of, edges_of
 from dsse_ros.dashboard.map_image import level_at
 from dsse_ros.dashboard.missions import ShownMission, ShownMissions
+from dsse_ros.dashboard.search_history import LAYERS, DroneState, MapImage, SearchHistory, has_field
 from dsse_ros.scenario.agents import AgentsInfo
 from dsse_ros.scenario.geodesy import cell_to_geodetic
 from dsse_ros.scenario.sea_state import SeaState

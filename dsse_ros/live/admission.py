@@ -9,7 +9,7 @@ import re
 from collections.abc import Callable
 from typing import NamedTuple
 
-from dsse_ros.belief.beliefs import is_ensemble
+from dsse_ros.belief.forecasts import is_ensemble
 from dsse_ros.drift.flow import seconds
 from dsse_ros.live.contacts import MOST_OPEN, OPEN
 from dsse_ros.live.inputs import Input

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from dsse_ros.belief.ensemble_belief import EnsembleBelief
 from dsse_ros.live.keeper import Entry, Keeper
-from dsse_ros.live.looks import StepLooks
 from dsse_ros.live.records import from_text, to_text
+from dsse_ros.live.step_looks import StepLooks
 from dsse_ros.search.snapshot import Snapshot, SnapshotError
 from dsse_ros.search.viewpoints import looks_done
 from dsse_ros.search.world import HOLD, World

@@ -12,7 +12,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import Protocol
 
-from dsse_ros.live.looks import AnyBelief, StepLooks
+from dsse_ros.live.step_looks import AnyBelief, StepLooks
 
 KEPT_BYTES = 1 << 25
 """Memory of the beliefs that are kept to start from."""

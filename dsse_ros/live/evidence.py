@@ -20,8 +20,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dsse_ros.live.contacts import Detection
-from dsse_ros.live.looks import AnyBelief, Sensors, StepLooks, weigh
 from dsse_ros.live.places import Places, from_piece, inside
+from dsse_ros.live.step_looks import AnyBelief, Sensors, StepLooks, weigh
 
 LEAST_FALSE_ALARMS = 1e-6
 """Rate of false alarms of a detector for which the scenario states none."""

@@ -14,9 +14,9 @@ from typing import Any
 import numpy as np
 
 from dsse_ros.belief.belief import Belief, Forecast
-from dsse_ros.belief.beliefs import forecast_for
 from dsse_ros.belief.ensemble_belief import EnsembleBelief, EnsembleForecast
 from dsse_ros.belief.followers import DRIFT_SAMPLES
+from dsse_ros.belief.forecasts import forecast_for
 from dsse_ros.belief.protocol import TargetForecast
 from dsse_ros.drift.flow import Kind, utc
 from dsse_ros.live.chain import Chain
@@ -29,8 +29,8 @@ from dsse_ros.live.contacts import (
     Detection,
 )
 from dsse_ros.live.evidence import MOST_OF_CONTACT, Evidence, SearchedArea
-from dsse_ros.live.looks import AnyBelief, Sensors, StepLooks
 from dsse_ros.live.places import Places
+from dsse_ros.live.step_looks import AnyBelief, Sensors, StepLooks
 from dsse_ros.scenario.frames import scenario_frame
 from dsse_ros.scenario.geodesy import geodetic_to_map, map_to_geodetic, on_near_side
 from dsse_ros.scenario.rules import Rules

@@ -11,7 +11,7 @@ import numpy as np
 
 from dsse_ros.live.inputs import KINDS
 from dsse_ros.live.keeper import Entry
-from dsse_ros.live.looks import StepLooks
+from dsse_ros.live.step_looks import StepLooks
 
 STEP = "step"
 _TYPES = {

@@ -9,7 +9,7 @@ from collections.abc import Callable
 from functools import partial
 from typing import Any
 
-from dsse_ros.mission.commands import (
+from dsse_ros.mission.command_parsers import (
     parse_action_name,
     parse_goal,
     parse_joint_action,

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from dsse_ros.mission.commands import parse_point
-from dsse_ros.mission.flight_follower import TrackLeft, has_arrived, steer
+from dsse_ros.mission.command_parsers import parse_point
+from dsse_ros.mission.track_follower import TrackLeft, has_arrived, steer
 from dsse_ros.result import Accepted, Rejected, Result
 from dsse_ros.scenario.fields import shown
 from dsse_ros.scenario.frames import GridFrame

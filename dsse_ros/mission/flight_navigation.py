@@ -6,10 +6,10 @@ from __future__ import annotations
 
 from typing import Any, TypeVar
 
-from dsse_ros.mission.flight_follower import way_left
 from dsse_ros.mission.flight_mission import FlightMission
 from dsse_ros.mission.mission import Mission
 from dsse_ros.mission.navigation import Navigation
+from dsse_ros.mission.track_follower import way_left
 from dsse_ros.search.flights import wind_of
 
 T = TypeVar("T")

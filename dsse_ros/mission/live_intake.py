@@ -5,7 +5,6 @@
 from __future__ import annotations
 
 import contextlib
-import dataclasses
 import json
 from collections import Counter
 from collections.abc import Callable, Mapping
@@ -21,42 +20,9 @@ from dsse_ros.live.keeper import Entry
 from dsse_ros.mission.mission import Mission
 from dsse_ros.mission.mission_journal import MissionJournal, take_changes
 from dsse_ros.result import Accepted, Rejected, Result
+from dsse_ros.scenario.live_texts import Answer
 
 _LONGEST_ID = 100
-
-
-@dataclasses.dataclass(frozen=True)
-class Answer:
-    """The answer to an input.
-
-    Attributes:
-        id: That of the input, "" if it has none.
-        kind: One of `inputs.KINDS`.
-        ok: Whether it was accepted.
-        code: Why not, "" if it was; `again` if it was known already.
-        reason: The same in one line.
-        contact: Name of the contact that it is about.
-        input: Identity of the input that it withdraws.
-        pos_before: POS before the inputs that came with this one.
-        pos_after: POS after them.
-        poc_moved: Share of the probability of the cells that they have moved.
-    """
-
-    id: str
-    kind: str
-    ok: bool = True
-    code: str = ""
-    reason: str = ""
-    contact: str | None = None
-    input: str | None = None
-    pos_before: float | None = None
-    pos_after: float | None = None
-    poc_moved: float | None = None
-
-    def to_json(self, run_id: int, mission: int) -> str:
-        """Return the answer as JSON, with the search that it is of."""
-        search = {"run_id": run_id, "mission": mission}
-        return json.dumps(dataclasses.asdict(self) | search, allow_nan=False)
 
 
 class LiveIntake:
@@ -132,9 +98,7 @@ class LiveIntake:
         }  # fmt: skip
         for answer in answers:
             self._log(answer)
-        return [
-            dataclasses.replace(answer, **changes) if answer.ok else answer for answer in answers
-        ]
+        return [answer._replace(**changes) if answer.ok else answer for answer in answers]
 
     def _decide_one(
         self, kind: str, input_id: str, parsed: Result[Input], clocks: Clocks
@@ -148,15 +112,14 @@ class LiveIntake:
             return _refused(answer, checked), None
         entry = checked.value
         if entry is None:
-            return dataclasses.replace(answer, code="again"), None
+            return answer._replace(code="again"), None
         if self._mission.done:
             return _refused(answer, Rejected("mission_over", "the mission is over")), None
         if failed := self._write(entry):
             return _refused(answer, failed), None
         keeper.apply(entry)
-        contact = entry.derived.get("contact", entry.values.get("contact"))
-        about = {"contact": contact, "input": entry.values.get("input")}
-        return dataclasses.replace(answer, **about), entry
+        contact = entry.derived.get("contact", entry.values.get("contact", ""))
+        return answer._replace(contact=contact, input=entry.values.get("input", "")), entry
 
     def _write(self, entry: Entry) -> Rejected | None:
         """Append an entry to the journal; return why it cannot."""

@@ -26,8 +26,8 @@ from numpy.typing import NDArray
 from dsse_ros.live.beliefs import LiveBeliefs
 from dsse_ros.live.journal import JournalFile, texts_of
 from dsse_ros.live.keeper import Entry, Keeper
-from dsse_ros.live.looks import StepLooks
 from dsse_ros.live.records import from_json, to_json, to_text
+from dsse_ros.live.step_looks import StepLooks
 from dsse_ros.mission.mission import Mission
 from dsse_ros.scenario.agents import definition_from, definition_values
 from dsse_ros.scenario.json_keys import Keys

@@ -47,7 +47,7 @@ class Ended(Generic[T]):
 
 
 @dataclass(frozen=True)
-class Progress(Generic[T]):
+class GoalProgress(Generic[T]):
     """How far a goal is.
 
     Attributes:
@@ -137,11 +137,11 @@ class Navigation(Generic[T]):
                 ended.append(end)
         return ended
 
-    def progress(self) -> list[Progress[T]]:
+    def progress(self) -> list[GoalProgress[T]]:
         """Return how far the goals are."""
         now_ns = self._mission.result.stamp_ns
         return [
-            Progress(
+            GoalProgress(
                 drone,
                 goal.handle,
                 *self._way_left(drone, goal.command),

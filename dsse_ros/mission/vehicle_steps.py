@@ -8,7 +8,7 @@ import math
 
 from dsse_ros.mission import status
 from dsse_ros.mission.awaited_vehicles import AwaitedVehicles
-from dsse_ros.mission.commands import parse_place
+from dsse_ros.mission.command_parsers import parse_place
 from dsse_ros.mission.fleet_clock import FleetClock
 from dsse_ros.mission.flight_mission import FlightMission
 from dsse_ros.mission.mission import Mission

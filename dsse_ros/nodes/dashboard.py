@@ -19,12 +19,12 @@ from rclpy.serialization import deserialize_message
 from rclpy.subscription import Subscription
 from std_srvs.srv import SetBool, Trigger
 
-from dsse_ros.dashboard.commands import Command, ServiceCalls
-from dsse_ros.dashboard.history import EXACT_LAYERS, LAYERS
 from dsse_ros.dashboard.inbox import Inbox, Received
-from dsse_ros.dashboard.live_inputs import change_of
+from dsse_ros.dashboard.live_forms import change_of
 from dsse_ros.dashboard.missions import MAX_MISSIONS
+from dsse_ros.dashboard.search_history import EXACT_LAYERS, LAYERS
 from dsse_ros.dashboard.server import PageServer
+from dsse_ros.dashboard.service_calls import Command, ServiceCalls
 from dsse_ros.dashboard.settings import DashboardSettings
 from dsse_ros.nodes.live_door import ANSWERS, INPUTS, Awaited, InputDoor, take_answer
 from dsse_ros.nodes.operator_services import (
@@ -34,7 +34,7 @@ from dsse_ros.nodes.operator_services import (
     full_name,
     service_name,
 )
-from dsse_ros.runtime.arrivals import Arrivals, Clocks
+from dsse_ros.runtime.arrivals import Arrivals, MachineClocks
 from dsse_ros.runtime.polling import polling_node, spun_by_nobody, take_all
 from dsse_ros.runtime.qos import read_settings, requested
 from dsse_ros.runtime.run_node import AlarmNode, run_node
@@ -295,7 +295,7 @@ class DashboardNode(AlarmNode):
 
     def _take(self) -> None:
         """Pass on the new messages, in the order of their arrival."""
-        before, came = Clocks.read(), []
+        before, came = MachineClocks.read(), []
         for namespace, shown in self._shown.items():
             for topic, subscription in shown.topics.items():
                 taken = list(take_all(subscription))

@@ -28,7 +28,7 @@ Awaited = dict[tuple[str, str], list[Future]]
 
 
 class InputDoor:
-    """Publishes inputs of one kind; a client as `dsse_ros.dashboard.commands.Caller` has it.
+    """Publishes inputs of one kind; a client as `dsse_ros.dashboard.service_calls.Caller` has it.
 
     Args:
         node: Node of the publisher.

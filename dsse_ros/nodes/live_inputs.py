@@ -127,7 +127,7 @@ class LiveInputs:
             if self._mission.done and not was_over:
                 self._node.publish_change()
         for answer in answers:
-            self._answers.publish(String(data=answer.to_json(*self._search)))
+            self._answers.publish(String(data=answer._replace(search=self._search).to_json()))
 
     def _publish_history(self) -> None:
         beliefs = self._mission.beliefs

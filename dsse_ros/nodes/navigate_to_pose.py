@@ -16,7 +16,7 @@ from rclpy.action import ActionServer, CancelResponse, GoalResponse
 
 from dsse_ros.mission.command_intake import NAVIGATE_TO_POSE, CommandIntake
 from dsse_ros.mission.flight_navigation import navigation_of
-from dsse_ros.mission.navigation import Ended, Ending, Progress
+from dsse_ros.mission.navigation import Ended, Ending, GoalProgress
 from dsse_ros.scenario.frames import map_positions
 from msg_adapters.poses import pose_stamped
 from msg_adapters.stamps import header, to_stamp
@@ -122,7 +122,7 @@ class NavigateToPose:
         self._on_command()
         return CancelResponse.ACCEPT if ended else CancelResponse.REJECT
 
-    def _publish(self, all_progress: Iterable[Progress[Any]]) -> None:
+    def _publish(self, all_progress: Iterable[GoalProgress[Any]]) -> None:
         for progress in all_progress:
             progress.handle.publish_feedback(self._feedback(progress))
 
@@ -149,7 +149,7 @@ class NavigateToPose:
                     result.error_msg = ended.reason
         return result
 
-    def _feedback(self, progress: Progress[Any]) -> Any:
+    def _feedback(self, progress: GoalProgress[Any]) -> Any:
         node, result, drone = self._node, self._node.mission.result, progress.drone
         (position,) = map_positions(node.frame, result.places[drone], drone)
         return self._action.Feedback(

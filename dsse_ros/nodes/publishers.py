@@ -13,12 +13,12 @@ from rosgraph_msgs.msg import Clock
 from std_msgs.msg import String
 
 from dsse_ros.message_types import message_class
-from dsse_ros.mission.flight_follower import TrackLeft
 from dsse_ros.mission.flight_mission import FlightMission
 from dsse_ros.mission.flown import Motion, motions
 from dsse_ros.mission.mission import Mission, StepResult
 from dsse_ros.mission.step_messages import DEFAULT, MESSAGES, OF_BELIEF, Display, StepMessages
 from dsse_ros.mission.step_scheduler import Timing
+from dsse_ros.mission.track_follower import TrackLeft
 from dsse_ros.mission.vehicle_tasks import VehicleTasks
 from dsse_ros.runtime.last_published import LastPublished
 from dsse_ros.runtime.qos import Endpoints

@@ -16,7 +16,7 @@ from rclpy.subscription import Subscription
 from dsse_ros.message_types import message_class
 from dsse_ros.recording.offered_qos import common
 from dsse_ros.recording.schemas import definition
-from dsse_ros.runtime.arrivals import Arrivals, Clocks
+from dsse_ros.runtime.arrivals import Arrivals, MachineClocks
 from dsse_ros.runtime.polling import RawMessage, polling_node, spun_by_nobody, take_all
 from dsse_ros.search import FieldError
 from msg_adapters.topics import TOPICS
@@ -110,7 +110,7 @@ class RawTopics:
 
     def take(self) -> list[RawMessage]:
         """Return the new messages in the order of their arrival, see `Arrivals`."""
-        before, taken = Clocks.read(), self._taken
+        before, taken = MachineClocks.read(), self._taken
         for subscription in self._subscriptions.values():
             taken += take_all(subscription)
         self._taken = []

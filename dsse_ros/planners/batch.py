@@ -24,8 +24,8 @@ from dsse_ros.planners.planner import Planner, PlannerFactory, Shareable
 from dsse_ros.planners.play import play
 from dsse_ros.planners.registry import check_task, load_planner
 from dsse_ros.scenario.definition import SearchDefinition
+from dsse_ros.scenario.env_options import check_seed
 from dsse_ros.scenario.fields import FieldError, Spec
-from dsse_ros.scenario.options import check_seed
 from dsse_ros.scenario.scenario import ScenarioSource, scenario_and_rules
 from dsse_ros.scenario.swarm import number_of
 from dsse_ros.search.world import World

@@ -21,8 +21,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dsse_ros.belief.belief import Forecast
-from dsse_ros.belief.beliefs import forecast_for, is_ensemble
 from dsse_ros.belief.drift_estimate import FIRST_OBSERVED, DriftEstimate
+from dsse_ros.belief.forecasts import forecast_for, is_ensemble
 from dsse_ros.belief.protocol import TargetBelief, TargetForecast
 from dsse_ros.planners.avoidance import approach
 from dsse_ros.planners.beam_search import BeamSearch, steps_planned

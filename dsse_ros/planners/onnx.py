@@ -57,8 +57,8 @@ from dsse_ros.planners.planner import (
     probability_of,
 )
 from dsse_ros.scenario.actions import ActionSet
+from dsse_ros.scenario.env_options import OBSERVED
 from dsse_ros.scenario.fields import FieldError, shown
-from dsse_ros.scenario.options import OBSERVED
 from dsse_ros.scenario.rules import Rules
 from dsse_ros.scenario.scenario import ResolvedScenario
 from dsse_ros.scenario.swarm import Swarm

@@ -40,8 +40,8 @@ from dsse_ros.planners.sector import sector_routes
 from dsse_ros.planners.spiral import spiral_routes
 from dsse_ros.planners.sweep import sweep_routes
 from dsse_ros.scenario.cell_checks import check_cell
+from dsse_ros.scenario.env_options import check_seed
 from dsse_ros.scenario.fields import FieldError, shown
-from dsse_ros.scenario.options import check_seed
 from dsse_ros.scenario.rules import Rules
 from dsse_ros.scenario.swarm import Swarm
 from dsse_ros.scenario.yaml_file import parse_yaml

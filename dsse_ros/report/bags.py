@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from dsse_ros.mission.reported_looks import looks_of
 from dsse_ros.recording.bag import Recorded, read_bag
-from dsse_ros.report.flown_over import places_of
+from dsse_ros.report.drone_places import places_of
 from dsse_ros.report.of_vehicles import FlownByVehicles
 from dsse_ros.report.recomputed import Maps
 from dsse_ros.report.record import RecordedMission, Search, check_limit

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from dsse_ros.report.flown_over import flown_over
+from dsse_ros.report.drone_places import flown_over
 from dsse_ros.report.of_vehicles import numbers_of
 from dsse_ros.step.looks import looks_of
 from dsse_ros.step.viewpoints import NO_LOOK, viewpoints_at

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dsse_ros.belief.beliefs import forecast_for as new_forecast
+from dsse_ros.belief.forecasts import forecast_for as new_forecast
 from dsse_ros.belief.protocol import TargetForecast
 from dsse_ros.mission.flight_mission import FlightMission, mission_of
 from dsse_ros.mission.reported_looks import give_looks

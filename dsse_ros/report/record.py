@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from dsse_ros.mission.definition_log import definition_file, read_definitions
 from dsse_ros.mission.mission_log import COLUMNS, OF_COVERAGE
-from dsse_ros.report.flown_over import check_flown, places_of
+from dsse_ros.report.drone_places import check_flown, places_of
 from dsse_ros.report.flown_paths import paths_in
 from dsse_ros.report.looked_at import looks_in
 from dsse_ros.report.of_vehicles import FlownByVehicles, of_vehicles, turns_of

@@ -19,14 +19,14 @@ STEP_NS = 1_000_000
 """The wall clock has stepped back if it has lost more than this on the monotonic clock."""
 
 
-class Clocks(NamedTuple):
+class MachineClocks(NamedTuple):
     """The wall clock and the monotonic clock of the machine at the same time, in ns."""
 
     wall_ns: int
     monotonic_ns: int
 
     @classmethod
-    def read(cls) -> Clocks:
+    def read(cls) -> MachineClocks:
         """Return the clocks as they are now."""
         readings = []
         for _ in range(3):
@@ -54,7 +54,9 @@ class Arrivals:
         self._last: dict[str, int] = {}
         self._waiting: list[RawMessage] = []
 
-    def order(self, taken: Iterable[RawMessage], before: Clocks, after_ns: int) -> list[RawMessage]:
+    def order(
+        self, taken: Iterable[RawMessage], before: MachineClocks, after_ns: int
+    ) -> list[RawMessage]:
         """Return the messages that arrived before a time, in order; later ones wait.
 
         Args:
@@ -75,7 +77,7 @@ class Arrivals:
         self._until_ns = until_ns
         return arrived
 
-    def _note(self, clocks: Clocks) -> None:
+    def _note(self, clocks: MachineClocks) -> None:
         offset_ns = clocks.wall_ns - clocks.monotonic_ns
         lost_ns = 0 if self._offset_ns is None else self._offset_ns - offset_ns
         self.stepped_ns = lost_ns if lost_ns > STEP_NS else 0

@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import json
 from typing import NamedTuple
 
 from dsse_ros.scenario.json_keys import Keys, parse_json
@@ -14,7 +15,7 @@ MAX_CONTACTS = 10_000
 """Largest number of contacts in a text."""
 
 
-class Contact(NamedTuple):
+class ShownContact(NamedTuple):
     """What one or several detections have found.
 
     Attributes:
@@ -48,33 +49,39 @@ class Answer(NamedTuple):
     """What has become of an input.
 
     Attributes:
-        id: Identity of the input.
+        id: Identity of the input, "" if it has none.
         kind: Its kind, such as sighting.
         ok: Whether it was accepted.
         code: `again` if it had been accepted before; why it was refused; "" otherwise.
-        reason: Why not; "" if it was.
+        reason: Why not, in one line; "" if it was.
         contact: Name of the contact that it is about; "" for none.
         input: Identity of the input that it withdraws; "" for none.
-        pos_before: POS without it; None if unknown.
-        pos_after: POS with it.
-        poc_moved: Share of the POC that it has moved to other cells; None if unknown.
+        pos_before: POS before the inputs that came with it; None if unknown.
+        pos_after: POS after them.
+        poc_moved: Share of the POC that they have moved to other cells; None if unknown.
         search: run_id and number of its mission.
     """
 
     id: str
     kind: str
-    ok: bool
-    code: str
-    reason: str
-    contact: str
-    input: str
-    pos_before: float | None
-    pos_after: float | None
-    poc_moved: float | None
-    search: tuple[int, int]
+    ok: bool = True
+    code: str = ""
+    reason: str = ""
+    contact: str = ""
+    input: str = ""
+    pos_before: float | None = None
+    pos_after: float | None = None
+    poc_moved: float | None = None
+    search: tuple[int, int] = (0, 0)
+
+    def to_json(self) -> str:
+        """Return the text, see `answer_from_json`."""
+        values = self._asdict() | {"contact": self.contact or None, "input": self.input or None}
+        run_id, mission = values.pop("search")
+        return json.dumps(values | {"run_id": run_id, "mission": mission}, allow_nan=False)
 
 
-def contacts_from_json(text: str) -> tuple[Contact, ...]:
+def contacts_from_json(text: str) -> tuple[ShownContact, ...]:
     """Return the contacts in a text of `live/contacts`.
 
     Raises:
@@ -86,10 +93,10 @@ def contacts_from_json(text: str) -> tuple[Contact, ...]:
     return tuple(_contact(Keys(contact, f"contacts[{i}]")) for i, contact in enumerate(listed))
 
 
-def _contact(keys: Keys) -> Contact:
+def _contact(keys: Keys) -> ShownContact:
     if keys.value("state") not in STATES:
         keys.refuse("state", f"one of {', '.join(STATES)}")
-    return Contact(
+    return ShownContact(
         name=keys.text("contact"),
         state=keys.text("state"),
         lat_deg=keys.number("lat"),

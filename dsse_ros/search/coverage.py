@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dsse_ros.belief.beliefs import forecast_for
+from dsse_ros.belief.forecasts import forecast_for
 from dsse_ros.scenario.fields import FieldError
 from dsse_ros.scenario.rules import Rules
 from dsse_ros.scenario.scenario import ResolvedScenario

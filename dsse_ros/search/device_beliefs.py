@@ -11,8 +11,8 @@ from numba import cuda
 
 from dsse_ros.belief.belief import Belief, Forecast
 from dsse_ros.belief.belief_kernels import ROW
-from dsse_ros.belief.beliefs import is_ensemble
 from dsse_ros.belief.followers import DRIFT_SAMPLES
+from dsse_ros.belief.forecasts import is_ensemble
 from dsse_ros.belief.look_kernels import Followed
 from dsse_ros.scenario.fields import FieldError
 from dsse_ros.scenario.scenario import ResolvedScenario

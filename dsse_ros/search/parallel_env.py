@@ -14,8 +14,8 @@ from gymnasium.error import ResetNeeded
 from numpy.typing import NDArray
 from pettingzoo import ParallelEnv
 
+from dsse_ros.scenario.env_options import OBSERVED, check_options, check_seed
 from dsse_ros.scenario.fields import FieldError, Spec, shown
-from dsse_ros.scenario.options import OBSERVED, check_options, check_seed
 from dsse_ros.scenario.rules import Rules
 from dsse_ros.scenario.scenario import (
     ResolvedScenario,

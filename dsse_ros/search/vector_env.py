@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from dsse_ros.compiled.overloads import Specialized
 from dsse_ros.extras import pip_install
+from dsse_ros.scenario.env_options import OBSERVED, check_mapping, check_options, check_seed
 from dsse_ros.scenario.fields import FieldError, Spec, shown
-from dsse_ros.scenario.options import OBSERVED, check_mapping, check_options, check_seed
 from dsse_ros.scenario.rules import Rules
 from dsse_ros.scenario.scenario import Scenario, ScenarioSource, scenario_and_rules
 from dsse_ros.search.observation import RESET_FIRST

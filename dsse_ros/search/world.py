@@ -17,9 +17,9 @@ from numpy.typing import NDArray
 
 from dsse_ros.compiled.draws import words_of_seed
 from dsse_ros.compiled.overloads import overload_of
-from dsse_ros.scenario.identity import identity_of
 from dsse_ros.scenario.rules import Rules
 from dsse_ros.scenario.scenario import ResolvedScenario, Scenario
+from dsse_ros.scenario.scenario_identity import identity_of
 from dsse_ros.search.coverage import Coverage
 from dsse_ros.search.ensemble import WorldEnsemble
 from dsse_ros.search.faults import Faults

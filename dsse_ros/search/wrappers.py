@@ -22,8 +22,8 @@ from numpy.typing import NDArray
 from pettingzoo import ParallelEnv
 from pettingzoo.utils.wrappers import BaseParallelWrapper
 
+from dsse_ros.scenario.env_options import check_mapping
 from dsse_ros.scenario.fields import FieldError, Spec, shown
-from dsse_ros.scenario.options import check_mapping
 
 Array = NDArray[Any]
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from dsse_ros.scenario.agents import AgentsInfo
 from dsse_ros.scenario.geodesy import map_to_geodetic
-from dsse_ros.scenario.live_texts import Contact
+from dsse_ros.scenario.live_texts import ShownContact
 from dsse_ros.tak.areas import Ring, outlines, smallest_area
 from dsse_ros.tak.events import (
     BY_GPS,
@@ -45,7 +45,7 @@ class CotPicture:
         self.info: AgentsInfo | None = None
         self._drones: Sequence[Place] = ()
         self._vehicles: dict[str, tuple[float, Place]] = {}
-        self._contacts: tuple[Contact, ...] = ()
+        self._contacts: tuple[ShownContact, ...] = ()
         self._areas: list[tuple[str, str, Ring]] = []
         self._sent: set[str] = set()
 
@@ -63,7 +63,7 @@ class CotPicture:
         """Take latitude, longitude and height above the ellipsoid of a drone's vehicle."""
         self._vehicles[drone] = now_s, place
 
-    def put_contacts(self, contacts: tuple[Contact, ...]) -> None:
+    def put_contacts(self, contacts: tuple[ShownContact, ...]) -> None:
         """Take the contacts."""
         self._contacts = contacts
 
@@ -126,7 +126,7 @@ class CotPicture:
         return found
 
 
-def _remarks(contact: Contact) -> str:
+def _remarks(contact: ShownContact) -> str:
     """Return what is known of a contact besides its place."""
     parts = [f"{contact.detections} detection" + "s" * (contact.detections != 1)]
     if contact.utc:

@@ -7,8 +7,8 @@ M[t] is the probability that t steps have found nothing. The sum of M[t] over th
 is its mean time, exactly, where a mission without a find counts as its time limit.
 
 The searches start together and their persons' drifts are known, so in each step it is known which
-layers of the belief move (`Sea`); the others only lose what is searched. The belief is that of
-`dsse_ros.belief.belief`, in float32.
+layers of the belief move (`SeaForecast`); the others only lose what is searched. The belief is that
+of `dsse_ros.belief.belief`, in float32.
 """
 
 from __future__ import annotations
@@ -120,7 +120,7 @@ def random_cases(count: int, grid: int, generator: torch.Generator, *, drones: i
     return Cases(persons, vectors, sigma, growth, torch.where(there[..., None], starts, AWAY))
 
 
-class Sea(NamedTuple):
+class SeaForecast(NamedTuple):
     """What is known in advance of B searches, by step s of the sea, the first at the reset.
 
     Attributes:
@@ -140,7 +140,7 @@ class Sea(NamedTuple):
     steps: tuple[Tensor, ...]
 
 
-def sea_of(cases: Cases, grid: int, drifts: int) -> Sea:
+def sea_of(cases: Cases, grid: int, drifts: int) -> SeaForecast:
     """Return the sea of searches with K angles of the persons' own drift."""
     drift, own = _per_step(cases.vectors), _own_drifts(cases.vectors, drifts)
     remainder, of_own = torch.zeros_like(drift), torch.zeros_like(own)
@@ -169,7 +169,7 @@ def sea_of(cases: Cases, grid: int, drifts: int) -> Sea:
     # One transfer has the numbers of all steps.
     rows = moved.nonzero()[:, 1].split(moved.sum(1).tolist())
     led = [step.flatten(0, 1)[row].long() for step, row in zip(steps, rows, strict=True)]
-    return Sea(along_x, along_y, drift.float(), spread.float(), rows, tuple(led))
+    return SeaForecast(along_x, along_y, drift.float(), spread.float(), rows, tuple(led))
 
 
 def _per_step(vectors: Tensor) -> Tensor:

@@ -14,10 +14,10 @@ from typing import NamedTuple
 import torch
 from torch import Tensor, nn
 
+from dsse_ros.training.cuda_graph import GraphedFunction
 from dsse_ros.training.foveated import FEATURES, Foveated, of_all
 from dsse_ros.training.lockstep import ACTIONS, LIMIT, Searches
 from dsse_ros.training.networks import Actor, Critic
-from dsse_ros.training.replayed import Replayed
 
 STEPS_PER_VALUE = 10.0
 """Values are in units of so many steps."""
@@ -50,7 +50,7 @@ class Settings:
     clip: float = 0.2
 
 
-class Flights(NamedTuple):
+class Rollouts(NamedTuple):
     """The missions of an update: T steps of B searches with N drones.
 
     Attributes:
@@ -76,14 +76,14 @@ class Flights(NamedTuple):
     there: Tensor
 
 
-def room_for(worlds: int, drones: int, device: torch.device) -> Flights:
+def room_for(worlds: int, drones: int, device: torch.device) -> Rollouts:
     """Return memory for the missions of an update."""
 
     def empty(*shape: int, dtype: torch.dtype = torch.float32) -> Tensor:
         return torch.empty(LIMIT, worlds, *shape, dtype=dtype, device=device)
 
     half = torch.bfloat16 if device.type == "cuda" else torch.float32
-    return Flights(
+    return Rollouts(
         empty(drones, FEATURES, dtype=half), empty(drones, len(ACTIONS), dtype=torch.bool),
         empty(drones, dtype=torch.int64), empty(drones), empty(drones), empty(drones),
         empty(drones), empty(1), empty(drones, dtype=torch.bool),
@@ -122,13 +122,13 @@ class Learner:
         self.optimizer = torch.optim.Adam(
             self.networks.parameters(), rate, eps=1e-5, fused=gpu, capturable=gpu
         )
-        self._decide, self._improve = Replayed(self._draw), Replayed(self._descend)
+        self._decide, self._improve = GraphedFunction(self._draw), GraphedFunction(self._descend)
 
     def half(self) -> torch.autocast:
         """Return the context of products in half precision, on a GPU."""
         return torch.autocast(self.device.type, torch.bfloat16, enabled=self.device.type == "cuda")
 
-    def fly(self, searches: Searches, flights: Flights, worlds: slice) -> None:
+    def fly(self, searches: Searches, rollouts: Rollouts, worlds: slice) -> None:
         """Fly missions with drawn actions; write them to the columns `worlds`."""
         for t in range(LIMIT):
             cells, there, allowed = searches.cells, searches.there, searches.masks()
@@ -137,14 +137,14 @@ class Learner:
                 cells, there, searches.belief, searches.case(), allowed
             )
             shares = searches.step(actions)
-            step = Flights(features, allowed, actions, log_p, values, shares, near, missing, there)
-            for room, part in zip(flights, step, strict=True):
+            step = Rollouts(features, allowed, actions, log_p, values, shares, near, missing, there)
+            for room, part in zip(rollouts, step, strict=True):
                 room[t, worlds] = part
 
     def _draw(
         self, cells: Tensor, there: Tensor, belief: Tensor, case: Tensor, allowed: Tensor
     ) -> tuple[Tensor, ...]:
-        """Draw actions; return what `Flights` has of them."""
+        """Draw actions; return what `Rollouts` has of them."""
         with torch.no_grad():
             features = self.features(cells, there, belief, case)
             with self.half():
@@ -175,28 +175,28 @@ class Learner:
             searches.step(self.best(searches))
         return total
 
-    def learn(self, flights: Flights, left: float, shared: float) -> dict[str, float]:
+    def learn(self, rollouts: Rollouts, left: float, shared: float) -> dict[str, float]:
         """Improve the policy; return figures of how it goes.
 
         Args:
-            flights: The missions.
+            rollouts: The missions.
             left: Share of the training that is left.
             shared: Share of a find that counts for all drones alike.
         """
-        settings, there = self.settings, flights.there
+        settings, there = self.settings, rollouts.there
         for group in self.optimizer.param_groups:
             group["lr"].fill_(settings.rate * max(left, 0.02))
-        advantages = self.advantages(flights, shared)
-        returns = advantages + flights.values
+        advantages = self.advantages(rollouts, shared)
+        returns = advantages + rollouts.values
         # Late steps are rarely reached, but with their true weight the policy would learn nothing.
-        weights = flights.missing.clamp(min=1e-3).sqrt() * (flights.missing > 1e-5) * there
+        weights = rollouts.missing.clamp(min=1e-3).sqrt() * (rollouts.missing > 1e-5) * there
         weights /= weights.mean()
         advantages -= (weights * advantages).mean()
         advantages /= (weights * advantages.square()).mean().sqrt() + 1e-4
         data = [
             part.flatten(0, 1)
             for part in (
-                flights.features, flights.allowed, flights.actions, flights.log_p, advantages,
+                rollouts.features, rollouts.allowed, rollouts.actions, rollouts.log_p, advantages,
                 returns, weights, there,
             )
         ]  # fmt: skip
@@ -210,13 +210,13 @@ class Learner:
         figures /= settings.epochs * settings.batches
         return dict(zip(("entropy", "value_loss", "clipped"), figures.tolist(), strict=True))
 
-    def advantages(self, flights: Flights, shared: float) -> Tensor:
+    def advantages(self, rollouts: Rollouts, shared: float) -> Tensor:
         """Return the advantages (T, B, N) of the actions."""
-        p = flights.shares.sum(-1, keepdim=True).clamp(max=1.0)
-        drones = flights.there.sum(-1, keepdim=True)
-        own = OWN_FIND * (drones * flights.shares - p)
+        p = rollouts.shares.sum(-1, keepdim=True).clamp(max=1.0)
+        drones = rollouts.there.sum(-1, keepdim=True)
+        own = OWN_FIND * (drones * rollouts.shares - p)
         cost = (1 - shared) * own - 1
-        to_come = flights.values + flights.near / STEPS_PER_VALUE
+        to_come = rollouts.values + rollouts.near / STEPS_PER_VALUE
         after = torch.cat([to_come[1:], torch.zeros_like(to_come[:1])])
         surprise = cost / STEPS_PER_VALUE + (1 - p) * after - to_come
         out, later = torch.empty_like(surprise), torch.zeros_like(surprise[0])

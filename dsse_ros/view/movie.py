@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dsse_ros.extras import pip_install
-from dsse_ros.progress import progress
+from dsse_ros.progress_bar import progress
 from dsse_ros.scenario.fields import FieldError
 from dsse_ros.view.legend import FOUND, PERSON
 from dsse_ros.view.mission_view import MissionView

@@ -61,7 +61,7 @@ Rect = tuple[float, float, float, float]
 
 
 @dataclass(frozen=True)
-class Layout:
+class PictureLayout:
     """Where a picture has its parts, as shares of the figure.
 
     Attributes:
@@ -84,12 +84,12 @@ class Layout:
         return 72.0 * self.size_in[0] * self.map[2]
 
 
-WIDE = Layout(
+WIDE = PictureLayout(
     size_in=(8.0, 6.0), map=(0.08, 0.11, 0.5625, 0.75), bar=(0.715, 0.77, 0.253, 0.026),
     label=(0.715, 0.83), panel=(0.704, 0.11, 0.29, 0.59),
 )  # fmt: skip
 """The whole picture: the legend beside the map."""
-PLAIN = Layout(
+PLAIN = PictureLayout(
     size_in=(4.8, 5.2), map=(0.12, 0.1, 0.81, 0.7477), bar=(0.12, 0.952, 0.3, 0.022),
     label=(0.46, 0.963),
 )  # fmt: skip
@@ -127,7 +127,7 @@ class Picture:
         theme: Its colours.
     """
 
-    def __init__(self, figure: Figure, layout: Layout = WIDE, theme: Theme = LIGHT) -> None:
+    def __init__(self, figure: Figure, layout: PictureLayout = WIDE, theme: Theme = LIGHT) -> None:
         self._figure, self._layout, self._theme = figure, layout, theme
         self._scene: tuple[Any, ...] = ()
         self._listed: tuple[Any, ...] = ()

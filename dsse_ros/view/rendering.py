@@ -16,18 +16,18 @@ from numpy.typing import NDArray
 
 from dsse_ros.extras import pip_install
 from dsse_ros.view.mission_view import MissionView, to_ansi
-from dsse_ros.view.picture import PLAIN, WIDE, Layout, Picture
+from dsse_ros.view.picture import PLAIN, WIDE, Picture, PictureLayout
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 __all__ = [
-    "PLAIN", "WIDE", "FigureRenderer", "Layout", "MissionView", "Picture", "Viewer", "new_figure",
-    "save_picture", "to_ansi",
+    "PLAIN", "WIDE", "FigureRenderer", "MissionView", "Picture", "PictureLayout", "Viewer",
+    "new_figure", "save_picture", "to_ansi",
 ]  # fmt: skip
 
 
-def new_figure(layout: Layout = WIDE) -> Figure:
+def new_figure(layout: PictureLayout = WIDE) -> Figure:
     """Return an empty figure of the size for `Picture`, without a window."""
     _forget_missing_backend(os.environ)
     try:

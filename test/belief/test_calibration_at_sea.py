@@ -10,8 +10,8 @@ from statistics import NormalDist
 import numpy as np
 import pytest
 
-from dsse_ros.belief.beliefs import forecast_for
 from dsse_ros.belief.ensemble_belief import EnsembleForecast
+from dsse_ros.belief.forecasts import forecast_for
 from dsse_ros.planners.belief import GreedyOnBelief
 from dsse_ros.planners.planner import DecisionPoint
 from dsse_ros.scenario.scenario import Scenario

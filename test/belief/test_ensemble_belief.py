@@ -13,8 +13,8 @@ from hypothesis import strategies as st
 from looking import looks_at
 from numpy.typing import NDArray
 
-from dsse_ros.belief.beliefs import forecast_for
 from dsse_ros.belief.ensemble_belief import EnsembleBelief, EnsembleForecast
+from dsse_ros.belief.forecasts import forecast_for
 from dsse_ros.belief.protocol import LooksToCome, TargetBelief, TargetForecast
 from dsse_ros.scenario.rules import Rules, profile
 from dsse_ros.scenario.scenario import Scenario

@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from dsse_ros.belief.beliefs import forecast_for
 from dsse_ros.belief.ensemble_belief import EnsembleBelief, PathsFlown
+from dsse_ros.belief.forecasts import forecast_for
 from dsse_ros.scenario.scenario import Scenario
 from dsse_ros.search import HOLD, World, profile
 from dsse_ros.search.flights import Flights

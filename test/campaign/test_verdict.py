@@ -10,18 +10,18 @@ import pytest
 
 from dsse_ros.campaign.estimates import Estimate
 from dsse_ros.campaign.report import verdict
-from dsse_ros.campaign.statistics import Pair
+from dsse_ros.campaign.statistics import PlannerPair
 
 SHARES = {"sweep": 0.8, "greedy": 0.92}
 
 
-def pair(**fields: Any) -> Pair:
+def pair(**fields: Any) -> PlannerPair:
     values = {
         "case": None, "first": "sweep", "second": "greedy", "only_first": 1, "only_second": 13,
         "found": Estimate(-0.12, -0.2, -0.04), "found_p": 0.001,
         "time_s": Estimate(90.0, 60.0, 120.0), "time_p": 0.001,
     }  # fmt: skip
-    return Pair(**(values | fields))
+    return PlannerPair(**(values | fields))
 
 
 @pytest.mark.parametrize(

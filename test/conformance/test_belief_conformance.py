@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from dsse_ros.belief.belief import Belief
-from dsse_ros.belief.beliefs import forecast_for
+from dsse_ros.belief.forecasts import forecast_for
 from dsse_ros.conformance.belief import belief_test
 from dsse_ros.scenario.rules import profile
 from dsse_ros.scenario.scenario import Scenario

@@ -15,7 +15,7 @@ from bridge_rig import SEARCHED, Bridge, autopilots
 from browsers import choose_option
 from rig import TIMEOUT_S, Rig, Sim
 
-from dsse_ros.dashboard.commands import MAX_AGE_S
+from dsse_ros.dashboard.service_calls import MAX_AGE_S
 
 pytestmark = pytest.mark.slow
 

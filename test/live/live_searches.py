@@ -13,7 +13,7 @@ from dsse_ros.live.admission import Admission, Clocks
 from dsse_ros.live.beliefs import LiveBeliefs
 from dsse_ros.live.inputs import parse
 from dsse_ros.live.keeper import Entry, Keeper
-from dsse_ros.live.looks import StepLooks
+from dsse_ros.live.step_looks import StepLooks
 from dsse_ros.result import Accepted, Rejected
 from dsse_ros.search import SearchEnv, parallel_env
 

@@ -72,7 +72,7 @@ def test_every_text_is_answered_and_the_belief_stays_one(
     assert all(answer.ok != bool(answer.reason) for answer in answers)
     assert all(math.isfinite(answer.pos_after or 0.0) for answer in answers)
     for answer in answers:
-        answer.to_json(1, 1)
+        answer.to_json()
     json.dumps(intake.contacts(), allow_nan=False)
     beliefs = intake._mission.beliefs
     assert isinstance(beliefs, LiveBeliefs)

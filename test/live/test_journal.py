@@ -20,9 +20,10 @@ from benchmarks.live_kills import INPUTS, Killed, digest_of, kill, new_mission
 from dsse_ros.cli.replay import main as replay
 from dsse_ros.live.beliefs import LiveBeliefs
 from dsse_ros.live.journal import TOPIC, JournalFile
-from dsse_ros.mission.live_intake import Answer, LiveIntake
+from dsse_ros.mission.live_intake import LiveIntake
 from dsse_ros.mission.mission_journal import MissionJournal
 from dsse_ros.scenario.fields import FieldError
+from dsse_ros.scenario.live_texts import Answer
 
 TEXTS = ["{}", json.dumps({"name": "Ærø", "n": 1}), "x" * 300]
 

@@ -12,10 +12,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from dsse_ros.mission.flight_follower import TOLERANCE_M
 from dsse_ros.mission.flight_mission import FlightMission, mission_of
 from dsse_ros.mission.flight_navigation import navigation_of
 from dsse_ros.mission.navigation import Ended, Ending, Navigation
+from dsse_ros.mission.track_follower import TOLERANCE_M
 from dsse_ros.search import parallel_env
 from dsse_ros.searchers import registry
 from dsse_ros.searchers.searcher import Searcher

@@ -18,7 +18,7 @@ from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import Image, PointCloud2
 from std_msgs.msg import String
 
-from dsse_ros.mission.commands import parse_goal
+from dsse_ros.mission.command_parsers import parse_goal
 from dsse_ros.result import Accepted
 from dsse_ros.scenario.agents import agents_from_json
 from dsse_ros.scenario.frames import map_positions

@@ -14,7 +14,7 @@ import rclpy
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
-from dsse_ros.dashboard.history import EXACT_LAYERS
+from dsse_ros.dashboard.search_history import EXACT_LAYERS
 from dsse_ros.nodes.cot_gateway import CotNode
 from dsse_ros.nodes.dashboard import OF_VEHICLE, TOPICS, DashboardNode
 from dsse_ros.nodes.foxglove_viewer import ViewerNode

@@ -367,7 +367,7 @@ def test_the_tables_of_parameters_are_what_the_code_makes_of_them() -> None:
 def test_the_refusals_are_those_of_the_code() -> None:
     sources = (
         ROOT / "dsse_ros" / "mission" / "command_intake.py",
-        ROOT / "dsse_ros" / "mission" / "commands.py",
+        ROOT / "dsse_ros" / "mission" / "command_parsers.py",
         ROOT / "dsse_ros" / "mission" / "flight_commands.py",
         ROOT / "dsse_ros" / "mission" / "mission.py",
         ROOT / "dsse_ros" / "nodes" / "sim_node.py",

@@ -19,7 +19,7 @@ WORLD = {
     "dsse_ros.compiled",
     "dsse_ros.defects",
     "dsse_ros.drift",
-    "dsse_ros.progress",
+    "dsse_ros.progress_bar",
     "dsse_ros.scenario",
     "dsse_ros.search",
     "dsse_ros.searchers",
@@ -39,7 +39,7 @@ LAYERS: dict[str, tuple[set[str], set[str]]] = {
     "dsse_ros.temporary": (set(), {"ros", "messages", "mavlink"}),
     "dsse_ros.private_files": (set(), {"ros", "messages", "mavlink"}),
     "dsse_ros.whole_files": (set(), {"ros", "messages", "mavlink"}),
-    "dsse_ros.progress": (set(), {"ros", "messages", "mavlink"}),
+    "dsse_ros.progress_bar": (set(), {"ros", "messages", "mavlink"}),
     "dsse_ros.compiled": (
         {"dsse_ros.compiled", "dsse_ros.temporary"},
         {"ros", "messages", "mavlink"},
@@ -95,7 +95,7 @@ LAYERS: dict[str, tuple[set[str], set[str]]] = {
         {"ros", "messages", "mavlink"},
     ),
     "dsse_ros.view": (
-        {"dsse_ros.view", "dsse_ros.scenario", "dsse_ros.progress", "dsse_ros.extras"},
+        {"dsse_ros.view", "dsse_ros.scenario", "dsse_ros.progress_bar", "dsse_ros.extras"},
         {"ros", "messages", "mavlink"},
     ),
     "dsse_ros.search": (WORLD | {"dsse_ros.extras"}, {"ros", "messages", "mavlink"}),

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dsse_ros.runtime.arrivals import Arrivals, Clocks
+from dsse_ros.runtime.arrivals import Arrivals, MachineClocks
 from dsse_ros.runtime.polling import RawMessage
 
 MS = 1_000_000
@@ -56,7 +56,7 @@ class Machine:
                 )
                 if last + topic % 4 < ready <= now + topic % 4
             ]
-            before = Clocks(self.wall_ns(now), MS * now)
+            before = MachineClocks(self.wall_ns(now), MS * now)
             found += arrivals.order(taken, before, self.wall_ns(now + 3))
             last = now
         return found
@@ -108,6 +108,9 @@ def test_times_are_those_of_the_middleware_while_the_clock_does_not_step_back(
 
 
 def test_the_clocks_of_the_machine_are_read_together() -> None:
-    offsets = [clocks.wall_ns - clocks.monotonic_ns for clocks in (Clocks.read(), Clocks.read())]
+    offsets = [
+        clocks.wall_ns - clocks.monotonic_ns
+        for clocks in (MachineClocks.read(), MachineClocks.read())
+    ]
     # As long as nobody sets the clock.
     assert abs(offsets[1] - offsets[0]) < 50 * MS

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from dsse_ros.belief.beliefs import forecast_for
+from dsse_ros.belief.forecasts import forecast_for
 from dsse_ros.drift.tracks import drift_tracks
 from dsse_ros.scenario.incident import Incident
 from dsse_ros.scenario.incident_fields import OF_INCIDENT

@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from dsse_ros.scenario.live_texts import Answer, Contact, answer_from_json, contacts_from_json
+from dsse_ros.scenario.live_texts import Answer, ShownContact, answer_from_json, contacts_from_json
 
 CONTACT = {
     "contact": "c1", "state": "open", "lat": -24.0, "lon": -46.0, "x": 1.0, "y": 2.0,
@@ -25,7 +25,7 @@ ANSWER = {
 
 def test_a_contact_and_an_answer_are_read() -> None:
     (contact,) = contacts_from_json(json.dumps([CONTACT]))
-    assert contact == Contact("c1", "open", -24.0, -46.0, 1.0, 2.0, 25.0, 60.0, "", 2, 0.4)
+    assert contact == ShownContact("c1", "open", -24.0, -46.0, 1.0, 2.0, 25.0, 60.0, "", 2, 0.4)
     answer = answer_from_json(json.dumps(ANSWER))
     assert answer == Answer("a", "weather", True, "", "", "", "", 0.3, 0.2, 0.6, (5, 2))
 

@@ -23,14 +23,16 @@ from dsse_ros.scenario.agents import AgentsInfo
 from dsse_ros.scenario.fields import FieldError
 from dsse_ros.scenario.frames import GridFrame
 from dsse_ros.scenario.geodesy import map_to_geodetic
-from dsse_ros.scenario.live_texts import Contact
+from dsse_ros.scenario.live_texts import ShownContact
 from dsse_ros.tak.picture import FRESH_S, CotPicture
 from dsse_ros.tak.sender import CotSender
 from dsse_ros.tak.settings import CotSettings
 
 FRAME = GridFrame(10, 100.0, -24.0, -46.0, 0.0, 120.0)
 INFO = AgentsInfo(("drone0", "drone1"), ("search",), "sea", 0, FRAME, 100, 13.0, 1, 7)
-CONTACT = Contact("c1", "open", -24.1, -46.2, 0.0, 0.0, 25.0, 60.0, "2026-01-17T14:01Z", 3, 0.4)
+CONTACT = ShownContact(
+    "c1", "open", -24.1, -46.2, 0.0, 0.0, 25.0, 60.0, "2026-01-17T14:01Z", 3, 0.4
+)
 TIMEOUT_S = 10.0
 # pytak excludes old versions of TLS by options that Python has replaced.
 pytestmark = pytest.mark.filterwarnings("ignore:ssl.OP_NO:DeprecationWarning")

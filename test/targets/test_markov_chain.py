@@ -11,7 +11,7 @@ import pytest
 from chains import chain_of_walk, matrix_of, uneven_chain
 from numpy.typing import NDArray
 
-from dsse_ros.belief.beliefs import forecast_for
+from dsse_ros.belief.forecasts import forecast_for
 from dsse_ros.conformance.target_model import SCENARIO, target_model_test
 from dsse_ros.planners import planner_for
 from dsse_ros.scenario.scenario import scenario_and_rules

@@ -7,7 +7,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from dsse_ros.belief.beliefs import forecast_for
+from dsse_ros.belief.forecasts import forecast_for
 from dsse_ros.scenario.fields import FieldError
 from dsse_ros.scenario.rules import profile
 from dsse_ros.scenario.scenario import Scenario

@@ -151,12 +151,12 @@ def test_the_policy_learns_to_find_sooner() -> None:
     torch.manual_seed(2)
     cpu = torch.device("cpu")
     learner = Learner(32, Settings(worlds=24, batches=4, rate=2e-3), cpu)
-    flights, generator = room_for(24, 4, cpu), torch.Generator().manual_seed(5)
+    rollouts, generator = room_for(24, 4, cpu), torch.Generator().manual_seed(5)
     means = []
     for _ in range(12):
-        learner.fly(Searches(random_cases(24, 8, generator), 8, 4), flights, slice(None))
-        means.append(float(flights.missing.sum(0).mean()))
-        figures = learner.learn(flights, left=1.0, shared=0.5)
+        learner.fly(Searches(random_cases(24, 8, generator), 8, 4), rollouts, slice(None))
+        means.append(float(rollouts.missing.sum(0).mean()))
+        figures = learner.learn(rollouts, left=1.0, shared=0.5)
         assert all(np.isfinite(value) for value in figures.values())
     assert np.mean(means[-3:]) < 0.7 * np.mean(means[:3])
 

@@ -14,7 +14,7 @@ import pytest
 from PIL import Image
 from play import started, step
 
-from dsse_ros import progress
+from dsse_ros import progress_bar
 from dsse_ros.search import FieldError
 from dsse_ros.view import movie
 from dsse_ros.view.mission_view import MissionView
@@ -88,7 +88,7 @@ def test_without_its_extra_a_line_says_what_to_install(monkeypatch: pytest.Monke
 def test_progress_is_quiet_where_there_is_no_terminal(monkeypatch: pytest.MonkeyPatch) -> None:
     screen = io.StringIO()
     monkeypatch.setattr(sys, "stderr", screen)
-    assert list(progress.progress(range(3), "job")) == [0, 1, 2]
+    assert list(progress_bar.progress(range(3), "job")) == [0, 1, 2]
     assert screen.getvalue() == ""
 
 
@@ -98,10 +98,10 @@ def test_progress_on_a_terminal_shows_the_job_and_how_much_is_done(
     screen = io.StringIO()
     monkeypatch.setattr(screen, "isatty", lambda: True, raising=False)
     monkeypatch.setattr(sys, "stderr", screen)
-    assert list(progress.progress(iter("abc"), "job", total=3)) == list("abc")
+    assert list(progress_bar.progress(iter("abc"), "job", total=3)) == list("abc")
     assert "job" in screen.getvalue() and "/3" in screen.getvalue()
 
 
 def test_progress_without_tqdm_passes_everything_on(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "tqdm", None)
-    assert list(progress.progress(range(3), "job")) == [0, 1, 2]
+    assert list(progress_bar.progress(range(3), "job")) == [0, 1, 2]

@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from std_msgs.msg import Header
 
-from dsse_ros.mission import commands
+from dsse_ros.mission import command_parsers
 from dsse_ros.result import Accepted, Rejected
 from dsse_ros.scenario.fields import shown
 from dsse_ros.scenario.frames import GridFrame, map_positions
@@ -53,7 +53,7 @@ def check(result, codes):
 
 @given(st.sampled_from(ACTIONS) | TEXTS)
 def test_an_action_name_is_exactly_one_of_the_names_or_refused(name):
-    result = commands.parse_action_name(name, ACTIONS)
+    result = command_parsers.parse_action_name(name, ACTIONS)
     if check(result, {"unknown_action"}):
         assert ACTIONS[result.value] == name
     else:
@@ -63,18 +63,18 @@ def test_an_action_name_is_exactly_one_of_the_names_or_refused(name):
 
 @pytest.mark.parametrize("name", ["Search", "search ", "", "4", "ѕearch", "search\x00"])
 def test_an_action_name_that_only_looks_right_is_refused(name):
-    result = commands.parse_action_name(name, ACTIONS)
+    result = command_parsers.parse_action_name(name, ACTIONS)
     assert isinstance(result, Rejected) and result.code == "unknown_action"
 
 
 @given(CELLS)
 def test_a_goal_is_the_cell_it_was_made_from(cell):
-    assert commands.parse_goal(goal(cell), FRAME) == Accepted(cell)
+    assert command_parsers.parse_goal(goal(cell), FRAME) == Accepted(cell)
 
 
 @given(STAMPED)
 def test_any_goal_is_a_cell_of_the_grid_or_refused(message):
-    result = commands.parse_goal(pose_from_message(message), FRAME)
+    result = command_parsers.parse_goal(pose_from_message(message), FRAME)
     if check(result, {"foreign_frame", "not_finite", "outside_grid"}):
         assert message.header.frame_id == "map"
         assert all(0 <= part < 8 and type(part) is int for part in result.value)
@@ -82,7 +82,7 @@ def test_any_goal_is_a_cell_of_the_grid_or_refused(message):
 
 @given(TEXTS)
 def test_any_behavior_tree_is_refused(tree):
-    refused = commands.refuse_behavior_tree(tree)
+    refused = command_parsers.refuse_behavior_tree(tree)
     assert check(refused, {"behavior_tree"}) is False if tree else refused is None
 
 
@@ -101,7 +101,7 @@ def test_any_behavior_tree_is_refused(tree):
 def test_a_bad_goal_is_refused_by_its_fault(change, code, words):
     message = pose_stamped(header("map", STAMP), (455.0, 585.0, 120.0))
     change(message)
-    result = commands.parse_goal(pose_from_message(message), FRAME)
+    result = command_parsers.parse_goal(pose_from_message(message), FRAME)
     assert isinstance(result, Rejected) and result.code == code
     assert re.search(words, result.reason)
 
@@ -114,7 +114,7 @@ def test_a_bad_goal_is_refused_by_its_fault(change, code, words):
 def test_a_joint_action_comes_back(mission, step, actions):
     data = joint_action_message(mission, step, actions).data
     live = [True] * len(actions)
-    result = commands.parse_joint_action(data, mission, step, ACTIONS, live)
+    result = command_parsers.parse_joint_action(data, mission, step, ACTIONS, live)
     assert result == Accepted(tuple(actions))
 
 
@@ -125,18 +125,18 @@ def test_a_joint_action_comes_back(mission, step, actions):
     st.lists(st.booleans(), max_size=4),
 )
 def test_any_joint_action_is_for_all_live_drones_or_for_none(data, mission, step, live):
-    result = commands.parse_joint_action(data, mission, step, ACTIONS, live)
+    result = command_parsers.parse_joint_action(data, mission, step, ACTIONS, live)
     if check(result, {"wrong_size", "stale_mission", "stale_step", "unknown_action"}):
         head, sent = data[: -len(live) or None], data[len(data) - len(live) :]
         assert head == [mission, step] and len(sent) == len(result.value)
         for value, number, takes_part in zip(result.value, sent, live, strict=True):
-            assert value == (number if takes_part else commands.NO_ACTION)
+            assert value == (number if takes_part else command_parsers.NO_ACTION)
             assert not takes_part or 0 <= value < len(ACTIONS)
 
 
 def parsed(data, live=(True, True)):
     """Parse for step 5 of mission 3."""
-    return commands.parse_joint_action(data, 3, 5, ACTIONS, live)
+    return command_parsers.parse_joint_action(data, 3, 5, ACTIONS, live)
 
 
 @pytest.mark.parametrize("step", [4, 6, -1])
@@ -165,7 +165,7 @@ def test_an_unknown_action_refuses_all_but_only_of_a_live_drone():
     refused = parsed(message)
     assert isinstance(refused, Rejected) and refused.code == "unknown_action"
     assert refused.reason.startswith("data[3] must be one of ")
-    assert parsed(message, (True, False)) == Accepted((0, commands.NO_ACTION))
+    assert parsed(message, (True, False)) == Accepted((0, command_parsers.NO_ACTION))
 
 
 NUMBERED = "0 left, 1 right, 2 up, 3 down, 4 search"
@@ -183,23 +183,23 @@ def moved(frame_id="map", **position):
     ("parse", "reason"),
     [
         (
-            lambda: commands.parse_action_name("fly", ACTIONS),
+            lambda: command_parsers.parse_action_name("fly", ACTIONS),
             "data must be one of left, right, up, down, search, got 'fly'",
         ),
         (
-            lambda: commands.parse_goal(moved("odom"), FRAME),
+            lambda: command_parsers.parse_goal(moved("odom"), FRAME),
             "header.frame_id must be 'map', got 'odom'",
         ),
         (
-            lambda: commands.parse_goal(moved(y=1040.0), FRAME),
+            lambda: command_parsers.parse_goal(moved(y=1040.0), FRAME),
             "pose.position must be 0 <= x, y < 1040 m, got (455, 1040)",
         ),
         (
-            lambda: commands.refuse_behavior_tree("tree.xml"),
+            lambda: command_parsers.refuse_behavior_tree("tree.xml"),
             "behavior_tree must be empty, got 'tree.xml'",
         ),
         (
-            lambda: commands.parse_place(moved(x=math.nan), FRAME),
+            lambda: command_parsers.parse_place(moved(x=math.nan), FRAME),
             "pose.position must be finite, got (nan, 585.0)",
         ),
         (
@@ -231,12 +231,12 @@ def test_a_value_in_a_reason_is_short_and_printable(value):
 
 
 def test_a_vehicle_may_be_anywhere_in_the_frame_of_the_map():
-    assert commands.parse_place(moved(x=-7.5, y=1e5), FRAME) == Accepted((-7.5, 1e5))
+    assert command_parsers.parse_place(moved(x=-7.5, y=1e5), FRAME) == Accepted((-7.5, 1e5))
 
 
 @pytest.mark.parametrize(
     ("pose", "code"), [(moved("odom"), "foreign_frame"), (moved(x=math.inf), "not_finite")]
 )
 def test_a_vehicle_that_is_nowhere_is_refused(pose, code):
-    result = commands.parse_place(pose, FRAME)
+    result = command_parsers.parse_place(pose, FRAME)
     assert isinstance(result, Rejected) and result.code == code

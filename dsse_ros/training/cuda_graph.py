@@ -11,7 +11,7 @@ import torch
 from torch import Tensor
 
 
-class Replayed:
+class GraphedFunction:
     """A function whose kernels are recorded at the first call on a GPU, and then replayed.
 
     A call with inputs of other shapes is recorded for itself. Results are valid until the next

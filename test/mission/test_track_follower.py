@@ -14,8 +14,8 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from dsse_ros.mission.flight_commands import parse_track
-from dsse_ros.mission.flight_follower import TOLERANCE_M
 from dsse_ros.mission.flight_mission import FlightMission, mission_of
+from dsse_ros.mission.track_follower import TOLERANCE_M
 from dsse_ros.result import Accepted, Rejected
 from dsse_ros.scenario.frames import scenario_frame
 from dsse_ros.search import parallel_env

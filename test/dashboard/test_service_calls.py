@@ -12,7 +12,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dsse_ros.dashboard.commands import ANSWER_S, MAX_AGE_S, Command, ServiceCalls, clicked_at
+from dsse_ros.dashboard.service_calls import ANSWER_S, MAX_AGE_S, Command, ServiceCalls, clicked_at
 
 CLICK = Command("", "arm", 0.0, "drone0")
 

@@ -17,10 +17,10 @@ from hypothesis import strategies as st
 from nav_msgs.msg import OccupancyGrid
 from played import Played, Step
 
-from dsse_ros.dashboard.history import LAYERS, DroneState, MapImage, MapImages
 from dsse_ros.dashboard.inbox import Inbox, Received
 from dsse_ros.dashboard.map_image import map_png
 from dsse_ros.dashboard.missions import ShownMission, ShownMissions
+from dsse_ros.dashboard.search_history import LAYERS, DroneState, MapImage, MapImages
 from msg_adapters.images import probability_image
 from msg_adapters.occupancy import occupancy_to_array
 from msg_adapters.stamps import header, to_stamp

@@ -12,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from std_msgs.msg import String
 
-from dsse_ros.dashboard.live_inputs import (
+from dsse_ros.dashboard.live_forms import (
     change_of,
     place_line,
     places_of,
