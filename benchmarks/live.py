@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache
 from typing import Any
@@ -214,6 +214,19 @@ CASES = (
 )
 
 
+def take(keeper: Keeper, kind: str, values: Mapping[str, Any]) -> str:
+    """Have a keeper take an input now; return the contact that it is of, "" for none."""
+    parsed = read(kind, values)
+    assert isinstance(parsed, Accepted), parsed
+    now_s = len(keeper.steps) * keeper.scenario.step_duration_s
+    checked = Admission(keeper).check(parsed.value, Clocks(now_s, now_s, float))
+    if not isinstance(checked, Accepted) or checked.value is None:
+        # Too many contacts are open.
+        return ""
+    keeper.apply(checked.value)
+    return str(checked.value.derived.get("contact", ""))
+
+
 class LiveMission:
     """A mission with a truth beside it.
 
@@ -298,17 +311,9 @@ class LiveMission:
                 self._real.add(taken)
 
     def _take(self, kind: str, name: str = "", **values: Any) -> str:
-        """Have the keeper take an input; return the contact that it is of."""
+        """Have the keeper take an input, see `take`."""
         self._number += 1
-        parsed = read(kind, {"id": name or f"i{self._number}", **values})
-        assert isinstance(parsed, Accepted), parsed
-        now_s = len(self._keeper.steps) * self._scenario.step_duration_s
-        checked = Admission(self._keeper).check(parsed.value, Clocks(now_s, now_s, float))
-        if not isinstance(checked, Accepted) or checked.value is None:
-            # Too many contacts are open.
-            return ""
-        self._keeper.apply(checked.value)
-        return str(checked.value.derived.get("contact", ""))
+        return take(self._keeper, kind, {"id": name or f"i{self._number}", **values})
 
     def _verify(self, step: int) -> None:
         """Note the probability of contacts that are five steps old, and dismiss false ones.
@@ -394,17 +399,9 @@ def through_the_door(missions: int) -> tuple[int, int, float]:
                 assert before is not None
                 col, row = before.tracks.truth[step, before.track[0, 0]].tolist()
                 x, y = cell_centre(live.scenario.grid_size, live.scenario.cell_size, col, row)
-                now_s = (step + 1) * live.scenario.step_duration_s
-                for kind, values in (
-                    ("detection", {"x": x, "y": y, "radius": RADIUS_M, "drone": finders[0]}),
-                    ("confirm", {"contact": "c1"}),
-                ):
-                    parsed = read(kind, {"id": kind, **values})
-                    assert isinstance(parsed, Accepted)
-                    clocks = Clocks(now_s, now_s, float)
-                    checked = Admission(keeper).check(parsed.value, clocks)
-                    assert isinstance(checked, Accepted) and checked.value is not None
-                    keeper.apply(checked.value)
+                place = {"x": x, "y": y, "radius": RADIUS_M, "drone": finders[0]}
+                assert take(keeper, "detection", {"id": "detection", **place}) == "c1"
+                take(keeper, "confirm", {"id": "confirm", "contact": "c1"})
                 found = bool(person["found"])
                 break
         finds += found

@@ -22,16 +22,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.intervals import of_mean
-from benchmarks.live import INCIDENT, RADIUS_M, Case, Report, new_keeper, nothing, sighting, wind
-from dsse_ros.live.admission import Admission, Clocks
+from benchmarks.live import (
+    INCIDENT,
+    RADIUS_M,
+    Case,
+    Report,
+    new_keeper,
+    nothing,
+    sighting,
+    take,
+    wind,
+)
 from dsse_ros.live.beliefs import LiveBeliefs
-from dsse_ros.live.inputs import read
 from dsse_ros.live.keeper import Keeper
 from dsse_ros.live.step_looks import StepLooks
 from dsse_ros.planners import planner_for
 from dsse_ros.planners.belief import BeliefPlanner
 from dsse_ros.progress_bar import say
-from dsse_ros.result import Accepted
 from dsse_ros.scenario.frames import cell_centre
 from dsse_ros.scenario.incident import Incident
 from dsse_ros.scenario.incident_grid import positions
@@ -62,9 +69,14 @@ CASES = (
     Case("an area searched by others in minute 5", searched),
     Case("the true wind after 20 minutes", wind),
     Case("detections, false alarms 5 %", nothing, 0.05, detects=True),
-    Case("detections, false alarms 5 %, dismissed on the second look", nothing, 0.05, detects=True,
-         verified=True),
-)  # fmt: skip
+    Case(
+        "detections, false alarms 5 %, dismissed on the second look",
+        nothing,
+        0.05,
+        detects=True,
+        verified=True,
+    ),
+)
 
 
 @cache
@@ -136,9 +148,9 @@ class Arm:
                 self._detect(step, done)
             for number, report in enumerate(self._inputs):
                 if report.step == step and self._informed:
-                    _take(self._known, report.kind, {"id": f"i{number}", **report.values})
+                    take(self._known, report.kind, {"id": f"i{number}", **report.values})
         for number, report in enumerate(self._inputs):
-            _take(judge, report.kind, {"id": f"i{number}", **report.values})
+            take(judge, report.kind, {"id": f"i{number}", **report.values})
         if not self._case.detects:
             return judge.pos
         return float(len(self._detected) > 1)
@@ -167,7 +179,7 @@ class Arm:
                 "x": x, "y": y, "radius": RADIUS_M, "drone": drone,
             }  # fmt: skip
             if self._informed:
-                contact = _take(self._known, "detection", values)
+                contact = take(self._known, "detection", values)
                 self._real |= {contact} if real else set()
 
     def _dismiss(self, step: int, cells: Sequence[tuple[int, ...]]) -> None:
@@ -179,20 +191,7 @@ class Arm:
             cell = int(x // scenario.cell_size), int((self._side_m - y) // scenario.cell_size)
             old = now_s - last.time_s >= BACK_STEPS * scenario.step_duration_s
             if old and cell in cells and contact.name not in self._real:
-                _take(keeper, "dismiss", {"id": f"no{step}{contact.name}", "contact": contact.name})
-
-
-def _take(keeper: Keeper, kind: str, values: dict[str, Any]) -> str:
-    """Have a keeper take an input; return the contact that it is of."""
-    parsed = read(kind, values)
-    assert isinstance(parsed, Accepted), parsed
-    now_s = len(keeper.steps) * keeper.scenario.step_duration_s
-    checked = Admission(keeper).check(parsed.value, Clocks(now_s, now_s, float))
-    if not isinstance(checked, Accepted) or checked.value is None:
-        # Too many contacts are open.
-        return ""
-    keeper.apply(checked.value)
-    return str(checked.value.derived.get("contact", ""))
+                take(keeper, "dismiss", {"id": f"no{step}{contact.name}", "contact": contact.name})
 
 
 def main(argv: Sequence[str] | None = None) -> int:

@@ -40,42 +40,30 @@ class Parser:
 
 
 def _yaml() -> tuple[Take, list[bytes]]:
-    from dsse_ros.search import FieldError, Scenario, profile
+    from dsse_ros.search import Scenario, profile
 
-    path = _file("fuzzed.yaml")
+    def read(path: Path) -> None:
+        scenario = Scenario.read(path)
+        if (scenario.grid_size or 0) <= 100 and scenario.zone_size is None:
+            scenario.resolve(profile("paper"))
 
-    def take(data: bytes) -> None:
-        path.write_bytes(data)
-        try:
-            scenario = Scenario.read(path)
-            if (scenario.grid_size or 0) <= 100 and scenario.zone_size is None:
-                scenario.resolve(profile("paper"))
-        except FieldError as error:
-            _on_one_line(error)
-
-    return take, [file.read_bytes() for file in sorted((ROOT / "config").glob("*.yaml"))]
+    return _from_file("fuzzed.yaml", read), [
+        file.read_bytes() for file in sorted((ROOT / "config").glob("*.yaml"))
+    ]
 
 
 def _geojson() -> tuple[Take, list[bytes]]:
     from dsse_ros.scenario.area import Area, area_mask
-    from dsse_ros.search import FieldError
 
-    path = _file("fuzzed.geojson")
-
-    def take(data: bytes) -> None:
-        path.write_bytes(data)
-        try:
-            area = Area.read(str(path))
-            area_mask(area, False, 8, 130.0, (-24.0, -46.0, 0.0))
-        except FieldError as error:
-            _on_one_line(error)
+    def read(path: Path) -> None:
+        area_mask(Area.read(str(path)), False, 8, 130.0, (-24.0, -46.0, 0.0))
 
     ring = [[-46.0, -24.0], [-45.99, -24.0], [-45.99, -23.99], [-46.0, -23.99], [-46.0, -24.0]]
     polygon = {"type": "Polygon", "coordinates": [ring]}
     feature = {"type": "Feature", "properties": {}, "geometry": polygon}
     several = {"type": "MultiPolygon", "coordinates": [[ring], [ring]]}
     collection = {"type": "FeatureCollection", "features": [feature]}
-    return take, [
+    return _from_file("fuzzed.geojson", read), [
         json.dumps(geojson).encode() for geojson in (polygon, feature, several, collection)
     ]
 
@@ -253,16 +241,6 @@ def _bags() -> tuple[Take, list[bytes]]:
 
     from dsse_ros.recording.bag import read_bag
     from dsse_ros.recording.bag_replay import Replay
-    from dsse_ros.search import FieldError
-
-    path = _file("fuzzed.mcap")
-
-    def take(data: bytes) -> None:
-        path.write_bytes(data)
-        try:
-            list(Replay(read_bag(path)).missions())
-        except FieldError as error:
-            _on_one_line(error)
 
     chunked, flat = _file("seed.mcap"), _file("flat.mcap")
     chunked.unlink(missing_ok=True)
@@ -282,6 +260,7 @@ def _bags() -> tuple[Take, list[bytes]]:
                 channels[message.topic], message.log_time_ns, message.data, message.log_time_ns
             )
         writer.finish()
+    take = _from_file("fuzzed.mcap", lambda path: list(Replay(read_bag(path)).missions()))
     return take, [chunked.read_bytes(), flat.read_bytes()]
 
 
@@ -304,6 +283,22 @@ def _folder() -> Path:
 
 def _file(name: str) -> Path:
     return _folder() / name
+
+
+def _from_file(name: str, read: Callable[[Path], object]) -> Take:
+    """Return what writes bytes to a file and reads it; a refusal must be on one line."""
+    from dsse_ros.search import FieldError
+
+    path = _file(name)
+
+    def take(data: bytes) -> None:
+        path.write_bytes(data)
+        try:
+            read(path)
+        except FieldError as error:
+            _on_one_line(error)
+
+    return take
 
 
 def _on_one_line(error: Exception) -> None:
