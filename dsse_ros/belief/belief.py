@@ -240,28 +240,30 @@ class Belief(BeliefBase):
         forecast, slots = self.forecast, self._slots(horizon)
         offset, *offsets = rng.random(horizon + 1)
         rows = np.empty(count, np.int64)
-        cells = np.empty((horizon + 1, count), np.int64)
-        future_kernels.sample(self.mass, self._weights(self.missing), count, offset, rows, cells[0])
-        future_kernels.roll(
-            forecast.constants, forecast.sea, forecast.steps, slots, np.array(offsets), rows, cells
+        futures = Futures.empty(count, horizon, self.forecast.side**2)
+        future_kernels.sample(
+            self.mass, self._weights(self.missing), count, offset, rows, futures.cells[0]
         )
-        return Futures(cells, self.examples[rows // self._drifts])
+        future_kernels.roll(
+            forecast.constants, forecast.sea, forecast.steps, slots, np.array(offsets), rows,
+            futures,
+        )  # fmt: skip
+        return futures._replace(persons=self.examples[rows // self._drifts])
 
     def expect(self, looks: LooksToCome, horizon: int, gamma: float) -> Expected:
-        """Return the expected finds of future looks, by the exact filter.
+        """Return what plans are expected to find, by the exact filter.
 
         Args:
-            looks: Looks in the next `horizon` steps.
+            looks: Looks of the plans in the next `horizon` steps.
             horizon: H, at most that of the forecast.
             gamma: Discount of a find per step.
         """
         forecast, slots = self.forecast, self._slots(horizon)
-        left = self._mass_of_missing()
-        finds = future_kernels.expect(
-            forecast.constants, forecast.sea, left, forecast.steps, slots, self._by_class(looks),
-            gamma, self._scratch,
+        expected: Expected = future_kernels.expect(
+            forecast.constants, forecast.sea, self._mass_of_missing(), forecast.steps, slots,
+            self._by_class(looks), gamma, self._scratch,
         )  # fmt: skip
-        return Expected(float(finds), left.cells.sum(axis=0))
+        return expected
 
     def _mass_of_missing(self) -> Mass:
         """Return a copy of the mass for the persons who are missing; it sums to 1."""

@@ -274,24 +274,25 @@ class EnsembleBelief(BeliefBase):
         columns = self.forecast.columns
         steps = np.arange(self._sea_step, self._sea_step + horizon + 1)
         rows = np.minimum(steps, len(columns) - 1)
-        cells = columns[rows[:, None], particle].astype(np.int64)
-        return Futures(np.ascontiguousarray(cells), self.examples[of_class])
+        futures = Futures.empty(count, horizon, self.forecast.side**2)
+        futures.cells[:] = columns[rows[:, None], particle]
+        index(futures.cells, futures.starts, futures.members)
+        return futures._replace(persons=self.examples[of_class])
 
     def expect(self, looks: LooksToCome, horizon: int, gamma: float) -> Expected:
-        """Return the expected finds of future looks, exactly for the particles.
+        """Return what plans are expected to find, exactly for the particles.
 
         Args:
-            looks: Looks in the next `horizon` steps.
+            looks: Looks of the plans in the next `horizon` steps.
             horizon: H.
             gamma: Discount of a find per step.
         """
         forecast = self.forecast
-        left = np.empty(forecast.side**2)
-        finds = particle_kernels.expect_particles(
+        expected: Expected = particle_kernels.expect_particles(
             forecast.particles(), self.of_missing(), self._by_class(looks), self._sea_step, horizon,
-            gamma, forecast.scenario.grid_size, left,
+            gamma, forecast.scenario.grid_size,
         )  # fmt: skip
-        return Expected(float(finds), left)
+        return expected
 
     def chain(self, horizon: int) -> TargetChain:
         """Return the tracks of the particles, without negligible ones, as a Markov chain.

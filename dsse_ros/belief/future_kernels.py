@@ -9,36 +9,44 @@ import math
 
 import numpy as np
 
-from dsse_ros.belief.belief_kernels import MARGIN, ROW, look_up, offset_of, search, step_at
+from dsse_ros.belief.belief_kernels import MARGIN, ROW, Mass, look_up, offset_of, search, step_at
 from dsse_ros.belief.layer_kernels import predict
-from dsse_ros.compiled.jit import compiled
+from dsse_ros.belief.protocol import Expected
+from dsse_ros.compiled.jit import compiled, part
 from dsse_ros.targets.motion import NO_STEP, STAND_STILL, STEPS
 
 GOLDEN = 0.6180339887498949
 """Its multiples modulo 1 fill [0, 1) evenly, so neighbours in a sample draw different steps."""
 
 
+@part
+def sort_by_cell(cells, starts, members):
+    """Sort the futures at a step by cell; arguments are as in `index`, at this step."""
+    starts[:] = 0
+    for s in range(len(cells)):
+        starts[cells[s] + 1] += 1
+    for i in range(1, len(starts)):
+        starts[i] += starts[i - 1]
+    for s in range(len(cells)):
+        members[starts[cells[s]]] = s
+        starts[cells[s]] += 1
+    # Each cell now has the start of the next one.
+    for i in range(len(starts) - 1, 0, -1):
+        starts[i] = starts[i - 1]
+    starts[0] = 0
+
+
 @compiled()
 def index(cells, starts, members):
-    """Sort the scenarios of each step by cell.
+    """Sort futures by cell in each step.
 
     Args:
         cells: (H or more, M) as in `Futures`.
-        starts: (H, S S + 1) integers out.
-        members: (H, M) integers out: those in cell i at step h are, in increasing order,
-            members[h, starts[h, i] : starts[h, i + 1]].
+        starts: (H, S S + 1) integers out, as there.
+        members: (H, M) integers out, as there.
     """
     for h in range(len(starts)):
-        start = starts[h]
-        start[:] = 0
-        for s in range(cells.shape[1]):
-            start[cells[h, s] + 1] += 1
-        for i in range(1, len(start)):
-            start[i] += start[i - 1]
-        place = start[:-1].copy()
-        for s in range(cells.shape[1]):
-            members[h, place[cells[h, s]]] = s
-            place[cells[h, s]] += 1
+        sort_by_cell(cells[h], starts[h], members[h])
 
 
 @compiled()
@@ -70,8 +78,8 @@ def sample(mass, weights, count, offset, rows, cells):
 
 
 @compiled()
-def roll(constants, sea, steps, slots, offsets, rows, cells):
-    """Advance the persons of all scenarios by their steps.
+def roll(constants, sea, steps, slots, offsets, rows, futures):
+    """Advance the persons of all futures by their steps.
 
     Args:
         constants: (1,) of `constants.CONSTANTS`.
@@ -80,54 +88,66 @@ def roll(constants, sea, steps, slots, offsets, rows, cells):
         slots: (H,) int64, indices of the steps in the forecast.
         offsets: (H,) float64 in [0, 1), offsets of the draws.
         rows: (M,) of `sample`.
-        cells: (H + 1, M) int64; the first row is in, the others are out.
+        futures: The first row of their cells is in, the rest is out.
     """
     row = np.empty(ROW)
+    spread = np.empty(len(rows))
+    drifts = rows % steps.directions.shape[1]
+    for s in range(len(rows)):
+        spread[s] = s * GOLDEN - math.floor(s * GOLDEN)
     for h in range(len(slots)):
         step, directions = step_at(steps, slots[h]), steps.directions[slots[h]]
-        now, after = cells[h], cells[h + 1]
+        now, after = futures.cells[h], futures.cells[h + 1]
+        sort_by_cell(now, futures.starts[h], futures.members[h])
         seen_cell, seen_direction = -1, -1
-        for s in range(len(rows)):
-            i, direction = now[s], directions[rows[s] % len(directions)]
+        for s in futures.members[h]:
+            i, direction = now[s], directions[drifts[s]]
             if direction == STAND_STILL:
                 after[s] = i
                 continue
             if i != seen_cell or direction != seen_direction:
                 look_up(constants[0], sea, step, i, direction, row)
+                for number in range(1, STEPS):
+                    row[number] += row[number - 1]
                 seen_cell, seen_direction = i, direction
-            left = offsets[h] + s * GOLDEN
-            left -= math.floor(left)
+            drawn = offsets[h] + spread[s]
+            drawn -= 1.0 if drawn >= 1.0 else 0.0
             number = 0
-            while number < STEPS - 1 and left >= row[number]:
-                left -= row[number]
-                number += 1
+            for k in range(STEPS - 1):
+                number += drawn >= row[k]
             after[s] = i + offset_of(constants[0], number)
 
 
 @compiled()
 def expect(constants, sea, mass, steps, slots, looks, gamma, scratch):
-    """Return the discounted finds of future looks, by the exact filter.
+    """Return what plans are expected to find, by the exact filter; see `TargetBelief`.
 
     Args:
         constants: (1,) of `constants.CONSTANTS`.
         sea: Of a `Forecast`.
-        mass: The belief; afterwards the final distribution of the persons not found.
+        mass: The belief.
         steps: Of a `Forecast`.
         slots: (H,) int64, indices of the steps in the forecast.
         looks: A `LooksToCome` with PODs (Q, C) by detection class.
         gamma: Discount per step.
         scratch: Of `layer_kernels.predict`.
     """
-    side = constants[0].grid_size + 2 * MARGIN
-    worth, value, q = 1.0, 0.0, 0
-    for h in range(len(slots)):
-        while q < len(looks.steps) and looks.steps[q] == h:
-            y, x = divmod(looks.columns[q], side)
-            value += worth * search(constants[0], mass, looks.pods[q], x - MARGIN, y - MARGIN)
-            q += 1
-        predict(constants, sea, mass, step_at(steps, slots[h]), scratch)
-        worth *= gamma
-    return value
+    side, plans = constants[0].grid_size + 2 * MARGIN, len(looks.first) - 1
+    expected = Expected(np.zeros(plans), np.zeros((plans, side * side)))
+    for v in range(plans):
+        left = Mass(mass.layers.copy(), mass.spans.copy(), mass.cells.copy(), mass.totals.copy())
+        worth, q = 1.0, looks.first[v]
+        for h in range(len(slots)):
+            while q < looks.first[v + 1] and looks.steps[q] == h:
+                y, x = divmod(looks.columns[q], side)
+                found = search(constants[0], left, looks.pods[q], x - MARGIN, y - MARGIN)
+                expected.finds[v] += worth * found
+                q += 1
+            predict(constants, sea, left, step_at(steps, slots[h]), scratch)
+            worth *= gamma
+        for m in range(len(left.cells)):
+            expected.left[v] += left.cells[m]
+    return expected
 
 
 @compiled()

@@ -25,6 +25,7 @@ from dsse_ros.belief.belief_kernels import (
 )
 from dsse_ros.belief.follow_kernels import persons_of, restart
 from dsse_ros.belief.look_kernels import LooksDone, list_looks
+from dsse_ros.belief.protocol import Expected
 from dsse_ros.belief.search_outcomes import (
     APART,
     LEFT_MIXED,
@@ -227,9 +228,17 @@ def write_particles(constants, worlds, tables, beliefs, scale, maps, first, last
         write_poc(constants, particles, mass, tables.class_of, missing, scale, maps[b])
 
 
+@expanded
+def seen_by(particles, grid_size, column):
+    """Return the particles that a look at a column sees; it sees none off the grid."""
+    side = grid_size + 2 * MARGIN
+    inside = is_inside(grid_size, column % side - MARGIN, column // side - MARGIN)
+    return particles.members[particles.starts[column] : particles.starts[column + inside]]
+
+
 @compiled()
-def expect_particles(particles, weights, looks, first, horizon, gamma, grid_size, left):
-    """Return the discounted finds of future looks, exactly for the particles.
+def expect_particles(particles, weights, looks, first, horizon, gamma, grid_size):
+    """Return what plans are expected to find, exactly for the particles; see `TargetBelief`.
 
     Args:
         particles: By step of the sea.
@@ -239,29 +248,31 @@ def expect_particles(particles, weights, looks, first, horizon, gamma, grid_size
         horizon: H.
         gamma: Discount per step.
         grid_size: G.
-        left: (S S,) float64 out, final distribution of the persons not found.
     """
-    steps, looked, pods = looks
+    side, plans = grid_size + 2 * MARGIN, len(looks.first) - 1
+    expected = Expected(np.zeros(plans), np.zeros((plans, side * side)))
+    end, undetected = particles_at(particles, first + horizon), np.zeros(side * side)
+    ends = np.empty(len(end.members), np.int64)
+    for cell in range(side * side):
+        for k in those_in(end, cell):
+            ends[k] = cell
+            for m in range(len(weights)):
+                undetected[cell] += weights[m, k]
     kept = weights.copy()
-    side = grid_size + 2 * MARGIN
-    worth, value, q = 1.0, 0.0, 0
-    for h in range(horizon):
-        now = particles_at(particles, first + h)
-        while q < len(steps) and steps[q] == h:
-            cell = looked[q]
-            x, y = cell % side - MARGIN, cell // side - MARGIN
-            if 0 <= x < grid_size and 0 <= y < grid_size:
-                for k in those_in(now, cell):
-                    for m in range(len(kept)):
-                        taken = kept[m, k] * pods[q, m]
-                        kept[m, k] -= taken
-                        value += worth * taken
-            q += 1
-        worth *= gamma
-    now = particles_at(particles, first + horizon)
-    for cell in range(len(left)):
-        left[cell] = 0.0
-        for k in those_in(now, cell):
-            for m in range(len(kept)):
-                left[cell] += kept[m, k]
-    return value
+    for v in range(plans):
+        expected.left[v] = undetected
+        of_plan = range(looks.first[v], looks.first[v + 1])
+        for q in of_plan:
+            now, worth = particles_at(particles, first + looks.steps[q]), gamma ** looks.steps[q]
+            for k in seen_by(now, grid_size, looks.columns[q]):
+                for m in range(len(kept)):
+                    taken = kept[m, k] * looks.pods[q, m]
+                    kept[m, k] -= taken
+                    expected.left[v, ends[k]] -= taken
+                    expected.finds[v] += worth * taken
+        for q in of_plan:
+            now = particles_at(particles, first + looks.steps[q])
+            for k in seen_by(now, grid_size, looks.columns[q]):
+                for m in range(len(kept)):
+                    kept[m, k] = weights[m, k]
+    return expected

@@ -17,40 +17,55 @@ from dsse_ros.step.looks import Looked
 
 
 class Futures(NamedTuple):
-    """Sampled futures of the persons.
+    """Sampled futures of the persons, sorted by cell in each of the next H steps.
 
     Attributes:
         cells: (H + 1, M) int64, columns of each of M futures, the present one first.
         persons: (M,) int64, number of a person with the POD of the person in each future.
+        starts: (H, S S + 1) int64, see `members`.
+        members: (H, M) int64: the futures in column i at step h are, in increasing order,
+            members[h, starts[h, i] : starts[h, i + 1]].
     """
 
     cells: NDArray[np.int64]
     persons: NDArray[np.int64]
+    starts: NDArray[np.int64]
+    members: NDArray[np.int64]
+
+    @staticmethod
+    def empty(count: int, horizon: int, columns: int) -> Futures:
+        """Return memory for M futures of H steps."""
+        return Futures(
+            np.empty((horizon + 1, count), np.int64), np.empty(count, np.int64),
+            np.empty((horizon, columns + 1), np.int64), np.empty((horizon, count), np.int64),
+        )  # fmt: skip
 
 
 class LooksToCome(NamedTuple):
-    """Possible future looks, in the order of their execution.
+    """Looks of V plans, those of each plan in the order of their execution.
 
     Attributes:
-        steps: (Q,) int64, number of steps from now, never decreasing.
+        first: (V + 1,) int64, the looks of plan v are first[v] .. first[v + 1] - 1.
+        steps: (Q,) int64, number of steps from now, never decreasing in a plan.
         columns: (Q,) int64, columns of the cells to look at, see `TargetForecast`.
         pods: (Q, P) float64, POD of each person.
     """
 
+    first: NDArray[np.int64]
     steps: NDArray[np.int64]
     columns: NDArray[np.int64]
     pods: NDArray[np.float64]
 
 
 class Expected(NamedTuple):
-    """Expected result of future looks.
+    """Expected result of V plans.
 
     Attributes:
-        finds: The discounted number of finds, as a share of the missing persons.
-        left: (S S,) float64, final distribution of the persons not found.
+        finds: (V,) float64, discounted numbers of finds, as shares of the missing persons.
+        left: (V, S S) float64, final distributions of the persons not found.
     """
 
-    finds: float
+    finds: NDArray[np.float64]
     left: NDArray[np.float64]
 
 
@@ -156,10 +171,10 @@ class TargetBelief(Protocol):
         ...
 
     def expect(self, looks: LooksToCome, horizon: int, gamma: float) -> Expected:
-        """Return the expected finds of future looks.
+        """Return what plans are expected to find.
 
         Args:
-            looks: Looks in the next `horizon` steps.
+            looks: Looks of the plans in the next `horizon` steps.
             horizon: H, at most that of the forecast.
             gamma: Discount of a find per step.
         """

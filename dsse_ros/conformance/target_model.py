@@ -148,7 +148,7 @@ def _test_futures(belief: TargetBelief, seed: int) -> None:
     forecast, ahead = belief.forecast, belief.copy()
     g = forecast.scenario.grid_size
     rng = np.random.default_rng(seed)
-    cells, persons = belief.futures(FUTURES, HORIZON, rng)
+    cells, persons, *_ = belief.futures(FUTURES, HORIZON, rng)
     assert cells.shape == (HORIZON + 1, FUTURES) and persons.shape == (FUTURES,), (
         f"futures of shape {cells.shape}, not {(HORIZON + 1, FUTURES)}"
     )

@@ -17,7 +17,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dsse_ros.belief.belief_kernels import MARGIN
-from dsse_ros.belief.future_kernels import index
 from dsse_ros.belief.protocol import LooksToCome, TargetBelief, TargetForecast
 from dsse_ros.planners import plan_kernels
 from dsse_ros.planners.beam import plan_drone
@@ -89,6 +88,15 @@ def _moves_of_kinds(
     ]
 
 
+def _fleet_of(kinds: Sequence[plan_kernels.Moves]) -> plan_kernels.Fleet:
+    """Return a fleet of one drone of each kind."""
+    return plan_kernels.Fleet(
+        np.arange(len(kinds)), kinds[0].steps, np.stack([kind.first for kind in kinds]),
+        kinds[0].offsets, np.stack([kind.extra for kind in kinds]),
+        np.stack([kind.rest for kind in kinds]), len(kinds[0].nearness),
+    )  # fmt: skip
+
+
 @dataclass
 class PlannedPath:
     """The plan of a drone."""
@@ -120,9 +128,8 @@ class BeamSearch:
         looks = looks_of(forecast.scenario, forecast.rules)
         times = action_times_of_kinds(forecast.scenario, forecast.rules)
         self._kinds = _moves_of_kinds(self._swarm, looks, forecast.side, times)
-        self._first = np.stack([kind.first for kind in self._kinds])
-        self._times = np.stack([(kind.extra, kind.rest) for kind in self._kinds], axis=1)
-        self._most_looks = max(int(np.diff(self._first, axis=1).max()), 1)
+        self._fleet = _fleet_of(self._kinds)
+        self._most_looks = max(int(np.diff(self._fleet.first, axis=1).max()), 1)
         self._sure = not (self._kinds[0].pods < 1.0).any()
         self._measure = forecast.rules.action_set.distance
         self._masked = np.zeros(forecast.side**2, np.bool_)
@@ -168,6 +175,7 @@ class BeamSearch:
         warm = len(agents) <= WARM_DRONES
         credits = np.zeros((len(agents), options.samples))
         kinds = np.array([self._swarm.kind_of(agent) for agent in agents])
+        fleet = self._fleet._replace(kinds=kinds)
 
         def credit(n: int) -> None:
             moves, plan = self._kinds[kinds[n]], plans[n]
@@ -196,7 +204,7 @@ class BeamSearch:
             if plans[n].length and not blocked[np.arange(horizon), plans[n].path[1:]].any():
                 candidates.append(PlannedPath(plans[n].path, horizon))
             counted = range(len(plans)) if warm else sorted(planned)
-            plans[n] = self._best(belief, plans, kinds, n, candidates, counted)
+            plans[n] = self._best(belief, plans, fleet, n, candidates, counted)
             planned.add(n)
             credit(n)
         first = self._first_cells(plans, planned)
@@ -207,44 +215,40 @@ class BeamSearch:
         self,
         belief: TargetBelief,
         plans: Sequence[PlannedPath],
-        kinds: NDArray[np.int64],
+        fleet: plan_kernels.Fleet,
         drone: int,
         candidates: Sequence[PlannedPath],
         counted: Sequence[int],
     ) -> PlannedPath:
         """Return the candidate that the exact filter rates best, given the counted plans."""
-        options, moves = self._options, self._kinds[kinds[drone]]
+        options, moves = self._options, self._kinds[fleet.kinds[drone]]
         if self._finalists == 1:
             return candidates[0]
-        together = np.stack([plan.path for plan in plans])
-        lengths = np.array([p.length if n in counted else 0 for n, p in enumerate(plans)])
-
-        horizon = together.shape[1] - 1
-        looks = np.empty((3, together.size * self._most_looks), np.int64)
-
-        def value(candidate: PlannedPath) -> float:
-            together[drone], lengths[drone] = candidate.path, candidate.length
-            count = plan_kernels.looks_of_plans(
-                together, lengths, kinds, moves, self._first, self._times, looks
-            )
-            steps, columns, rows = looks[:, np.argsort(looks[0, :count], kind="stable")]
-            to_come = LooksToCome(steps, columns, moves.pods[rows])
-            expected = belief.expect(to_come, horizon, options.gamma)
-            left = plan_kernels.worth_of_left(expected.left, moves.nearness, candidate.path[-1])
-            return expected.finds + options.kappa * float(left)
-
-        return max(candidates, key=value)
+        counts = [plan.length if n in counted else 0 for n, plan in enumerate(plans)]
+        lengths = np.tile(np.array(counts), (len(candidates), 1))
+        paths = np.tile(np.stack([plan.path for plan in plans]), (len(candidates), 1, 1))
+        paths[:, drone] = [candidate.path for candidate in candidates]
+        lengths[:, drone] = [candidate.length for candidate in candidates]
+        first = np.empty(len(paths) + 1, np.int64)
+        looks = np.empty((3, paths.size * self._most_looks), np.int64)
+        plan_kernels.looks_of_plans(fleet, paths, lengths, first, looks)
+        steps, columns, rows = looks[:, : first[-1]]
+        expected = belief.expect(
+            LooksToCome(first, steps, columns, moves.pods[rows]), paths.shape[2] - 1, options.gamma
+        )
+        worth = np.empty(len(paths))
+        plan_kernels.worth_of_left(expected.left, moves.nearness, paths[:, drone, -1], worth)
+        return candidates[int(np.argmax(expected.finds + options.kappa * worth))]
 
     def _scenarios(self, belief: TargetBelief, horizon: int) -> plan_kernels.Scenarios:
         """Return futures of the persons, sorted by cell."""
         count = self._options.samples
         self.drawn = True
-        cells, persons = belief.futures(count, horizon, self._rng)
+        futures = belief.futures(count, horizon, self._rng)
         draws = np.zeros((0, 0)) if self._sure else self._rng.random((horizon, count))
-        starts = np.empty((horizon, self._forecast.side**2 + 1), np.int64)
-        members = np.empty((horizon, count), np.int64)
-        index(cells, starts, members)
-        return plan_kernels.Scenarios(persons, draws, starts, members, cells[-1])
+        return plan_kernels.Scenarios(
+            futures.persons, draws, futures.starts, futures.members, futures.cells[-1]
+        )
 
     def _last_plans(
         self, agents: Sequence[Hashable], present: Sequence[Cell], horizon: int

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from dsse_ros.belief.belief_kernels import MARGIN
 from dsse_ros.compiled.breadth_first import ROUNDING
-from dsse_ros.compiled.jit import inlined, kernel
+from dsse_ros.compiled.jit import compiled, inlined, kernel
 
 
 class Moves(NamedTuple):
@@ -52,8 +52,8 @@ class Scenarios(NamedTuple):
         persons: (M,) as in `Futures`.
         draws: (H, M) float64 in [0, 1), which a POD must exceed to detect the person of a future;
             (0, 0) if every look has a POD of 1.
-        starts: (H, S S + 1) int64, see `future_kernels.index`.
-        members: (H, M) int64, see `future_kernels.index`.
+        starts: (H, S S + 1) int64, as in `Futures`.
+        members: (H, M) int64, as in `Futures`.
         ends: (M,) int64, the last cells.
     """
 
@@ -101,37 +101,62 @@ def move_between(steps, cell, after):
     return -1
 
 
-@kernel
-def looks_of_plans(paths, lengths, kinds, moves, first, times, looks):
-    """Write the looks of plans, drone by drone, and return their number.
+class Fleet(NamedTuple):
+    """The moves and looks of drones, by kind.
+
+    Attributes:
+        kinds: (N,) int64, kinds of the drones.
+        steps: (A,) int64, as in `Moves`.
+        first: (K, A + 1) int64, as in `Moves`.
+        offsets: (L, 2) int64, as in `Moves`.
+        extra: (K, A) float64, as in `Moves`.
+        rest: (K, A) float64, as in `Moves`.
+        side: S.
+    """
+
+    kinds: NDArray[np.int64]
+    steps: NDArray[np.int64]
+    first: NDArray[np.int64]
+    offsets: NDArray[np.int64]
+    extra: NDArray[np.float64]
+    rest: NDArray[np.float64]
+    side: int
+
+
+@compiled()
+def looks_of_plans(fleet, paths, lengths, first, looks):
+    """Write the looks of plans of all drones, step by step and in a step drone by drone.
 
     Args:
-        paths: (N, H + 1) int64.
-        lengths: (N,) int64, number of planned steps of each path.
-        kinds: (N,) int64, kinds of the drones.
-        moves: Of any kind.
-        first: (K, A + 1) int64, as in `Moves`, by kind.
-        times: (2, K, A) float64, `extra` and `rest` as in `Moves`, by kind.
+        fleet: A `Fleet`.
+        paths: (V, N, H + 1) int64.
+        lengths: (V, N) int64, number of planned steps of each path.
+        first: (V + 1,) int64 out: the looks of plan v are first[v] .. first[v + 1] - 1.
         looks: (3, Q) int64 out: the step of each look, its column and its number.
     """
-    when, columns, rows = looks[0], looks[1], looks[2]
-    count, horizon = 0, paths.shape[1] - 1
-    for n in range(len(paths)):
-        extra, rest, late = times[0, kinds[n]], times[1, kinds[n]], 0.0
-        for h in range(lengths[n]):
-            a = move_between(moves.steps, paths[n, h], paths[n, h + 1])
-            if a < 0:
-                continue
-            step = step_at(h, late + extra[a])
-            if step >= horizon:
-                break
-            late += extra[a] + rest[a]
-            for k in range(first[kinds[n], a], first[kinds[n], a + 1]):
-                there = cell_seen(moves, paths[n, h + 1], k)
-                if there >= 0:
-                    when[count], columns[count], rows[count] = step, there, k
-                    count += 1
-    return count
+    count, plans, drones, last = 0, paths.shape[0], paths.shape[1], paths.shape[2] - 1
+    first[0] = 0
+    for v in range(plans):
+        done, late = np.zeros(drones, np.int64), np.zeros(drones)
+        for step in range(last):
+            for n in range(drones):
+                kind, path = fleet.kinds[n], paths[v, n]
+                while done[n] < lengths[v, n]:
+                    h = done[n]
+                    a = move_between(fleet.steps, path[h], path[h + 1])
+                    if a >= 0:
+                        if step_at(h, late[n] + fleet.extra[kind, a]) > step:
+                            break
+                        late[n] += fleet.extra[kind, a] + fleet.rest[kind, a]
+                        for k in range(fleet.first[kind, a], fleet.first[kind, a + 1]):
+                            dx, dy = fleet.offsets[k]
+                            there = column_at(fleet.side, path[h + 1], dx, dy)
+                            if there >= 0:
+                                looks[0, count], looks[1, count] = step, there
+                                looks[2, count] = k
+                                count += 1
+                    done[n] = h + 1
+        first[v + 1] = count
 
 
 @kernel
@@ -168,17 +193,19 @@ def credit_plan(moves, scenarios, path, length, gamma, credit):
 
 
 @kernel
-def worth_of_left(left, nearness, end):
-    """Return the worth of the persons left at the end to a drone in a cell.
+def worth_of_left(left, nearness, ends, worth):
+    """Write the worth of the persons left at the end to a drone in a cell.
 
     Args:
-        left: (S S,) float64, the probability that a person is in a cell and was not found.
+        left: (V, S S) float64, the probability that a person is in a cell and was not found.
         nearness: (S, S) float64, as in `Moves`.
-        end: The drone's cell.
+        ends: (V,) int64, the drone's cells.
+        worth: (V,) float64 out.
     """
     side = len(nearness)
-    worth = 0.0
-    for y in range(side):
-        for x in range(side):
-            worth += left[y * side + x] * nearness[abs(y - end // side), abs(x - end % side)]
-    return worth
+    for v in range(len(ends)):
+        worth[v] = 0.0
+        for y in range(side):
+            near = nearness[abs(y - ends[v] // side)]
+            for x in range(side):
+                worth[v] += left[v, y * side + x] * near[abs(x - ends[v] % side)]

@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import math
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -13,12 +14,13 @@ from areas import CELL_M, ORIGIN, geojson_of
 from effort import LITTLE_EFFORT
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from numpy.typing import NDArray
 from test_batch import alone
 
 from dsse_ros.planners import PERSON_PLANNERS, PLANNERS, planner_for
 from dsse_ros.planners.batch import play_missions
 from dsse_ros.planners.masking import keep_apart
-from dsse_ros.planners.plan_kernels import Moves, looks_of_plans
+from dsse_ros.planners.plan_kernels import Fleet, looks_of_plans
 from dsse_ros.planners.play import play
 from dsse_ros.scenario.actions import DIAGONAL, ActionSet
 from dsse_ros.search import SearchEnv, parallel_env
@@ -184,21 +186,32 @@ def test_nobody_goes_where_another_drone_is_or_is_under_way_to() -> None:
     }  # fmt: skip
 
 
+def looks_of(
+    fleet: Fleet, paths: NDArray[np.int64], lengths: NDArray[np.int64]
+) -> list[list[tuple[int, int]]]:
+    """Return the steps and columns of the looks of each plan."""
+    first, looks = np.empty(len(paths) + 1, np.int64), np.empty((3, paths.size), np.int64)
+    looks_of_plans(fleet, paths, lengths, first, looks)
+    return [
+        [(int(step), int(column)) for step, column in looks[:2, start:end].T]
+        for start, end in pairwise(first)
+    ]
+
+
 def test_the_looks_of_plans_come_at_the_times_of_each_kind() -> None:
     side, horizon = 12, 4
-    moves = Moves(
-        np.array([0, 1]), np.ones(2, bool), np.array([0, 1, 2]), np.zeros((2, 2), np.int64),
-        np.ones((2, 1)), np.ones((side, side)), np.zeros(2), np.zeros(2),
-    )  # fmt: skip
     # Two drones fly to the east; a move takes the second kind three steps.
-    paths = np.add.outer(side * np.array([4, 6]) + 3, np.arange(horizon + 1))
-    looks = np.empty((3, 2 * horizon), np.int64)
-    times = np.array([[[0.0, 0.0], [0.0, 2.0]], [[0.0, 0.0], [0.0, 0.0]]])
-    lengths, kinds = np.full(2, horizon), np.array([0, 1])
-    count = looks_of_plans(paths, lengths, kinds, moves, np.tile(moves.first, (2, 1)), times, looks)
-    steps, columns = looks[:2, :count].tolist()
-    assert steps == [0, 1, 2, 3, 2]
-    assert columns == [*paths[0, 1:].tolist(), paths[1, 1]]
+    extra = np.array([[0.0, 0.0], [0.0, 2.0]])
+    fleet = Fleet(
+        np.array([0, 1]), np.array([0, 1]), np.array([[0, 1, 2], [0, 1, 2]]),
+        np.zeros((2, 2), np.int64), extra, np.zeros((2, 2)), side,
+    )  # fmt: skip
+    paths = np.add.outer(side * np.array([4, 6]) + 3, np.arange(horizon + 1))[None]
+    lengths = np.full((1, 2), horizon)
+    assert looks_of(fleet, np.tile(paths, (2, 1, 1)), np.tile(lengths, (2, 1))) == 2 * [
+        [(0, paths[0, 0, 1]), (1, paths[0, 0, 2]), (2, paths[0, 0, 3]), (2, paths[0, 1, 1]),
+         (3, paths[0, 0, 4])]
+    ]  # fmt: skip
 
 
 @settings(max_examples=50, deadline=None)
@@ -206,18 +219,14 @@ def test_the_looks_of_plans_come_at_the_times_of_each_kind() -> None:
 def test_a_plan_looks_in_the_steps_in_which_the_world_does(diagonals: list[bool]) -> None:
     side, horizon = 64, 40
     extra = np.array([0.0, 0.0, math.sqrt(2) - 1.0])
-    moves = Moves(
-        np.array([0, 1, side + 1]), np.ones(3, bool), np.arange(4), np.zeros((3, 2), np.int64),
-        np.ones((3, 1)), np.ones((side, side)), extra, np.zeros(3),
+    fleet = Fleet(
+        np.zeros(1, np.int64), np.array([0, 1, side + 1]), np.arange(4)[None],
+        np.zeros((3, 2), np.int64), extra[None], np.zeros((1, 3)), side,
     )  # fmt: skip
     legs = np.array([side + 1 if diagonal else 1 for diagonal in diagonals])
-    path = np.full((1, horizon + 1), 5 * side + 5)
-    path[0, 1 : len(legs) + 1] += np.cumsum(legs)
-    looks = np.empty((3, horizon), np.int64)
-    count = looks_of_plans(
-        path, np.array([len(legs)]), np.zeros(1, np.int64), moves, moves.first[None],
-        np.stack([extra, np.zeros(3)])[:, None], looks,
-    )  # fmt: skip
+    path = np.full((1, 1, horizon + 1), 5 * side + 5)
+    path[..., 1 : len(legs) + 1] += np.cumsum(legs)
+    [looks] = looks_of(fleet, path, np.array([[len(legs)]]))
     # A move ends when its time and those before it are over, see test_timed_actions.
     ends = np.cumsum([math.sqrt(2) if diagonal else 1.0 for diagonal in diagonals])
-    assert looks[0, :count].tolist() == (np.ceil(ends - 1e-6) - 1).astype(int).tolist()
+    assert [step for step, _ in looks] == (np.ceil(ends - 1e-6) - 1).astype(int).tolist()
