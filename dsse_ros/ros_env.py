@@ -324,7 +324,7 @@ class DsseRosEnv(AgentSpaces, ParallelEnv[str, AgentObservation, Any]):
             )
         if found[2] > number + 1:
             raise SearchLostError(
-                f"step {found[2]} of mission {mission} is done, {number + 1} was to be; "
+                f"step {found[2]} of mission {mission} is done, instead of {number + 1}; "
                 "another node commands the simulation"
             )
         step = self._inbox.step()

@@ -75,7 +75,7 @@ class _Choice:
         self._select.set_enabled(bool(options))
 
     def is_meant(self, clicked_s: float) -> bool:
-        """Return whether who has clicked then can have seen what is chosen."""
+        """Return whether somebody who clicked at this time can have seen the chosen option."""
         return self.value is not None and clicked_s > self._changed_s + _SEEN_S
 
 

@@ -237,7 +237,7 @@ def _mean(lat: Array, lon: Array, shifts: Shifts) -> tuple[Array, Array]:
 def _at_rho_points(
     dataset: Any, places: tuple[Place, Place], window: tuple[slice, slice]
 ) -> tuple[tuple[Shifts, Shifts], Array, Array]:
-    """Return `_centres` of a file of ROMS whose coordinates of the components are of no use.
+    """Return `_centres` of a ROMS file that lacks usable coordinates of the components.
 
     Raises:
         Unfit: If it has no coordinates of its rho points.

@@ -108,7 +108,7 @@ def _check_one_grid(sources: Sequence[Source]) -> None:
 
 
 def _sampled(source: Source) -> Iterator[NDArray[Any]]:
-    """Yield the coordinates of place of a file, of large ones only some."""
+    """Yield the horizontal coordinates of a file, of large ones only some values."""
     for place in _places(*source):
         for axis in place[:4]:
             if axis is not None:

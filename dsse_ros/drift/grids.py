@@ -72,7 +72,7 @@ class Grid(NamedTuple):
 
 
 def elsewhere(box: Box, lats: Array, lons: Array) -> Unfit:
-    """Return the refusal of a file that covers other places."""
+    """Return the error for a file that covers another area."""
     ends = (np.nanmin(lats), np.nanmax(lats), np.nanmin(lons), np.nanmax(lons))
     south, north, west, east = (f"{end:.4f}" for end in ends)
     return Unfit(
@@ -94,7 +94,7 @@ def lookup_axes(box: Box, spacing_m: float) -> tuple[Array, Array]:
 
 
 def window_of(index: NDArray[Any], count: int, margin: int) -> tuple[int, int]:
-    """Return first and one after last of three or more indices around some of an axis."""
+    """Return the first of three or more indices around some of an axis, and one after the last."""
     first = max(math.floor(index.min()) - margin, 0)
     last = min(math.ceil(index.max()) + margin, count - 1)
     return max(min(first, last - 2), 0), max(last, min(first + 2, count - 1)) + 1

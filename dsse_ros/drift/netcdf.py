@@ -22,7 +22,7 @@ _CALENDARS = ("standard", "gregorian", "proleptic_gregorian")
 
 
 class Unfit(Exception):
-    """Why a file does not serve, in one line without the name of the file."""
+    """Why a file cannot be used, in one line without the name of the file."""
 
 
 def check_installed(what: str) -> None:

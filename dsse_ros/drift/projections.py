@@ -58,7 +58,7 @@ def projected(place: Place, box: Box, margin: int) -> Grid | None:
         if not _FIGURES & set(place.mapping):
             return None
         _LOGGER.warning(
-            "%s and %s are up to %.1f cells from the places of their projection, which counts",
+            "%s and %s are up to %.1f cells from the places of their projection, which is used",
             place.lat.name, place.lon.name, off,
         )  # fmt: skip
     lats, lons = lookup_axes(box, LOOKUP_M)

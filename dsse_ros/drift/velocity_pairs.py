@@ -147,7 +147,7 @@ def find_among(datasets: Sequence[Any], kind: Kind, choice: Choice) -> tuple[Any
 
 
 def half(dataset: Any, kind: Kind, choice: Choice) -> Any | None:
-    """Return a component of a file that has none of the other side; None for any other file."""
+    """Return the component of a file that lacks the other one; None for any other file."""
     if choice.variables:
         sides = [[dataset[name]] if name in dataset.variables else [] for name in choice.variables]
     else:
@@ -236,7 +236,7 @@ def _is_of(variable: Any, row: _Row, side: str) -> bool:
 
 
 def _medium(variable: Any) -> str:
-    """Return what moves by the standard name, or else the long name; "" if neither says."""
+    """Return what moves by the standard name, or else the long name; "" if neither states it."""
     for name in ("standard_name", "long_name"):
         text = str(variable.attrs.get(name, "")).lower()
         media = [medium for medium, words in _WORDS.items() if any(word in text for word in words)]

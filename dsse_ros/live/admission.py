@@ -180,7 +180,7 @@ class Admission:
         name = entry.values["contact"]
         contact = self._keeper.contacts.by_name.get(name)
         if contact is None:
-            return Rejected("unknown_contact", f"contact must be one of the search, got {name!r}")
+            return Rejected("unknown_contact", f"contact must be one of this search, got {name!r}")
         if contact.state != OPEN:
             return Rejected("contact_closed", f"contact {name} must be open, it is {contact.state}")
         return Accepted(entry)
@@ -189,7 +189,9 @@ class Admission:
         name = entry.values["input"]
         known = self._keeper.entries.get(name)
         if known is None or name in self._keeper.withdrawn:
-            return Rejected("unknown_input", f"input must be one that counts, got {name!r}")
+            return Rejected(
+                "unknown_input", f"input must be an accepted one, not withdrawn, got {name!r}"
+            )
         if known.kind in ("confirm", "withdraw"):
             return Rejected("bad_value", f"input must not be a {known.kind}, got {name!r}")
         if known.kind == "detection":

@@ -84,7 +84,7 @@ class Contacts:
         return [contact for contact in self.by_name.values() if contact.state == state]
 
     def match(self, detection: Detection, moved: Moved) -> str:
-        """Return the name of the open contact that a detection is of, or of a new one."""
+        """Return the name of the open contact that a detection belongs to, or of a new one."""
         nearest, name = GATE, ""
         for contact in self.of_state(OPEN):
             last = self._last[contact.name]

@@ -113,7 +113,7 @@ class Evidence:
         return max(round(time_s / self._step_s), 0)
 
     def look_of(self, contact: str, detection: Detection, steps: Sequence[StepLooks]) -> Look:
-        """Return the look of a detection: the last of the drone's that saw the place.
+        """Return the look of a detection: the drone's last one that saw the place.
 
         It is a look to come if the step of the detection is not done, and nobody's if the drone has
         not looked there.

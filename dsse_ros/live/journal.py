@@ -117,7 +117,7 @@ class JournalFile:
         self._end, self._count = end
 
     def sync(self) -> None:
-        """Have all of it outlast a loss of power.
+        """Flush the file to disk, so that it survives a loss of power.
 
         Raises:
             OSError: If it cannot be written.
@@ -206,7 +206,7 @@ def read_texts(data: bytes, name: str) -> tuple[list[str], int]:
 
 
 def _text_of(content: bytes) -> str | None:
-    """Return the text of a message; None if it is none, as after a loss of power."""
+    """Return the text of a message; None if it is damaged, as after a loss of power."""
     try:
         encoding, length = _CDR.unpack_from(content, _MESSAGE.size)
         text = content[_MESSAGE.size + _CDR.size : -1]

@@ -247,7 +247,7 @@ class Keeper:
         self._take(entry, counts=True)
 
     def _take(self, entry: Entry, *, counts: bool) -> None:
-        """Have an entry count, or not any more."""
+        """Count an entry, or stop counting it."""
         match entry.kind:
             case "detection":
                 self._take_detection(entry, counts=counts)
@@ -291,7 +291,7 @@ class Keeper:
             self._weigh_all(sorted(contact.detections))
 
     def _forget(self, name: str) -> set[str]:
-        """Have the detections of a contact weigh nothing; return their ids."""
+        """Take the detections of a contact out of the belief; return their ids."""
         for look in [
             look for look, contacts in self._evidence.detections.items() if name in contacts
         ]:
@@ -312,7 +312,7 @@ class Keeper:
             self._weigh(detection_id)
 
     def _weigh(self, detection_id: str) -> None:
-        """Have a detection weigh the belief, at the look that it is of."""
+        """Weigh the belief with a detection, at its look."""
         name = self.entries[detection_id].derived["contact"]
         contact = self.contacts.by_name[name]
         detection = contact.detections[detection_id]

@@ -21,7 +21,7 @@ MISSING_ACTIONS = ("search", "repeat", "hold", "abort")
 
 @dataclass(frozen=True, eq=False)
 class Goal:
-    """The cell (col, row) of one command to go there; an equal cell of another is another goal."""
+    """The cell (col, row) of one command; the same cell of another command is another goal."""
 
     cell: Cell
 

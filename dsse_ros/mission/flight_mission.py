@@ -89,7 +89,7 @@ class FlightMission(Mission):
 
     @property
     def pieces(self) -> int:
-        """Number of the pieces of a path."""
+        """Number of pieces of a path."""
         return self._flights.paths.shape[2] - 1
 
     def set_paths(self, paths: NDArray[np.float64], looked: NDArray[np.bool_]) -> None:

@@ -131,7 +131,7 @@ class LiveIntake:
         return None
 
     def _sync(self, begin: tuple[int, int]) -> Rejected | None:
-        """Have the entries outlast a loss of power; if that fails, remove them and return why."""
+        """Flush the entries to disk; if that fails, remove them and return why."""
         assert self._journal is not None
         try:
             self._journal.sync()

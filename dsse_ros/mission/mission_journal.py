@@ -106,7 +106,7 @@ class MissionJournal:
         self._file.cut_back(end)
 
     def sync(self) -> None:
-        """Have all of it outlast a loss of power.
+        """Flush the file to disk, so that it survives a loss of power.
 
         Raises:
             OSError: If it cannot be written.

@@ -104,7 +104,7 @@ def _is_list(value: Any, holds: Any) -> bool:
 
 
 def is_by_drone(value: Any, drones: range, holds: Callable[[Any], bool]) -> bool:
-    """Return whether a value is a list of pairs of a drone and something that holds."""
+    """Return whether a value is a list of pairs of a drone and a value that passes `holds`."""
     return _is_list(
         value, lambda pair: is_pair(pair) and _is_in(pair[0], drones) and holds(pair[1])
     )

@@ -39,7 +39,7 @@ class _Requests(ServerListener):
         self.changes: deque[tuple[bool, int, str]] = deque()
 
     def on_subscribe(self, client: Client, channel: ChannelView) -> None:
-        """Queue the begin of a subscription."""
+        """Queue the start of a subscription."""
         self.changes.append((True, client.id, channel.topic))
 
     def on_unsubscribe(self, client: Client, channel: ChannelView) -> None:

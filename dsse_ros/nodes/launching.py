@@ -99,7 +99,7 @@ def mission_nodes(
     fixed: Mapping[str, Any],
     on_exit: OnExit | None = None,
 ) -> list[Node]:
-    """Return the nodes of a mission, the recorder first: it misses what is not latched.
+    """Return the nodes of a mission, the recorder first, or it would miss what is not latched.
 
     Args:
         context: Of the launch.
@@ -194,7 +194,7 @@ def node(
 
 
 def leave_to_bridge(event: Any, context: LaunchContext) -> Shutdown | None:
-    """Keep the failure of a node, and leave the vehicles and their operator the bridge.
+    """Note that a node has failed; the bridge goes on for the vehicles and their operator.
 
     Raises:
         RuntimeError: If the node has refused its parameters: then no vehicle has taken off.
@@ -220,7 +220,7 @@ def _end(event: Any, context: LaunchContext) -> Shutdown | None:
 
 
 def _note_failure(event: Any, context: LaunchContext) -> None:
-    """Keep the failure of a node for the end of the launch."""
+    """Note that a node has failed, for the end of the launch."""
     # Ctrl-C can reach a process before Python has begun to handle it.
     if event.returncode not in (0, -signal.SIGINT) and not context.is_shutdown:
         failure = f"{event.process_name} ended with code {event.returncode}"

@@ -56,7 +56,7 @@ class InputDoor:
         return future
 
     def remove_pending_request(self, future: Future) -> None:
-        """Await an answer no longer."""
+        """Stop waiting for an answer."""
         for key, futures in list(self._awaited.items()):
             if future in futures:
                 futures.remove(future)
@@ -65,7 +65,7 @@ class InputDoor:
 
 
 def take_answer(awaited: Awaited, namespace: str, data: bytes) -> None:
-    """Give an answer, a serialized message, to the one who awaits it for longest."""
+    """Pass an answer, a serialized message, to the request that has waited longest."""
     if not awaited:
         return
     # The page shows what is wrong with a malformed answer.

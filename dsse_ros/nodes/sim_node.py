@@ -233,7 +233,7 @@ class SimNode(AlarmNode):
         self.finished = True
 
     def try_step(self, request: Request = Request.STEP) -> str:
-        """Do one step if that is allowed; returns why not, empty if it did."""
+        """Do one step if it is allowed; return why it is not, "" if it was done."""
         if reason := reason_to_refuse(request, self.state):
             return reason
         refused = self.mission.refuse()
@@ -280,7 +280,7 @@ class SimNode(AlarmNode):
         self._step_alarm.set(scheduler.wait_s(time.monotonic(), ready=self._ready()))
 
     def _ready(self) -> bool:
-        """Return whether nothing is waited for; computed only if the scheduler would wait."""
+        """Return whether the step waits for nothing; computed only if the scheduler would wait."""
         return self._scheduler.running and not (self.mission.missing or self._fleet.awaited())
 
     def _advance(self) -> None:
@@ -327,7 +327,7 @@ class SimNode(AlarmNode):
         self._end()
 
     def change_state(self, request: Request) -> None:
-        """Stop, play or pause the simulation; to stop it restarts the mission."""
+        """Stop, play or pause the simulation; stopping restarts the mission."""
         if request is Request.STOP:
             self.restart()
         self.state = NEXT[request][self.state]

@@ -291,7 +291,7 @@ def _message(data: bytes, name: str) -> bytes:
         raise FieldError(f"bag: {name!r} is damaged: a message cannot be decompressed") from None
     if len(content) > MAX_CHUNK_BYTES:
         raise FieldError(
-            f"bag: {name!r} has a message of more than {MAX_CHUNK_BYTES} bytes, which are allowed"
+            f"bag: {name!r} has a message of more than the {MAX_CHUNK_BYTES} bytes allowed"
         )
     return content
 

@@ -173,7 +173,7 @@ def _says_more(row: NDArray[Any] | None) -> bool:
 
 
 def _in_metres(scenario: ResolvedScenario, reports: Sequence[NDArray[Any]]) -> dict[str, Any]:
-    """Return what a mission in metres has besides, by the fields of `RecordedMission`."""
+    """Return the further fields of `RecordedMission` of a mission in metres."""
 
     def table(name: str) -> NDArray[Any]:
         return np.stack([report[name] for report in reports])
@@ -197,7 +197,7 @@ def _mission(
     search: Search | None,
     max_cells: int,
 ) -> RecordedMission:
-    """Return a mission of its reports (N,) by step.
+    """Return a mission from its reports (N,) by step.
 
     Raises:
         ValueError: If they do not fit together.

@@ -99,7 +99,7 @@ def _add_style(
 
 
 def _colour(drone: int, opacity: str) -> str:
-    """Return the colour of a drone as KML has it."""
+    """Return the colour of a drone in the notation of KML."""
     colour = DRONE_COLOURS[drone % len(DRONE_COLOURS)]
     red, green, blue = (colour[i : i + 2] for i in (1, 3, 5))
     return f"{opacity}{blue}{green}{red}".lower()

@@ -19,9 +19,9 @@ if TYPE_CHECKING:
 
 
 def viewpoints_in(record: RecordedMission) -> NDArray[np.void]:
-    """Return from where drones looked, (K, N) of `viewpoints.VIEWPOINTS`: their vehicles, or they.
+    """Return from where drones on cells looked, (K, N) of `viewpoints.VIEWPOINTS`.
 
-    They are those of a search on cells.
+    That is where their vehicles were, if vehicles flew the mission.
     """
     if record.looks is not None:
         return record.looks

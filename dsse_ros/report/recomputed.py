@@ -87,7 +87,7 @@ def _waiting(record: RecordedMission, k: int, before: NDArray[np.float32]) -> ND
 def _observed(
     record: RecordedMission,
 ) -> Iterator[tuple[int, NDArray[np.float32] | None, SearchEnv]]:
-    """Yield each recorded step, the map before it and the search after it, with other drones.
+    """Yield each recorded step, the map before it, and a search after it whose drones did nothing.
 
     The start of the mission has no map before it.
     """
@@ -172,7 +172,7 @@ def _view(record: RecordedMission, k: int, of_map: MissionView) -> MissionView:
 
 
 def _view_in_metres(record: RecordedMission, k: int) -> dict[str, Any]:
-    """Return what the view of a record in metres has besides."""
+    """Return the further fields of the view of a record in metres."""
     if record.in_cells is None:
         return {}
     headings = None if record.courses is None else record.courses[k, :, 0]

@@ -311,7 +311,7 @@ def read_csv(
             of_mission, seed = search, None
             if of_mission is None:
                 if int(mission) not in stated:
-                    raise FieldError(f"{definition_file(path).name} has no line of it")
+                    raise FieldError(f"{definition_file(path).name} has no line for it")
                 keys, seed = stated[int(mission)]
                 of_mission = partial(stated_search, keys)
             read.append(replace(_mission(columns, steps, of_mission, max_cells), seed=seed))
@@ -426,7 +426,7 @@ def _mission(
     search: Search,
     max_cells: int,
 ) -> RecordedMission:
-    """Return a mission of the rows of its steps.
+    """Return a mission from the rows of its steps.
 
     Raises:
         ValueError: If they do not fit together, or are of another search.

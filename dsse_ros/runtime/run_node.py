@@ -111,7 +111,7 @@ class AlarmNode(Node):
         )
 
     def at_end(self, callback: Callable[[], object]) -> None:
-        """Have the node call this at its end, before what earlier calls have asked for.
+        """Have the node call this when it ends, before the functions of earlier calls.
 
         rclpy may also destroy a node whose constructor has failed.
         """

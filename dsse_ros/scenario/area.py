@@ -90,7 +90,7 @@ class Area:
         if not shapes or any(shape.is_empty for shape, _ in shapes):
             raise _refusal(value, name)
         if others:
-            _LOGGER.warning("%s: %d geometries are no polygons and do not count", name, others)
+            _LOGGER.warning("%s: %d geometries are not polygons and do not count", name, others)
         polygons = []
         for shape, feature in shapes:
             of_feature = f" in {feature}" if feature else ""

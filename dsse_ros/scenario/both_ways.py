@@ -17,7 +17,7 @@ def tracks_both_ways(
     drift: Drift, sightings: Sequence[Sighting], times_s: NDArray[np.float64], count: int,
     rng: np.random.Generator,
 ) -> DriftTracks:  # fmt: skip
-    """Return tracks as `drift_tracks`, where no particle waits for the time at which it was seen.
+    """Return tracks as `drift_tracks` does, but of particles that drift before they are seen too.
 
     A particle of a sighting that is later than the first time has drifted to where it was seen,
     with the same leeway and the same constant errors of wind and current.

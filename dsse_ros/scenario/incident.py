@@ -434,7 +434,7 @@ def _sightings(values: Any) -> tuple[Sighting, ...]:
 
 
 def _near(sightings: Sequence[Sighting]) -> tuple[Sighting, ...]:
-    """Return sightings of which those on both sides of the antimeridian are near each other."""
+    """Return sightings with longitudes near each other, on both sides of the antimeridian too."""
     first = sightings[0].lon_deg
     return tuple(
         sighting._replace(lon_deg=sighting.lon_deg + 360 * round((first - sighting.lon_deg) / 360))

@@ -60,7 +60,7 @@ def on_incident_grid(scenario: Scenario, rules: Rules) -> Scenario:
     from dsse_ros.scenario.incident_grid import check_transit, lay_grid, nearest_cells
 
     if not drifts_with_incident(rules.person_motion):
-        raise FieldError(f"incident must come with rules sea, got {rules.profile}")
+        raise FieldError(f"incident must come with rules sea or flight, got {rules.profile}")
     for name in OF_INCIDENT:
         # An incident has no drift before the search anyway.
         nothing = 0.0 if name == "pre_search_minutes" else None

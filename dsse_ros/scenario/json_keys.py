@@ -74,7 +74,7 @@ class Keys:
         return str(value)
 
     def names(self, key: str, *, may_be_none: bool = False) -> tuple[str, ...]:
-        """Return different texts that are not empty, at least one unless there may be none."""
+        """Return distinct texts that are not empty; at least one, unless `may_be_none`."""
         value = self.value(key)
         names = value if isinstance(value, list) else []
         are_names = all(_is_text(name) and name for name in names)

@@ -35,7 +35,7 @@ class Outline(NamedTuple):
 
 
 def outlines_of(content: Mapping[str, Any]) -> tuple[list[Outline], int]:
-    """Return the polygons of GeoJSON, and the number of its geometries that are none.
+    """Return the polygons of GeoJSON, and the number of its other geometries.
 
     Raises:
         LookupError, TypeError, ValueError: If the content is not GeoJSON.

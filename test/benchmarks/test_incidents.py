@@ -26,13 +26,13 @@ def test_the_incidents_differ_in_all_that_is_drawn() -> None:
     drawn = [incident(number) for number in range(COUNT)]
     assert drawn == [incident(number) for number in range(COUNT)]
     incidents = [one["fields"]["incident"] for one in drawn]
-    for given in (
-        [one["shore"] is not None for one in incidents],
-        [one["base"] is not None for one in incidents],
-        [len(one["seen"]) > 1 for one in incidents],
+    for having in (
+        [stated["shore"] is not None for stated in incidents],
+        [stated["base"] is not None for stated in incidents],
+        [len(stated["seen"]) > 1 for stated in incidents],
     ):
-        assert COUNT / 4 < sum(given) < 3 * COUNT / 4
-    assert len({one["object"] for one in incidents}) > COUNT / 2
+        assert COUNT / 4 < sum(having) < 3 * COUNT / 4
+    assert len({incident["object"] for incident in incidents}) > COUNT / 2
     for one in drawn:
         assert set(one["truths"]) == set(ERRORS) - {"none"}
         assert one["truths"]["class"]["object"] != one["fields"]["incident"]["object"]

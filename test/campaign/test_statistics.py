@@ -84,7 +84,7 @@ def test_an_interval_of_a_median_is_between_order_statistics() -> None:
 def test_medians_are_covered_as_often_as_the_level_promises() -> None:
     rng = np.random.default_rng(1)
     intervals = [of_median(rng.exponential(size=41), 0.9, np.arange(41)) for _ in range(1000)]
-    assert np.mean([one.low <= np.log(2) <= one.high for one in intervals]) > 0.88
+    assert np.mean([interval.low <= np.log(2) <= interval.high for interval in intervals]) > 0.88
 
 
 def test_a_restricted_mean_is_the_area_under_the_curve_of_those_not_yet_found() -> None:
@@ -184,9 +184,9 @@ def test_intervals_of_clusters_hold_as_often_as_the_level_promises() -> None:
     means = [of_mean(values, 0.9, DEALT) for values in samples]
     shares = [of_share(values < 0, 0.9, DEALT) for values in samples]
     medians = [of_median(values, 0.9, DEALT) for values in samples]
-    assert np.mean([one.low <= 0 <= one.high for one in means]) == pytest.approx(0.9, abs=0.03)
-    assert 0.88 < np.mean([one.low <= 0.5 <= one.high for one in shares]) < 0.96
-    assert 0.86 < np.mean([one.low <= 0 <= one.high for one in medians]) < 0.96
+    assert np.mean([mean.low <= 0 <= mean.high for mean in means]) == pytest.approx(0.9, abs=0.03)
+    assert 0.88 < np.mean([share.low <= 0.5 <= share.high for share in shares]) < 0.96
+    assert 0.86 < np.mean([median.low <= 0 <= median.high for median in medians]) < 0.96
     # As if missions were independent, they do not.
     plain = [of_mean(values, 0.9, np.arange(400)) for values in samples]
     assert np.mean([one.low <= 0 <= one.high for one in plain]) < 0.6
@@ -198,7 +198,7 @@ def test_pairs_of_planners_with_other_seeds_hold_as_often_as_the_level_promises(
     other = np.arange(400) // 16
     samples = [drawn(rng, 0.7) + 0.7 * rng.normal(size=25)[other] for _ in range(1000)]
     means = [of_mean(values, 0.9, DEALT, other) for values in samples]
-    assert np.mean([one.low <= 0 <= one.high for one in means]) == pytest.approx(0.9, abs=0.04)
+    assert np.mean([mean.low <= 0 <= mean.high for mean in means]) == pytest.approx(0.9, abs=0.04)
 
 
 @pytest.mark.slow

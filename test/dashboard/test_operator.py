@@ -153,7 +153,7 @@ def test_a_click_without_a_connection_is_not_kept_for_later(
     page: Any, rig: Rig, url: str, bridge: Bridge
 ) -> None:
     before = cleared(bridge)
-    served = next(one for one in rig.processes if f"page at {url}" in one.output)
+    served = next(process for process in rig.processes if f"page at {url}" in process.output)
     enabled(page, "Arm all").click()
     enabled(page, "Arm all vehicles")
     served.signal(signal.SIGSTOP)
@@ -172,7 +172,7 @@ def test_a_click_without_a_connection_is_not_kept_for_later(
 
 
 def test_a_click_that_went_with_its_connection_is_named(page: Any, rig: Rig, url: str) -> None:
-    served = next(one for one in rig.processes if f"page at {url}" in one.output)
+    served = next(process for process in rig.processes if f"page at {url}" in process.output)
     enabled(page, "Hold all")
     served.signal(signal.SIGSTOP)
     try:

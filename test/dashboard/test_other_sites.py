@@ -88,14 +88,14 @@ def test_another_site_has_no_part_of_the_page_and_may_link_to_it(
     tab.goto(address)
     tab.get_by_text("Waiting for a simulation").wait_for()
     assert tab.url == url
-    parts = {one.url for one in answers if one.ok}
+    parts = {answer.url for answer in answers if answer.ok}
     of_page = {
-        kind: next(one for one in sorted(parts) if urlsplit(one).path.endswith(ends))
+        kind: next(part for part in sorted(parts) if urlsplit(part).path.endswith(ends))
         for kind, ends in {"JS": ".js", "CSS": ".css"}.items()
     }
     of_page["IMAGE"] = f"{url}favicon.ico"
     assert tab.request.get(of_page["IMAGE"]).ok
-    assert parts and all(one.ok or one.status in (101, 303, 304, 404) for one in answers)
+    assert parts and all(answer.ok or answer.status in (101, 303, 304, 404) for answer in answers)
     # The image of the map comes over the WebSocket, as part of a frame.
     # localhost is another site than 127.0.0.1; of the same site another port is another origin.
     tab.goto(f"http://{host}:{elsewhere}/")
@@ -106,7 +106,7 @@ def test_another_site_has_no_part_of_the_page_and_may_link_to_it(
     found = tab.evaluate(tries, url)
     refused = ("image", "script", "style", "poll", "fetch", "cors", "socket")
     assert {name: found[name] for name in refused} == dict.fromkeys(refused, "refused")
-    asked = [one for one in answers if one.url.startswith(url)]
+    asked = [answer for answer in answers if answer.url.startswith(url)]
     assert {one.status for one in asked} == {403}
     assert all("Waiting" not in frame.content() for frame in tab.frames)
     # A link with the token opens it, and it works as ever: what it says comes over its WebSocket.

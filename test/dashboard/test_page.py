@@ -460,4 +460,4 @@ def test_the_page_has_complained_of_nothing_and_asked_nobody_else(shown: Open, u
     assert shown.errors == []
     assert len(shown.requests) > 5
     own = (url, url.replace("http", "ws", 1), "data:", "blob:")
-    assert [one for one in shown.requests if not one.startswith(own)] == []
+    assert [request for request in shown.requests if not request.startswith(own)] == []

@@ -52,7 +52,7 @@ def test_another_user_of_the_machine_gets_nothing(address: str, url: str, rig: R
     logs = Path(os.environ.get("ROS_LOG_DIR", Path.home() / ".ros" / "log"))
     own = [one for one in logs.glob("*.log") if "dashboard" in one.read_text(errors="replace")]
     assert own and not any(token in one.read_text(errors="replace") for one in own)
-    (dashboard,) = (one for one in rig.processes if address in one.output)
+    (dashboard,) = (process for process in rig.processes if address in process.output)
     assert token not in Path(f"/proc/{dashboard.child.pid}/cmdline").read_text()
 
 

@@ -74,8 +74,8 @@ def levels(dataset: Any, name: str, values: Sequence[float], scales: Sequence[fl
     level = axis(name, values, **attributes)
     share = xarray.DataArray(np.asarray(scales, np.float32), dims=(name,))
     made = {
-        key: (one * share).transpose("time", name, ...).assign_attrs(one.attrs)
-        for key, one in dataset.data_vars.items()
+        key: (variable * share).transpose("time", name, ...).assign_attrs(variable.attrs)
+        for key, variable in dataset.data_vars.items()
     }
     return xarray.Dataset(made, coords={**dataset.coords, name: level})
 

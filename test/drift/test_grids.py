@@ -115,8 +115,8 @@ def test_components_on_the_sides_of_cells_are_brought_to_one_place_and_turned(
     tmp_path: Path, layout: str, places: bool
 ) -> None:
     dataset = of_roms(layout, places=places)
-    for one in dataset.variables.values():
-        one.attrs.pop("coordinates", None)
+    for variable in dataset.variables.values():
+        variable.attrs.pop("coordinates", None)
     flow = read_forecast("current", written(dataset, tmp_path), HERE)
     assert flow.source.endswith("u and v")
     for place in PLACES:

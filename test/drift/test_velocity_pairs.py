@@ -108,8 +108,8 @@ def test_the_right_pair_and_level_are_found(tmp_path: Path, name: str) -> None:
     kind, make, names, where = RIGHT[name]
     dataset = make()
     # Arithmetic drops the units.
-    for one in dataset.data_vars.values():
-        one.attrs.setdefault("units", "m s-1")
+    for variable in dataset.data_vars.values():
+        variable.attrs.setdefault("units", "m s-1")
     file = written(dataset, tmp_path)
     flow = read_forecast(kind, file, SPAN)
     for place in PLACES:

@@ -87,7 +87,7 @@ def test_markers_show_wind_current_and_shore(mission: Mission) -> None:
     assert sea.current_mps == pytest.approx((0.25, 0.25 * 3**0.5), abs=1e-5)
     frame = scenario_frame(mission.env.scenario)
     made = StepMessages(mission, frame, 1).make("markers", Time())
-    by_name = {one.ns: one for one in made.markers}
+    by_name = {marker.ns: marker for marker in made.markers}
     start, end = by_name["wind"].points
     assert end.x - start.x == pytest.approx(480.0, abs=1e-3) and end.y == pytest.approx(start.y)
     start, end = by_name["current"].points
@@ -104,10 +104,10 @@ def test_a_sighting_has_its_place_time_and_circle(mission: Mission) -> None:
     lat, lon, _ = map_to_geodetic(frame, seen.x_m, seen.y_m, 0.0)
     assert (lat, lon) == (pytest.approx(-24.0, abs=1e-7), pytest.approx(-46.0, abs=1e-7))
     made = StepMessages(mission, frame, 1).make("markers", Time())
-    (circle,) = [one for one in made.markers if one.ns == "lkp" and one.points]
+    (circle,) = [marker for marker in made.markers if marker.ns == "lkp" and marker.points]
     far = [np.hypot(point.x - seen.x_m, point.y - seen.y_m) for point in circle.points]
     assert far == pytest.approx([300.0] * len(far))
-    texts = [one.text for one in made.markers if one.ns == "sea_names"]
+    texts = [marker.text for marker in made.markers if marker.ns == "sea_names"]
     assert texts == [*(flow.label for flow in sea.flows), seen.label]
 
 

@@ -122,7 +122,7 @@ def test_a_pass_counts_once_although_positions_were_missing_during_it() -> None:
     for first in (3, 8, 13, 18, 23):
         looked[first : first + 4] = False
     passes = PassedCells(CELL_M, 12).take(path, looked)
-    assert [one.cell for one in passes] == [(4, 4), (5, 4), (6, 4)]
+    assert [pass_.cell for pass_ in passes] == [(4, 4), (5, 4), (6, 4)]
     looked[5:16] = False
     passes = PassedCells(CELL_M, 12).take(path, looked)
-    assert [one.cell for one in passes] == [(5, 4), (6, 4)]
+    assert [pass_.cell for pass_ in passes] == [(5, 4), (6, 4)]

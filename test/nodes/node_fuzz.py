@@ -141,14 +141,14 @@ class Mutator:
     def _replace_items(self, message: Any, name: str, value: Any, kind: str) -> None:
         """Replace some of the items of a sequence."""
         items = list(value)
-        inner = [one for one in items if hasattr(one, "get_fields_and_field_types")]
+        inner = [item for item in items if hasattr(item, "get_fields_and_field_types")]
         turn = self._draw.random()
         if inner and turn < 0.6:
             self._replace(self._draw.choice(inner))
             return
         if "[" in kind:
             # A sequence of fixed length.
-            changed = [self._draw.choice(ODD) if "double" in kind else one for one in items]
+            changed = [self._draw.choice(ODD) if "double" in kind else item for item in items]
         elif turn < 0.7:
             changed = items[: self._draw.randrange(len(items) + 1)]
         elif turn < 0.8 or not items or inner:

@@ -386,7 +386,7 @@ class Sim:
 
         def current() -> bool:
             tasks = [vehicle_tasks_from_message(message)[-1] for message in self._tasks[-1:]]
-            return any(search_of(one) == self.search for one in tasks)
+            return any(search_of(task) == self.search for task in tasks)
 
         self.rig.until(current, "the tasks")
         return vehicle_tasks_from_message(self._tasks.last)[-1]

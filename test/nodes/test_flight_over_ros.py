@@ -228,7 +228,7 @@ def test_the_plan_over_ros_is_that_of_the_planner(rig: Rig) -> None:
     for drone, plan in enumerate(planner.plans().values()):
         stated = rig.first(Path, f"/stated/drone{drone}/plan")
         assert stated.header.stamp == node.reports.last.header.stamp
-        points = [(one.pose.position.x, one.pose.position.y) for one in stated.poses]
+        points = [(pose.pose.position.x, pose.pose.position.y) for pose in stated.poses]
         x, y = node.report["x"][drone], node.report["y"][drone]
         assert points[0] == pytest.approx((x, y))
         expected = (plan + 0.5) * 130.0 * (1, -1) + (0.0, 2600.0)

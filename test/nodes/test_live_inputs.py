@@ -98,7 +98,7 @@ def test_planners_that_come_later_fly_to_what_was_detected_on_the_map_and_in_the
         rig.start("planner_node", {"planner": planner}, "-r", f"__ns:=/{planner}")
         rig.until(lambda sim=sim: sim.step_number >= 4)  # type: ignore[misc]
         reports = map(step_report_from_message, sim.reports)
-        (end,) = cells(next(one for one in reports if one["step"][0] == 4))
+        (end,) = cells(next(report for report in reports if report["step"][0] == 4))
         assert max(abs(end[0] - goal[0]), abs(end[1] - goal[1])) <= 1
 
 

@@ -163,7 +163,7 @@ def test_who_is_lost_on_the_ground_stays_there_when_it_is_connected_again(
             {pair.key: pair.value for pair in message.status[0].values}
             for message in bridge.states[0]
         ]
-        assert {(one["armed"], one["flying"]) for one in states} == {("false", "false")}
+        assert {(state["armed"], state["flying"]) for state in states} == {("false", "false")}
         assert bridge.state(0)["lost"]
 
 

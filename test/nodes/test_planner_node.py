@@ -237,7 +237,7 @@ def test_the_plan_is_stated_until_the_mission_is_over(quiet: Stage) -> None:
         quiet.show(flown)
         quiet.rig.until(lambda: plans and plans.last.poses, "a plan")
         cells = [flown.result.cells[1], *planner.plans()["drone1"]]
-        stated = [(one.pose.position.x, one.pose.position.y) for one in plans.last.poses]
+        stated = [(pose.pose.position.x, pose.pose.position.y) for pose in plans.last.poses]
         assert stated == [((col + 0.5) * 130.0, (5.5 - row) * 130.0) for col, row in cells]
         assert plans.last.header.frame_id == "map"
         durable = [

@@ -74,7 +74,7 @@ def count(path: Path, topic: str) -> int:
 
 def commanded_steps(messages: Iterable[Recorded]) -> list[int]:
     """Steps of the joint actions, in order; one that was sent again counts once."""
-    steps = (one.message.data[1] for one in messages if one.topic == "/joint_action")
+    steps = (message.message.data[1] for message in messages if message.topic == "/joint_action")
     return list(dict.fromkeys(steps))
 
 
@@ -115,7 +115,7 @@ def messages(bag: Bag) -> list[Recorded]:
 
 
 def test_every_topic_and_command_of_the_mission_is_in_the_bag(messages: list[Recorded]) -> None:
-    counted = Counter(one.topic for one in messages)
+    counted = Counter(message.topic for message in messages)
     each_step = [
         "/probability", "/probability_grid", "/probability_of_success", "/drones", "/step_report",
         *(f"/drone{i}/{name}" for i in range(DRONES) for name in ("pose", "odom", "fix")),
@@ -133,15 +133,15 @@ def test_every_topic_and_command_of_the_mission_is_in_the_bag(messages: list[Rec
 
 
 def test_messages_are_in_the_order_of_their_times(messages: list[Recorded]) -> None:
-    times = [one.log_time_ns for one in messages]
+    times = [message.log_time_ns for message in messages]
     assert times == sorted(times)
-    assert all(0 < one.publish_time_ns <= one.log_time_ns for one in messages)
+    assert all(0 < message.publish_time_ns <= message.log_time_ns for message in messages)
 
 
 def test_the_bag_has_the_quality_of_service_of_the_publishers(messages: list[Recorded]) -> None:
     policies = {
-        topic: [(one.reliability.name, one.durability.name) for one in parse_qos(offered)]
-        for topic, offered in {one.topic: one.offered_qos for one in messages}.items()
+        topic: [(qos.reliability.name, qos.durability.name) for qos in parse_qos(offered)]
+        for topic, offered in {message.topic: message.offered_qos for message in messages}.items()
     }
     assert policies["/step_report"] == [("RELIABLE", "TRANSIENT_LOCAL")]
     assert policies["/clock"] == [("RELIABLE", "VOLATILE")]
@@ -149,7 +149,7 @@ def test_the_bag_has_the_quality_of_service_of_the_publishers(messages: list[Rec
 
 
 def test_rosbags_and_mcap_read_all_of_it(bag: Bag, messages: list[Recorded]) -> None:
-    counted = Counter(one.topic for one in messages)
+    counted = Counter(message.topic for message in messages)
     with AnyReader([bag.path]) as reader:
         assert {t: info.msgcount for t, info in reader.topics.items()} == counted
         for connection in reader.connections:
@@ -180,7 +180,7 @@ def test_one_changed_byte_of_a_message_is_found_and_named(
     messages: list[Recorded], topic: str
 ) -> None:
     changed = list(messages)
-    at = [i for i, one in enumerate(messages) if one.topic == f"/{topic}"][123]
+    at = [i for i, message in enumerate(messages) if message.topic == f"/{topic}"][123]
     data = bytearray(messages[at].data)
     data[-9] ^= 1
     changed[at] = dataclasses.replace(messages[at], data=bytes(data))
@@ -192,7 +192,10 @@ def test_a_recorder_that_is_killed_leaves_a_bag_that_can_be_read(
     bag: Bag, messages: list[Recorded]
 ) -> None:
     reports = [one.data for one in read_bag(bag.killed) if one.topic == "/step_report"]
-    assert reports == [one.data for one in messages if one.topic == "/step_report"][: len(reports)]
+    assert (
+        reports
+        == [message.data for message in messages if message.topic == "/step_report"][: len(reports)]
+    )
     assert reports
 
 

@@ -243,7 +243,11 @@ def seen(endpoint: Any) -> QoSProfile:
     return QoSProfile(depth=1, reliability=found.reliability, durability=found.durability)
 
 
-SHOWN = {one["Topic"]["Value"]: one for one in displays(RVIZ["Displays"]) if "Topic" in one}
+SHOWN = {
+    display["Topic"]["Value"]: display
+    for display in displays(RVIZ["Displays"])
+    if "Topic" in display
+}
 # Of a search on an ensemble, of drones in metres and of a planner: see below.
 ELSEWHERE = {"particles"} | {
     f"drone{i}/{name}" for i in range(DRONES) for name in ("plan", "remaining_path")
@@ -303,10 +307,10 @@ def test_the_particles_and_the_sea_of_an_incident_reach_a_client_and_rviz(rig: R
     try:
         cloud = client.first("/kayak/particles")
         assert cloud.width * cloud.height == 500
-        assert {one.name for one in cloud.fields} >= {"x", "y", "z", "weight"}
+        assert {field.name for field in cloud.fields} >= {"x", "y", "z", "weight"}
         markers = client.first("/kayak/markers").markers
-        assert {one.ns for one in markers} >= {"wind", "current", "shore", "lkp"}
-        shown = [one.text for one in markers if one.ns == "sea_names"]
+        assert {marker.ns for marker in markers} >= {"wind", "current", "shore", "lkp"}
+        shown = [marker.text for marker in markers if marker.ns == "sea_names"]
         assert len(shown) == 4 and {text.split()[0] for text in shown} == {"wind", "current", "LKP"}
     finally:
         client.close()

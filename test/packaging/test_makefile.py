@@ -92,7 +92,7 @@ def test_an_option_that_a_target_does_not_have_is_refused_with_the_nearest(
 
 def test_every_option_of_a_recipe_is_in_the_help_of_its_target(folder: Path) -> None:
     for target in ("sim", "sitl-demo"):
-        (line,) = (one for one in make(folder).stdout.splitlines() if f"make {target} " in one)
+        (line,) = (line for line in make(folder).stdout.splitlines() if f"make {target} " in line)
         options = {name: "7" for name in re.findall("([A-Z_]+)=", line)}
         planned = make(folder, "--dry-run", target, *(f"{name}=7" for name in options)).stdout
         assert planned.splitlines()[-1].count("7") >= len(options.keys() - {"VIEW"})
@@ -128,7 +128,7 @@ def test_what_the_tests_need_is_pinned_as_setup_py_admits_it(folder: Path) -> No
     of_extras = ast.literal_eval(given["extras_require"])
     needed = [
         *ast.literal_eval(given["install_requires"]),
-        *(one for extra in extras.split(",") for one in of_extras[extra]),
+        *(of_extra for extra in extras.split(",") for of_extra in of_extras[extra]),
     ]
     versions: dict[str, set[str]] = {}
     for one in pinned("requirements.lock"):
@@ -178,7 +178,7 @@ def test_the_workflow_runs_what_ci_runs_for_each_distribution_and_for_a_sourced_
     assert run["sourced"][-1].endswith("setup.bash && make test")
     # A tag can be moved, a commit cannot.
     uses = re.findall(r"uses: \S+@(\S+)", text)
-    assert uses and all(re.fullmatch("[0-9a-f]{40}", one) for one in uses)
+    assert uses and all(re.fullmatch("[0-9a-f]{40}", use) for use in uses)
 
 
 def test_the_oldest_versions_have_an_environment_of_their_own(folder: Path) -> None:

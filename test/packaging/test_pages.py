@@ -39,7 +39,9 @@ def literals(source: str) -> list[str]:
     found = []
     for node in ast.walk(ast.parse(source)):
         if isinstance(node, ast.JoinedStr):
-            parts = [one.value if isinstance(one, ast.Constant) else "\n" for one in node.values]
+            parts = [
+                value.value if isinstance(value, ast.Constant) else "\n" for value in node.values
+            ]
             found.append("".join(map(str, parts)))
         elif isinstance(node, ast.Constant) and isinstance(node.value, str):
             found.append(node.value)
@@ -51,7 +53,10 @@ def printed() -> list[str]:
     """Return the texts that the programs, and `make`, can print."""
     sources = [path for package in ("dsse_ros", "msg_adapters") for path in
                (ROOT / package).rglob("*.py")]  # fmt: skip
-    return [text(ROOT / "Makefile"), *(one for path in sources for one in literals(text(path)))]
+    return [
+        text(ROOT / "Makefile"),
+        *(literal for path in sources for literal in literals(text(path))),
+    ]
 
 
 def quoted() -> list[str]:

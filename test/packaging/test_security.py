@@ -42,7 +42,7 @@ def test_the_policy_has_the_topics_of_the_table() -> None:
 def test_nobody_but_planners_and_people_may_command_a_drone() -> None:
     rights = policy()
     assert rights["sim_node"]["subscribe"] > COMMANDS
-    may = {name: one["publish"] & COMMANDS for name, one in rights.items()}
+    may = {name: right["publish"] & COMMANDS for name, right in rights.items()}
     assert {name: topics for name, topics in may.items() if topics} == {
         "planner_node": {"joint_action", "joint_command"},
         "ros_env": {"joint_action", "joint_command"},
@@ -116,7 +116,7 @@ def test_no_pickle_is_read_from_a_file() -> None:
                     continue
             assert not imported & PICKLING, name
     loads = [
-        (name, {one.arg: ast.unparse(one.value) for one in call.keywords})
+        (name, {keyword.arg: ast.unparse(keyword.value) for keyword in call.keywords})
         for name, path in ours().items()
         for called, call in calls(path)
         if called in ("np.load", "numpy.load")
@@ -150,7 +150,7 @@ def test_nothing_that_was_read_is_run() -> None:
         f"{name}: {called}"
         for name, path in ours().items()
         for called, call in calls(path)
-        if forbidden.fullmatch(called) or any(one.arg == "shell" for one in call.keywords)
+        if forbidden.fullmatch(called) or any(keyword.arg == "shell" for keyword in call.keywords)
     ]
     assert found == []
 

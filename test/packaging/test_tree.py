@@ -47,7 +47,9 @@ def test_every_source_file_names_its_copyright_and_its_licence() -> None:
     sources = [path for path in files() if is_source(path)]
     assert ROOT / "setup.py" in sources
     for line in (COPYRIGHT, LICENCE):
-        assert [one for one in sources if line not in "".join(text(one).splitlines()[:3])] == []
+        assert [
+            source for source in sources if line not in "".join(text(source).splitlines()[:3])
+        ] == []
 
 
 @pytest.mark.slow
@@ -107,7 +109,7 @@ def test_a_function_has_few_parameters() -> None:
     for name, node in functions():
         of = node.args
         names = [one.arg for one in (*of.posonlyargs, *of.args, *of.kwonlyargs)]
-        if len([one for one in names if one not in ("self", "cls")]) > MAX_PARAMETERS:
+        if len([name for name in names if name not in ("self", "cls")]) > MAX_PARAMETERS:
             long.add(name)
     assert long == {*LONG_SIGNATURES}
 

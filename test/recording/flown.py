@@ -184,7 +184,7 @@ class Flown:
 
     def find(self, topic: str, number: int = 0) -> int:
         """Return the index of a topic's message of this number."""
-        found = [i for i, one in enumerate(self.messages) if one.topic.endswith(topic)]
+        found = [i for i, message in enumerate(self.messages) if message.topic.endswith(topic)]
         return found[number]
 
 
@@ -200,12 +200,14 @@ def write(path: Path, messages: Sequence[Recorded], *, per_chunk: int = 10**9) -
     """Write messages to a bag, a chunk for so many each."""
     bag = BagWriter(path)
     topics: dict[str, int] = {}
-    for number, one in enumerate(messages, start=1):
-        if one.topic not in topics:
-            topics[one.topic] = bag.add_topic(one.topic, one.type_name, one.offered_qos)
+    for number, message in enumerate(messages, start=1):
+        if message.topic not in topics:
+            topics[message.topic] = bag.add_topic(
+                message.topic, message.type_name, message.offered_qos
+            )
         bag.write(
-            topics[one.topic], one.data,
-            log_time_ns=one.log_time_ns, publish_time_ns=one.publish_time_ns,
+            topics[message.topic], message.data,
+            log_time_ns=message.log_time_ns, publish_time_ns=message.publish_time_ns,
         )  # fmt: skip
         if number % per_chunk == 0:
             bag.flush()

@@ -62,19 +62,19 @@ def compressed(folder: Path, messages: list[Recorded], mode: CompressionMode) ->
     writer.set_compression(mode, CompressionFormat.ZSTD)
     with writer:
         connections = {}
-        for one in messages:
-            if one.topic not in connections:
-                connections[one.topic] = writer.add_connection(
-                    one.topic, one.type_name, typestore=store
+        for message in messages:
+            if message.topic not in connections:
+                connections[message.topic] = writer.add_connection(
+                    message.topic, message.type_name, typestore=store
                 )
-            writer.write(connections[one.topic], one.log_time_ns, one.data)
+            writer.write(connections[message.topic], message.log_time_ns, message.data)
     return folder
 
 
 def test_a_bag_of_compressed_messages_is_read(messages: list[Recorded], tmp_path: Path) -> None:
     folder = compressed(tmp_path / "bag", messages, CompressionMode.MESSAGE)
     read = [(one.topic, one.type_name, one.data) for one in read_bag(folder)]
-    assert read == [(one.topic, one.type_name, one.data) for one in messages]
+    assert read == [(message.topic, message.type_name, message.data) for message in messages]
 
 
 def test_a_bag_that_is_compressed_as_a_whole_is_refused_by_that_name_until_it_is_decompressed(
@@ -87,7 +87,7 @@ def test_a_bag_that_is_compressed_as_a_whole_is_refused_by_that_name_until_it_is
             list(read_bag(path))
     with whole.open("rb") as source, whole.with_suffix("").open("wb") as target:
         zstandard.ZstdDecompressor().copy_stream(source, target)
-    assert [one.data for one in read_bag(folder)] == [one.data for one in messages]
+    assert [one.data for one in read_bag(folder)] == [message.data for message in messages]
 
 
 def test_rosbags_reads_the_same(bag: Path, messages: list[Recorded]) -> None:
@@ -215,7 +215,7 @@ def test_a_type_that_is_not_known_is_named_when_the_message_is_wanted(
 
 
 def test_bytes_that_are_no_message_are_refused(messages: list[Recorded]) -> None:
-    report = next(one for one in messages if one.topic == "/step_report")
+    report = next(message for message in messages if message.topic == "/step_report")
     with pytest.raises(FieldError, match="/step_report: no sensor_msgs/msg/PointCloud2"):
         _ = replace(report, data=report.data[:20]).message
 

@@ -220,7 +220,7 @@ def test_every_message_that_follows_from_the_mission_is_compared(
     of.reset(5)
     of.fly(9)
     missions = list(Replay(of.messages).missions())
-    topics = {re.sub(r"^/|\d", "", one.topic) for one in of.messages}
+    topics = {re.sub(r"^/|\d", "", message.topic) for message in of.messages}
     assert len(missions) == 2
     for mission in missions:
         assert repeats(mission), mission
@@ -243,7 +243,9 @@ def whole() -> Flown:
 @pytest.mark.slow
 @pytest.mark.parametrize("name", sorted({"step_report", *replayed("compared")}))
 def test_any_changed_byte_of_a_compared_topic_is_found_and_named(whole: Flown, name: str) -> None:
-    of_topic = [i for i, one in enumerate(whole.messages) if of_drones(one.topic) == f"/{name}"]
+    of_topic = [
+        i for i, message in enumerate(whole.messages) if of_drones(message.topic) == f"/{name}"
+    ]
     draw = np.random.default_rng(len(name))
     left = CHANGED_BYTES
     while left:
@@ -313,11 +315,11 @@ def test_the_program_counts_what_is_in_the_bag(
 ) -> None:
     of = Flown(run_id=12, seed=9, everything=True)
     of.fly(6)
-    poses = [one for one in of.messages if one.topic.endswith("/pose")]
+    poses = [message for message in of.messages if message.topic.endswith("/pose")]
     late = of.find("fix", 4)
     kept = [
-        one for at, one in enumerate(of.messages)
-        if one not in poses[1:] and not (one.topic == "/drones" and at < late)
+        message for at, message in enumerate(of.messages)
+        if message not in poses[1:] and not (message.topic == "/drones" and at < late)
     ]  # fmt: skip
     assert main([str(write(tmp_path / "thin.mcap", kept))]) == 0
     line = capsys.readouterr().out.partition("\n")[0]

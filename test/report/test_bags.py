@@ -190,7 +190,7 @@ def test_of_runs_with_the_same_stamps_each_has_its_own_maps(tmp_path: Path) -> N
         env = environment(sigma=sigma)
         fly(env, Bag(tmp_path / f"{run_id}.mcap", env, run_id=run_id))
     bag = MissionBag(tmp_path)
-    assert [(one.run_id, one.number) for one in bag.missions] == [(7, 1), (8, 1)]
+    assert [(mission.run_id, mission.number) for mission in bag.missions] == [(7, 1), (8, 1)]
     for record in bag.missions:
         (published,) = bag.beliefs(record, [0]).values()
         assert published == pytest.approx(views(record, [0])[0].probability, abs=1e-6)

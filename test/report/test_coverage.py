@@ -32,7 +32,10 @@ def test_a_csv_and_a_bag_have_the_metrics_and_maps_of_the_mission(
     file = str(tmp_path / "matrix.npy")
     env = environment("coverage", probability_matrix=file, timestep_limit=limit)
     (flown,) = fly(env, Log(tmp_path / "mission.csv", env), searching=0.1)
-    found = {name: float(of[0]) for name, of in env.world.coverage_metrics().items()}
+    found = {
+        name: float(coverage_metric[0])
+        for name, coverage_metric in env.world.coverage_metrics().items()
+    }
     topics = {"agents", "mission_report", "step_report"}
     fly(env, Bag(tmp_path / "mission.mcap", env, topics=topics), searching=0.1)
     (of_csv,) = read_csv(tmp_path / "mission.csv")

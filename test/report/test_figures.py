@@ -54,7 +54,9 @@ def test_every_map_has_the_land_and_the_last_known_positions(
 def check_sea(name: str, figure: Figure, labels: list[str]) -> None:
     """Check that the land and these positions are on the shown part of a map."""
     axes = figure.axes[0]
-    (land,) = [one for one in axes.collections if isinstance(one, PolyCollection)]
+    (land,) = [
+        collection for collection in axes.collections if isinstance(collection, PolyCollection)
+    ]
     assert land.get_paths(), name
     shown = {
         text.get_text(): text.xy for text in axes.texts if text.get_text().startswith("LKP")

@@ -157,7 +157,9 @@ def test_a_bag_is_replayed_and_each_difference_is_found(tmp_path: Path) -> None:
     (outcome,) = Replay(messages).missions()
     assert (outcome.difference, outcome.incomplete) == ("", "") and outcome.ended
     assert {"drone<i>/pose", "drone<i>/path", "mission_report"} <= outcome.compared.keys()
-    place = next(i for i, one in enumerate(messages) if one.topic == "/drone2/pose" and i > 40)
+    place = next(
+        i for i, message in enumerate(messages) if message.topic == "/drone2/pose" and i > 40
+    )
     data = bytearray(messages[place].data)
     data[-4] ^= 1
     messages[place] = dataclasses.replace(messages[place], data=bytes(data))

@@ -121,9 +121,9 @@ def test_the_tracks_are_those_of_the_log_point_by_point(exported: Exported) -> N
         logged = [(float(row["lat_deg"]), float(row["lon_deg"])) for row in rows]
         assert track.findtext("name", "", GPX) == name
         points = track.findall("trkseg/trkpt", GPX)
-        read = [(float(one.get("lat", "")), float(one.get("lon", ""))) for one in points]
+        read = [(float(point.get("lat", "")), float(point.get("lon", ""))) for point in points]
         assert np.array(read) == pytest.approx(np.array(logged), abs=1e-9)
-        assert {one.findtext("ele", "", GPX) for one in points} == {"120.0"}
+        assert {point.findtext("ele", "", GPX) for point in points} == {"120.0"}
         assert not track.findall(".//time", GPX)
         coordinates = [text.split(",") for text in line.findtext("coordinates", "", KML).split()]
         read = [(float(lat), float(lon)) for lon, lat, _ in coordinates]
@@ -157,7 +157,7 @@ def test_gdal_reads_the_same_tracks_and_cells(exported: Exported) -> None:
     read = pytest.importorskip("pyogrio.raw").read
     shapely = pytest.importorskip("shapely")
     tracks = exported.mission.tracks.values()
-    expected = [(one.lon_deg, one.lat_deg) for points in tracks for one in points]
+    expected = [(point.lon_deg, point.lat_deg) for points in tracks for point in points]
     gpx, kml = exported.folder / "tracks.gpx", exported.folder / "mission.kml"
     for path, layer in ((gpx, "track_points"), (kml, "Tracks")):
         geometry = shapely.from_wkb(read(path, layer=layer)[2])
@@ -180,7 +180,7 @@ def test_points_have_times_if_the_scenario_has_a_date(exported: Exported, tmp_pa
     begin = datetime.fromisoformat("2026-01-17T14:00:00+00:00")
     tracks = {
         name: tuple(
-            replace(one, time=begin + timedelta(seconds=13 * k)) for k, one in enumerate(points)
+            replace(point, time=begin + timedelta(seconds=13 * k)) for k, point in enumerate(points)
         )
         for name, points in exported.mission.tracks.items()
     }
@@ -188,7 +188,7 @@ def test_points_have_times_if_the_scenario_has_a_date(exported: Exported, tmp_pa
     root = ET.parse(tmp_path / "tracks.gpx").getroot()
     of_track = root.findall("trk", GPX)[0].findall(".//time", GPX)
     read = [datetime.fromisoformat((one.text or "").replace("Z", "+00:00")) for one in of_track]
-    assert read == [one.time for one in tracks["drone0"]]
+    assert read == [track.time for track in tracks["drone0"]]
     track = ET.parse(tmp_path / "mission.kml").getroot().findall(".//gx:Track", KML)[0]
     when = [datetime.fromisoformat(one.text or "") for one in track.findall("when", KML)]
     assert when == read and len(track.findall("gx:coord", KML)) == len(read)
@@ -232,9 +232,9 @@ def moved(mission: GisMission, lon_deg: float) -> GisMission:
     begin = datetime.fromisoformat("2026-01-17T14:00:00+00:00")
     tracks = {
         name: tuple(
-            replace(one, lon_deg=(one.lon_deg + turn + 180) % 360 - 180,
+            replace(point, lon_deg=(point.lon_deg + turn + 180) % 360 - 180,
                     time=begin + timedelta(seconds=step))
-            for step, one in enumerate(points)
+            for step, point in enumerate(points)
         )
         for name, points in mission.tracks.items()
     }  # fmt: skip

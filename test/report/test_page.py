@@ -88,7 +88,7 @@ def test_the_page_is_one_file_that_asks_for_nothing_else(report: Path) -> None:
         if (address := attributes.get(name))
     ]
     assert len(addresses) > 5
-    assert [one[:40] for one in addresses if not one.startswith("data:")] == []
+    assert [address[:40] for address in addresses if not address.startswith("data:")] == []
     assert not {"script", "iframe", "object", "embed"} & {name for name, _ in page.found}
     assert "url(" not in html and "@import" not in html
 
@@ -170,8 +170,8 @@ def test_each_figure_is_light_on_light_pages_and_dark_on_dark_ones(report: Path)
     assert len(dark) == len(light)
     for kind, papers in (("png", ((255, 255, 255), (23, 27, 33))), ("svg", ("#ffffff", "#171b21"))):
         for addresses, paper in zip((light, dark), papers, strict=True):
-            shown = [base64.b64decode(one.partition(",")[2]) for one in addresses
-                     if one.startswith(f"data:image/{kind}")]  # fmt: skip
+            shown = [base64.b64decode(address.partition(",")[2]) for address in addresses
+                     if address.startswith(f"data:image/{kind}")]  # fmt: skip
             assert len(shown) > 1
             for content in shown:
                 if kind == "png":

@@ -33,7 +33,7 @@ def recorded(
 @pytest.mark.parametrize("rules", ["paper", "v1", "v2"])
 def test_what_is_read_is_what_was_flown(rules: str, tmp_path: Path) -> None:
     flown, env, missions = recorded(tmp_path / "mission.csv", rules, person_amount=2)
-    assert [one.number for one in missions] == [1, 2]
+    assert [mission.number for mission in missions] == [1, 2]
     for one, record in zip(flown, missions, strict=True):
         assert record.steps.tolist() == list(range(len(one.results)))
         assert record.times_s.tolist() == [13.0 * k for k in range(len(one.results))]
@@ -52,8 +52,8 @@ def test_what_is_read_is_what_was_flown(rules: str, tmp_path: Path) -> None:
 def test_belief_pos_and_maps_come_out_again(rules: str, tmp_path: Path) -> None:
     _, env, missions = recorded(tmp_path / "mission.csv", rules, person_amount=2)
     forecast = None
-    for one in missions:
-        record = one
+    for mission in missions:
+        record = mission
         forecast = forecast_for(record, forecast)
         assert forecast is not None
         pos, beliefs = follow_belief(record, forecast, {0, 2})

@@ -245,8 +245,8 @@ RING = [[-46.4, -24.1], [-46.2, -24.1], [-46.2, -23.9], [-46.4, -23.9], [-46.4, 
 
 def collection_of(*geometries: Any) -> dict[str, Any]:
     features = [
-        {"type": "Feature", "properties": {"title": f"F{number}"}, "geometry": one}
-        for number, one in enumerate(geometries)
+        {"type": "Feature", "properties": {"title": f"F{number}"}, "geometry": geometry}
+        for number, geometry in enumerate(geometries)
     ]
     return {"type": "FeatureCollection", "features": features}
 
@@ -260,7 +260,7 @@ def test_polygons_count_among_points_lines_and_null_geometries(
     long = {"type": "Polygon", "coordinates": [[[*point, 0, 17e8] for point in RING]]}
     both = {"type": "GeometryCollection", "geometries": [POINT, polygon]}
     assert Area.read(collection_of(None, line, long)) == area
-    assert "area: 2 geometries are no polygons and do not count" in caplog.text
+    assert "area: 2 geometries are not polygons and do not count" in caplog.text
     assert Area.read(both) == Area.read(collection_of(both)) == area
     with pytest.raises(FieldError, match=r"Self-intersection.* \(lon lat\) in feature 2 \(F1\)"):
         bow = [[lon, lat] for lat, lon in (*BOW, BOW[0])]

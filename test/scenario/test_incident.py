@@ -304,7 +304,7 @@ def test_an_incident_is_a_mapping(value: Any) -> None:
 
 
 def test_other_rules_and_fields_that_the_incident_determines_are_refused() -> None:
-    with pytest.raises(FieldError, match="incident must come with rules sea, got paper"):
+    with pytest.raises(FieldError, match="incident must come with rules sea or flight, got paper"):
         scenario().resolve(profile("paper"))
     env = parallel_env(scenario(), rules="sea")
     with pytest.raises(FieldError, match="vector must not be an option of a reset"):

@@ -44,7 +44,7 @@ def test_the_outlines_enclose_the_cells_and_their_holes_alone(seed: int) -> None
         lat, lon = np.array(ring).T
         east, north, _ = geodetic_to_map(FRAME, lat, lon, 0.0)
         shapes.append(shapely.Polygon(np.stack([east, north], axis=1)))
-    areas_m2 = np.array([one.area for one in shapes])
+    areas_m2 = np.array([shape.area for shape in shapes])
     assert (np.diff(areas_m2) < 1.0).all()
     drawn = shapely.union_all(shapes).buffer(1e-3)
     rows, cols = np.indices((12, 12))

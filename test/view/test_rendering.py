@@ -341,7 +341,9 @@ def test_the_image_shows_where_a_drone_waited_otherwise_than_where_one_searched(
         rendering.FigureRenderer().rgb_array(replace(view, searches=searches, waits=waits))
         for searches, waits in ((zero, zero), (once, zero), (zero, once))
     ]
-    plain, searched, waited = (one[:, : one.shape[1] * 16 // 25].astype(int) for one in images)
+    plain, searched, waited = (
+        image[:, : image.shape[1] * 16 // 25].astype(int) for image in images
+    )
     for one, other in itertools.combinations((plain, searched, waited), 2):
         assert (one != other).any(axis=2).sum() > 20
 
@@ -462,8 +464,8 @@ def test_a_dark_picture_is_dark_and_shows_the_same() -> None:
     light, dark = images
     assert light.mean() > 180 and dark.mean() < 70
     for number in (0, 1):
-        places = [np.argwhere((np.abs(one.astype(int) - drone_colour(number)) < 10).all(axis=2))
-                  for one in images]  # fmt: skip
+        places = [np.argwhere((np.abs(image.astype(int) - drone_colour(number)) < 10).all(axis=2))
+                  for image in images]  # fmt: skip
         assert np.abs(places[0].mean(axis=0) - places[1].mean(axis=0)).max() < 2
 
 

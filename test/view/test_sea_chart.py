@@ -85,7 +85,9 @@ def test_the_arrows_point_to_where_the_flows_go() -> None:
 
 def test_the_land_is_on_the_map_in_km() -> None:
     _, axes = drawn(replace(VIEW, sea=SEA))
-    (land,) = [one for one in axes.collections if isinstance(one, PolyCollection)]
+    (land,) = [
+        collection for collection in axes.collections if isinstance(collection, PolyCollection)
+    ]
     vertices = land.get_paths()[0].vertices
     assert vertices[:3] == pytest.approx(RING / 1000.0)
 
@@ -94,6 +96,6 @@ def test_a_search_without_an_incident_has_none_of_it() -> None:
     _, axes = drawn(VIEW)
     assert not any("wind" in text.get_text() for text in axes.texts)
     assert not [
-        path for one in axes.collections if isinstance(one, PolyCollection)
-        for path in one.get_paths()
+        path for collection in axes.collections if isinstance(collection, PolyCollection)
+        for path in collection.get_paths()
     ]  # fmt: skip
