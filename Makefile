@@ -44,7 +44,7 @@ TESTS_OF_OLDEST := $(addprefix test/scenario/test_,actions.py geodesy.py scenari
 TESTS_OF_LEARNING := test/training test/compat/test_libraries.py
 
 # Folders of tests without DDS; those marked slow are left out of them.
-TESTS_OF_CHECK := $(addprefix test/,belief bridge campaign compat compiled conformance dashboard drift flight live mavlink mission \
+TESTS_OF_CHECK := $(addprefix test/,autopilots belief bridge campaign compat compiled conformance dashboard drift flight live mavlink mission \
 	mission_items msg_adapters packaging planners recording report runtime scenario search sensors step tak targets training view)
 
 # Commands and their refusals come over DDS.

@@ -48,7 +48,9 @@ def test_no_other_module_names_a_mode() -> None:
 def test_no_module_decides_by_the_name_of_an_autopilot(file: Path) -> None:
     for node in ast.walk(ast.parse(file.read_text())):
         if isinstance(node, ast.Compare | ast.match_case):
-            constants = {one.value for one in ast.walk(node) if isinstance(one, ast.Constant)}
+            constants = {
+                literal.value for literal in ast.walk(node) if isinstance(literal, ast.Constant)
+            }
             assert not constants & set(AUTOPILOTS), f"line {getattr(node, 'lineno', '?')}"
 
 

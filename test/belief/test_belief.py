@@ -150,13 +150,13 @@ def test_a_belief_that_cannot_be_true_starts_again_from_the_map() -> None:
 def test_a_forecast_that_keeps_little_gives_the_same_belief(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    _, whole = world_and_belief(1, **CASES["v1"])
+    _, updated = world_and_belief(1, **CASES["v1"])
     monkeypatch.setattr("dsse_ros.belief.belief.KEPT_BYTES", 0)
     _, passing = world_and_belief(1, **CASES["v1"])
     for _ in range(2):
-        for belief in (whole, passing):
+        for belief in (updated, passing):
             belief.reset()
             for _ in range(30):
                 search_in_vain(belief, [(6, 5)])
                 belief.advance()
-        assert np.array_equal(whole.poc(), passing.poc())
+        assert np.array_equal(updated.poc(), passing.poc())

@@ -132,7 +132,7 @@ def test_pos_does_not_count_what_a_planner_has_chosen_by_chance() -> None:
         for planning, belief in beliefs.items():
             too_high[planning].append(belief.pos - exact.pos)
 
-    def deviation(of: list[float]) -> float:
-        return float(np.mean(of) / np.std(of, ddof=1) * len(of) ** 0.5)
+    def deviation(values: list[float]) -> float:
+        return float(np.mean(values) / np.std(values, ddof=1) * len(values) ** 0.5)
 
     assert abs(deviation(too_high[False])) < 3 < deviation(too_high[True])

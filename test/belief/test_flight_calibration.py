@@ -74,9 +74,9 @@ def plan(sensor: str, number: int) -> tuple[float, list[NDArray[np.float64]]]:
             blind.flight.eyes, blind.looks.kind, blind.flight.paths[0], np.ones(DRONES, bool),
             np.zeros(DRONES, bool),
         )  # fmt: skip
-        for one in (planned, belief):
-            one.update_in_passing(flown)
-            one.advance()
+        for each in (planned, belief):
+            each.update_in_passing(flown)
+            each.advance()
     return belief.pos, plan
 
 

@@ -69,8 +69,8 @@ def enumerated(
         found_in_all += sum(
             share * (1 - len(left) / len(pods)) for left, share in any_end.items()
         ) / len(starts)
-    whole = max(chance, 1e-300)
-    return Known(chance, missing / whole, cells / whole, found_in_all)
+    total = max(chance, 1e-300)
+    return Known(chance, missing / total, cells / total, found_in_all)
 
 
 def ends(left: Any, at: Any, cell: Any, pods: list[float], one_find: bool) -> Any:

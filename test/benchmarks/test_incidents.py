@@ -33,9 +33,12 @@ def test_the_incidents_differ_in_all_that_is_drawn() -> None:
     ):
         assert COUNT / 4 < sum(having) < 3 * COUNT / 4
     assert len({incident["object"] for incident in incidents}) > COUNT / 2
-    for one in drawn:
-        assert set(one["truths"]) == set(ERRORS) - {"none"}
-        assert one["truths"]["class"]["object"] != one["fields"]["incident"]["object"]
+    for drawn_incident in drawn:
+        assert set(drawn_incident["truths"]) == set(ERRORS) - {"none"}
+        assert (
+            drawn_incident["truths"]["class"]["object"]
+            != drawn_incident["fields"]["incident"]["object"]
+        )
 
 
 def test_missions_that_repeat_a_plan_find_what_the_planner_finds(scenario: Scenario) -> None:

@@ -13,6 +13,6 @@ from dsse_ros.nodes.settings import SHORT_NAMES, SIM_PARAMETERS
 
 @pytest.mark.parametrize("name", list(BELIEFS))
 def test_the_parameters_are_those_of_sim_node(name: str) -> None:
-    given = _parameters(np.zeros((2, 2), np.int64), **BELIEFS[name])
-    names = {part.split(":=")[0] for part in given if ":=" in part}
+    arguments = _parameters(np.zeros((2, 2), np.int64), **BELIEFS[name])
+    names = {part.split(":=")[0] for part in arguments if ":=" in part}
     assert names <= {*SIM_PARAMETERS, *SHORT_NAMES}

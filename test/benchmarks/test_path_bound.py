@@ -13,6 +13,6 @@ from benchmarks.path_bound import upper_bound
 
 @pytest.mark.parametrize("seed", range(3))
 def test_the_best_paths_are_below_the_bound_and_near_it(seed: int) -> None:
-    of = problem(seed, 2, 0.5)
-    best = best_of_all(of)
-    assert best - 1e-9 <= upper_bound(of, 50, np.random.default_rng(0)) <= 1.3 * best
+    path_problem = problem(seed, 2, 0.5)
+    best = best_of_all(path_problem)
+    assert best - 1e-9 <= upper_bound(path_problem, 50, np.random.default_rng(0)) <= 1.3 * best

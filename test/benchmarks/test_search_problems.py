@@ -66,7 +66,7 @@ def missed_drifting(path: Path) -> float:
     """Return the probability that all looks at the map of Phung and Ha miss."""
     line = np.arange(1, 41)
     near = [np.exp(-((line - mean) ** 2) / 8.0) for mean in (5, 10)]
-    map_now = sum(0.5 * np.outer(of, of) / of.sum() ** 2 for of in near)
+    map_now = sum(0.5 * np.outer(spread, spread) / spread.sum() ** 2 for spread in near)
     missed = 1.0
     for look, (x, y) in enumerate(path, 1):
         if look % 2 == 0:
@@ -109,13 +109,13 @@ def test_eagle_s_problem_as_a_chain_has_the_same_plan_and_finds(
     problem: Problem, form: str
 ) -> None:
     chain = chain_of_walk(3, problem.rules.person_steps)
-    given = chain if form == "steps" else matrix_of(chain)
+    chances = chain if form == "steps" else matrix_of(chain)
     walk, as_chain = (
         solve(problem),
         solve(
             dataclasses.replace(
                 problem,
-                scenario=problem.scenario.override(transition_probabilities=given),
+                scenario=problem.scenario.override(transition_probabilities=chances),
                 rules=problem.rules.override(person_motion="markov_chain"),
             )
         ),

@@ -25,7 +25,7 @@ def campaign(config: Path, out: Path) -> subprocess.Popen[bytes]:
     return subprocess.Popen(command, stdout=subprocess.DEVNULL)
 
 
-def workers(of: subprocess.Popen[bytes], address: bool) -> list[int]:
+def workers(process: subprocess.Popen[bytes], address: bool) -> list[int]:
     """Return the workers of a campaign; on Ray those that play for any campaign here."""
     found = []
     for folder in Path("/proc").glob("[0-9]*"):
@@ -35,7 +35,7 @@ def workers(of: subprocess.Popen[bytes], address: bool) -> list[int]:
         except OSError:
             continue
         ray = address and line.startswith(b"ray::play")
-        if ray or (parent == of.pid and b"spawn_main" in line):
+        if ray or (parent == process.pid and b"spawn_main" in line):
             found.append(int(folder.name))
     return found
 
@@ -51,8 +51,8 @@ def main() -> int:
     parser.add_argument("--kills", type=int, default=10)
     parser.add_argument("--apart", type=int, default=20, help="chunks between kills, at most")
     arguments = parser.parse_args()
-    whole, killed = arguments.folder / "whole", arguments.folder / "killed"
-    assert campaign(arguments.config, whole).wait() == 0
+    unbroken, killed = arguments.folder / "whole", arguments.folder / "killed"
+    assert campaign(arguments.config, unbroken).wait() == 0
     on_ray = "engine: ray" in arguments.config.read_text()
     draw, kept = random.Random(1), dict[str, int]()
     process = campaign(arguments.config, killed)
@@ -77,9 +77,9 @@ def main() -> int:
     assert process.wait() == 0
     after = chunks(killed)
     assert {name: after[name] for name in kept} == kept, "a chunk was written again"
-    for path in whole.rglob("*"):
+    for path in unbroken.rglob("*"):
         if path.is_file():
-            beside = killed / path.relative_to(whole)
+            beside = killed / path.relative_to(unbroken)
             assert beside.read_bytes() == path.read_bytes(), beside
     print(f"{done}: nothing lost, nothing repeated")
     return 0

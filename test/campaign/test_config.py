@@ -69,12 +69,12 @@ def test_every_engine_may_be_named() -> None:
 
 
 def test_only_what_decides_the_results_makes_another_campaign() -> None:
-    one = Campaign.from_dict(SMALL)
+    campaign = Campaign.from_dict(SMALL)
     for changed in ({"engine": "ray"}, {"workers": 3}, {"confidence": 0.9}, {"name": "other"}):
-        assert Campaign.from_dict({**SMALL, **changed}).digest == one.digest
+        assert Campaign.from_dict({**SMALL, **changed}).digest == campaign.digest
     scenario = {**SMALL["scenarios"][0], "cell_size": 99}
     for changed in ({"seed": 1}, {"scenarios": [scenario]}, {"planners": ["sweep"]}):
-        assert Campaign.from_dict({**SMALL, **changed}).digest != one.digest
+        assert Campaign.from_dict({**SMALL, **changed}).digest != campaign.digest
 
 
 MINUTES = 1500

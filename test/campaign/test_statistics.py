@@ -88,11 +88,11 @@ def test_medians_are_covered_as_often_as_the_level_promises() -> None:
 
 
 def test_a_restricted_mean_is_the_area_under_the_curve_of_those_not_yet_found() -> None:
-    one = played("greedy", [True, True, False, True], [3, 8, 20, 15])
+    missions = played("greedy", [True, True, False, True], [3, 8, 20, 15])
     step = CASE.scenario.step_duration_s
     horizon = 10 * step
-    missing = [1 - pos_at(one, k * step, 0.95).value for k in range(10)]
-    assert restricted_s(one, horizon).mean() == pytest.approx(sum(missing) * step)
+    missing = [1 - pos_at(missions, k * step, 0.95).value for k in range(10)]
+    assert restricted_s(missions, horizon).mean() == pytest.approx(sum(missing) * step)
     assert horizon_of(CAMPAIGN, CASE) == 20 * step
 
 
@@ -189,7 +189,7 @@ def test_intervals_of_clusters_hold_as_often_as_the_level_promises() -> None:
     assert 0.86 < np.mean([median.low <= 0 <= median.high for median in medians]) < 0.96
     # As if missions were independent, they do not.
     plain = [of_mean(values, 0.9, np.arange(400)) for values in samples]
-    assert np.mean([one.low <= 0 <= one.high for one in plain]) < 0.6
+    assert np.mean([interval.low <= 0 <= interval.high for interval in plain]) < 0.6
 
 
 @pytest.mark.slow

@@ -28,8 +28,14 @@ def test_what_drifted_from_a_place_is_followed_back_to_it(
     there = incident._drifted([start], times, 4000, np.random.default_rng(1))
     lat, lon = there.lats_deg[-1].mean(), there.lons_deg[-1].mean()
     end = tmp_path / "from.csv"
-    given = ["--found", f"{lat},{lon}", "--time=2026-01-17T15:20Z", "--radius=0", f"--out={end}"]
-    assert main([f"--scenario={KAYAK}", *given]) == 0
+    arguments = [
+        "--found",
+        f"{lat},{lon}",
+        "--time=2026-01-17T15:20Z",
+        "--radius=0",
+        f"--out={end}",
+    ]
+    assert main([f"--scenario={KAYAK}", *arguments]) == 0
     *_, last = capsys.readouterr().out.splitlines()
     assert last.startswith("2026-01-17T13:20:00Z")
     came_from = np.loadtxt(end, delimiter=",", skiprows=1).mean(axis=0)

@@ -39,7 +39,7 @@ def test_the_points_of_an_incident_have_the_time_of_the_search(tmp_path: Path) -
     limit = ["--ros-args", "-p", "scenario.timestep_limit:=5", "-p", "scenario.particles:=500"]
     assert main(["--scenario", "kayak", "--out", str(tmp_path), *limit]) == 0
     text = (tmp_path / "tracks.gpx").read_text()
-    times = [datetime.fromisoformat(one[:26]) for one in text.split("<time>")[2:8]]
+    times = [datetime.fromisoformat(stamp[:26]) for stamp in text.split("<time>")[2:8]]
     (record,) = read_csv(tmp_path / "mission.csv")
     steps = {round((b - a).total_seconds(), 3) for a, b in zip(times, times[1:], strict=False)}
     assert times[0] > datetime.fromisoformat("2026-01-17T14:00")

@@ -78,7 +78,7 @@ def test_a_recorded_mission_is_written_as_the_search_that_it_was(tmp_path: Path)
     printed = export(log, "--out", tmp_path / "recorded")
     assert printed == export(*options, "--out", tmp_path / "played").replace("played", "recorded")
     for name in ("drone0.plan", "drone2.waypoints"):
-        recorded, played = (tmp_path / one / name for one in ("recorded", "played"))
+        recorded, played = (tmp_path / folder / name for folder in ("recorded", "played"))
         assert recorded.read_bytes() == played.read_bytes()
 
 
@@ -102,10 +102,19 @@ def test_ros_arguments_count_as_the_options_of_their_names(tmp_path: Path) -> No
     )
     named, ros = tmp_path / "named", tmp_path / "ros"
     short = ["-p", "scenario.timestep_limit:=20", "-p", "scenario.drones_positions:=[3,3]"]
-    given = ["-p", "scenario:=sitl", "-p", "seed:=2", "-p", "merge_legs:=false", "-r", "__ns:=/a"]
+    arguments = [
+        "-p",
+        "scenario:=sitl",
+        "-p",
+        "seed:=2",
+        "-p",
+        "merge_legs:=false",
+        "-r",
+        "__ns:=/a",
+    ]
     options = ["--scenario", "sitl", "--seed", "2", "--every-cell", "--autopilot", "px4"]
     options += ["--search-altitude", "20"]
-    export("--out", ros, "--ros-args", "--params-file", parameters, *given, *short)
+    export("--out", ros, "--ros-args", "--params-file", parameters, *arguments, *short)
     export("--out", named, *options, "--ros-args", *short)
     files = sorted(path.name for path in named.iterdir())
     assert files == ["drone0.plan", "drone0.waypoints"]

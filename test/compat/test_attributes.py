@@ -151,7 +151,7 @@ def test_what_a_script_sets_acts_as_on_the_package_or_is_refused_in_a_line(
 def test_every_public_attribute_of_the_package_is_set_by_a_script(
     task: str, made: dict[str, Callable[..., Any]]
 ) -> None:
-    there = next(one["attributes"] for one in RECORDED[:2] if one["task"] == task)
+    there = next(record["attributes"] for record in RECORDED[:2] if record["task"] == task)
     env = made[task](**{"search": SEARCH, "coverage": COVERAGE}[task])
     env.reset(options={"drones_positions": STARTS[task]})
     here = attributes(env)

@@ -145,9 +145,9 @@ def test_a_copy_goes_its_own_way() -> None:
     for person in twin.get_persons():
         person.set_mult(0)
     actions = {"drone0": Actions.SEARCH.value, "drone1": 1}
-    for one in (env, twin):
-        for person in one.get_persons():
-            person.x, person.y = one.agents_positions[0]
+    for each in (env, twin):
+        for person in each.get_persons():
+            person.x, person.y = each.agents_positions[0]
     assert env.step(actions)[1]["drone0"] > 1.0 and len(env.get_persons()) == 1
     assert twin.step(actions)[1]["drone0"] == 0.0 and len(twin.get_persons()) == 2
 

@@ -140,6 +140,6 @@ def test_two_pages_of_a_machine_keep_their_tokens_apart(
     process = rig.start("dashboard", {"port": 0})
     served = rig.until(lambda: re.search(r"page at (\S+)", process.output), "a page")
     assert served is not None
-    for one in (address, served[1], url, served[1].partition("?")[0]):
-        tab.goto(one)
+    for link in (address, served[1], url, served[1].partition("?")[0]):
+        tab.goto(link)
         tab.get_by_text("Waiting for a simulation").wait_for()

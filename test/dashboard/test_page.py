@@ -231,7 +231,7 @@ def test_the_map_zooms_by_wheel_keys_and_buttons_and_shows_the_cell_under_the_mo
     sim: Sim, shown: Open
 ) -> None:
     canvas = shown.page.locator("canvas.mission-map")
-    whole = shown.page.locator(".lons").inner_text()
+    labels = shown.page.locator(".lons").inner_text()
     box = canvas.bounding_box()
     cell = box["width"] / RUNNING["grid_size"]
     canvas.hover(position={"x": 6.5 * cell, "y": 2.5 * cell})
@@ -241,7 +241,7 @@ def test_the_map_zooms_by_wheel_keys_and_buttons_and_shows_the_cell_under_the_mo
     # It zooms about the mouse; degrees follow.
     canvas.hover(position={"x": 6.5 * cell + 2, "y": 2.5 * cell})
     shown.page.get_by_text("cell 6, 2: ").wait_for()
-    shown.until(f"document.querySelector('.lons').innerText != {json.dumps(whole)}")
+    shown.until(f"document.querySelector('.lons').innerText != {json.dumps(labels)}")
     # Dragging moves what was in the middle.
     middle = {"x": box["width"] / 2, "y": box["width"] / 2}
     canvas.hover(position=middle)
@@ -374,7 +374,7 @@ def test_everything_fits_and_can_be_read_on_any_width(sim: Sim, shown: Open, sch
     texts = shown.page.evaluate(SCRIPT)
     assert len(texts) > 20
     low = [(text, contrast(ink, paper)) for text, ink, paper in texts]
-    assert [one for one in low if one[1] < 4.5] == []
+    assert [pair for pair in low if pair[1] < 4.5] == []
     shown.page.set_viewport_size({"width": 1024, "height": 800})
 
 

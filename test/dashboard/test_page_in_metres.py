@@ -35,7 +35,7 @@ COLOURS = """
 
 def is_like(colour: list[int], wanted: str) -> bool:
     expected = [int(wanted[i : i + 2], 16) for i in (1, 3, 5)]
-    return all(abs(one - other) <= 40 for one, other in zip(colour, expected, strict=True))
+    return all(abs(part - other) <= 40 for part, other in zip(colour, expected, strict=True))
 
 
 def place(report: Any) -> tuple[float, float]:

@@ -159,25 +159,25 @@ def test_reports_that_arrive_after_that_of_the_mission_change_nothing() -> None:
 @functools.cache
 def shown_whole(seed: int) -> tuple[Played, list[Step], ShownMission]:
     """A mission that was played to its end, and the page's that has all of it."""
-    played, whole = Played(**FIELDS), ShownMission("")
+    played, complete = Played(**FIELDS), ShownMission("")
     steps = list(played.play(seed))
-    show(whole, played, *steps)
-    return played, steps, whole
+    show(complete, played, *steps)
+    return played, steps, complete
 
 
 @pytest.mark.slow
 @given(st.data())
 def test_missed_steps_come_with_the_report_of_the_mission(data: Any) -> None:
-    played, steps, whole = shown_whole(data.draw(st.integers(0, 9)))
+    played, steps, complete = shown_whole(data.draw(st.integers(0, 9)))
     partly = ShownMission("")
     kept = data.draw(st.sets(st.integers(0, len(steps) - 1), min_size=1))
     show(partly, played, *(steps[i] for i in sorted(kept)))
     receive(partly, "mission_report", played.mission_report)
-    assert whole.history is not None and partly.history is not None
-    assert partly.history.steps == whole.history.steps
-    assert list(partly.history.paths(partly.looks)) == list(whole.history.paths(whole.looks))
+    assert complete.history is not None and partly.history is not None
+    assert partly.history.steps == complete.history.steps
+    assert list(partly.history.paths(partly.looks)) == list(complete.history.paths(complete.looks))
     for i in range(len(steps)):
-        np.testing.assert_array_equal(partly.history.rewards[i], whole.history.rewards[i])
+        np.testing.assert_array_equal(partly.history.rewards[i], complete.history.rewards[i])
 
 
 def test_a_drone_that_is_lost_between_two_steps_is_lost_in_the_last_one() -> None:
@@ -290,9 +290,11 @@ def test_the_page_gets_every_report_and_of_a_map_only_the_last() -> None:
                 inbox.put(Received(namespace, topic, lambda n=number: n))
     taken = inbox.take()
     for namespace in ("/a", "/b"):
-        of = [(one.topic, one.read()) for one in taken if one.namespace == namespace]
-        assert [n for topic, n in of if topic == "step_report"] == [0, 1, 2, 3, 4]
-        assert [n for topic, n in of if topic == "probability_grid"] == [4]
+        read = [
+            (message.topic, message.read()) for message in taken if message.namespace == namespace
+        ]
+        assert [n for topic, n in read if topic == "step_report"] == [0, 1, 2, 3, 4]
+        assert [n for topic, n in read if topic == "probability_grid"] == [4]
     assert inbox.take() == []
 
 
@@ -372,10 +374,15 @@ def test_all_missions_together_take_no_more_than_there_is_room_for(
         publish(missions, namespace, publishers=1, **{layer: message, "step_report": report})
         now = missions.by_namespace
         assert len(now) <= 4
-        left = [maps for one in now.values() if one.history for maps in one.history.maps.values()]
+        left = [
+            maps
+            for mission in now.values()
+            if mission.history
+            for maps in mission.history.maps.values()
+        ]
         # What cannot be given up are the first and the last map of those that go on.
-        all_gone_on = all(one.publishers for one in now.values())
-        assert sum(one.nbytes for one in now.values()) <= room or (
+        all_gone_on = all(mission.publishers for mission in now.values())
+        assert sum(mission.nbytes for mission in now.values()) <= room or (
             all_gone_on and max(map(len, left)) <= 2
         )
         if before is not None:

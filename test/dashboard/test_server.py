@@ -50,8 +50,8 @@ def test_another_user_of_the_machine_gets_nothing(address: str, url: str, rig: R
     token = address.partition("token=")[2]
     assert len(token) >= MIN_TOKEN
     logs = Path(os.environ.get("ROS_LOG_DIR", Path.home() / ".ros" / "log"))
-    own = [one for one in logs.glob("*.log") if "dashboard" in one.read_text(errors="replace")]
-    assert own and not any(token in one.read_text(errors="replace") for one in own)
+    own = [log for log in logs.glob("*.log") if "dashboard" in log.read_text(errors="replace")]
+    assert own and not any(token in log.read_text(errors="replace") for log in own)
     (dashboard,) = (process for process in rig.processes if address in process.output)
     assert token not in Path(f"/proc/{dashboard.child.pid}/cmdline").read_text()
 

@@ -48,7 +48,7 @@ class Service:
         return self.pending[-1]
 
     def remove_pending_request(self, future: Any) -> None:
-        self.pending = [one for one in self.pending if one is not future]
+        self.pending = [call for call in self.pending if call is not future]
 
     def answer(self) -> None:
         if self.pending:

@@ -480,7 +480,7 @@ def test_drones_in_metres_are_sent_where_they_are_with_heading_and_path(
         flown.append(page.played.mission.result.flown)
         frame = page.draw()
     assert frame is not None and len(page.rows) == 5
-    assert frame["strips"] == pytest.approx([one / 130.0 for one in strips_of(page.resolved)])
+    assert frame["strips"] == pytest.approx([width / 130.0 for width in strips_of(page.resolved)])
     for row, one in zip(page.rows, flown, strict=True):
         drones = np.array(row[1:7]).reshape(2, 3)
         assert drones[:, :2] == pytest.approx(one.places, abs=1e-3)

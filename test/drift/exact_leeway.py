@@ -26,9 +26,9 @@ class Displacement(NamedTuple):
 
 
 def exact(
-    of: LeewayClass, wind_mps: float, jibing: float, step_s: float, time_s: float
+    category: LeewayClass, wind_mps: float, jibing: float, step_s: float, time_s: float
 ) -> Displacement:
-    slope, offset, std = of.downwind
+    slope, offset, std = category.downwind
     steps = round(time_s / step_s)
     mean = variance = 0.0
     if std:
@@ -43,11 +43,11 @@ def exact(
     kept = 1 - 2 * (1 - (1 - jibing) ** (step_s / 3600))
     squares = steps + 2 * sum((steps - lag) * kept**lag for lag in range(1, steps))
     right, left = (cross_slope * wind_mps + cross_offset
-                   for cross_slope, cross_offset, _ in (of.right, of.left))  # fmt: skip
+                   for cross_slope, cross_offset, _ in (category.right, category.left))  # fmt: skip
     mean_speed, half = (right + left) / 2, (right - left) / 2
     mean_std, half_std = (
-        (of.right.std_cmps + of.left.std_cmps) / 2,
-        (of.right.std_cmps - of.left.std_cmps) / 2,
+        (category.right.std_cmps + category.left.std_cmps) / 2,
+        (category.right.std_cmps - category.left.std_cmps) / 2,
     )
     # In each step the speed is mean + half s + share z (mean_std + half_std s), z standard normal.
     spread = half**2 * squares + share**2 * (steps**2 * mean_std**2 + squares * half_std**2)

@@ -73,11 +73,11 @@ def levels(dataset: Any, name: str, values: Sequence[float], scales: Sequence[fl
     """Return a data set with a vertical axis, on which each level has its share of the speed."""
     level = axis(name, values, **attributes)
     share = xarray.DataArray(np.asarray(scales, np.float32), dims=(name,))
-    made = {
+    variables = {
         key: (variable * share).transpose("time", name, ...).assign_attrs(variable.attrs)
         for key, variable in dataset.data_vars.items()
     }
-    return xarray.Dataset(made, coords={**dataset.coords, name: level})
+    return xarray.Dataset(variables, coords={**dataset.coords, name: level})
 
 
 def written(dataset: Any, folder: Path, name: str = "forecast.nc") -> Path:

@@ -105,14 +105,14 @@ def projected(
     if with_places:
         for name, place in (("latitude", lat), ("longitude", lon)):
             coordinates[name] = (("y", "x"), place, {"standard_name": name})
-    made = {
+    variables = {
         name: (
             ("time", "y", "x"), (value / factor).astype(np.float32),
             {"standard_name": word, "units": units, "grid_mapping": "plane"},
         )
         for name, word, value in zip(names, standard, values, strict=True)
     }  # fmt: skip
-    return xarray.Dataset(made, coords=coordinates)
+    return xarray.Dataset(variables, coords=coordinates)
 
 
 def by_pyproj(

@@ -84,14 +84,14 @@ def test_the_wind_at_10_m_is_found_among_others(tmp_path: Path, edition: int) ->
 
 @pytest.mark.slow
 def test_files_of_one_step_each_are_a_series(tmp_path: Path) -> None:
-    whole = forecast(tmp_path / "whole.grib", high=False)
-    data, parts = whole.read_bytes(), []
+    forecast_file = forecast(tmp_path / "whole.grib", high=False)
+    data, parts = forecast_file.read_bytes(), []
     starts = [at for at in range(len(data)) if data[at : at + 4] == b"GRIB"] + [len(data)]
     for step in range(6):
         part = tmp_path / f"{step}.grib"
         part.write_bytes(data[starts[2 * step] : starts[2 * step + 2]])
         parts.append(part)
-    assert read_forecast("wind", parts, SPAN) == read_forecast("wind", whole, SPAN)
+    assert read_forecast("wind", parts, SPAN) == read_forecast("wind", forecast_file, SPAN)
 
 
 @pytest.mark.slow

@@ -84,7 +84,7 @@ def test_velocities_to_the_east_and_north_are_not_turned(tmp_path: Path) -> None
 
 def of_roms(layout: str = "roms", *, places: bool = True) -> Any:
     """A forecast of ROMS, whose components lie on the sides of its cells."""
-    made = staggered(layout)
+    fields = staggered(layout)
     dataset = xarray.Dataset(
         coords={
             "ocean_time": axis("ocean_time", HOURS, units=f"hours since {START}"),
@@ -95,12 +95,14 @@ def of_roms(layout: str = "roms", *, places: bool = True) -> Any:
         dims = (f"eta_{side}", f"xi_{side}")
         for name in ("lat", "lon"):
             values = (
-                made[f"{name}_{side}"] if places or side == "rho" else 0 * made[f"{name}_{side}"]
+                fields[f"{name}_{side}"]
+                if places or side == "rho"
+                else 0 * fields[f"{name}_{side}"]
             )
             word = {"lat": "latitude", "lon": "longitude"}[name]
             dataset[f"{name}_{side}"] = (dims, values, {"standard_name": word})
         if side != "rho":
-            values = made[side][:, None] * np.array([3.0, 2.0, 1.0])[:, None, None]
+            values = fields[side][:, None] * np.array([3.0, 2.0, 1.0])[:, None, None]
             dataset[side] = (
                 ("ocean_time", "s_rho", *dims), values.astype(np.float32),
                 {"units": "m s-1", "coordinates": f"lon_{side} lat_{side} s_rho ocean_time"},
@@ -125,11 +127,11 @@ def test_components_on_the_sides_of_cells_are_brought_to_one_place_and_turned(
 
 def of_curvilinear(names: tuple[str, str] = ("uo", "vo"), **about: Any) -> Any:
     """Both components at the points of a turned grid, along its axes."""
-    made = staggered("nemo")
-    u, v = made["u"], made["v"]
+    fields = staggered("nemo")
+    u, v = fields["u"], fields["v"]
     dims = ("y", "x")
     # Of a C grid only u has its place at the points of u; v is computed there from its neighbours.
-    v = np.stack([np.roll(one, 1, axis=0) + one for one in v]) / 2
+    v = np.stack([np.roll(component, 1, axis=0) + component for component in v]) / 2
     v = (v + np.roll(v, -1, axis=2)) / 2
     dataset = xarray.Dataset(
         {name: (("time", *dims), values.astype(np.float32)[:, 1:-1, 1:-1],
@@ -137,8 +139,8 @@ def of_curvilinear(names: tuple[str, str] = ("uo", "vo"), **about: Any) -> Any:
          for name, values in zip(names, (u, v), strict=True)},
         coords={
             "time": axis("time", HOURS, standard_name="time", units=f"hours since {START}"),
-            "nav_lat": (dims, made["lat_u"][1:-1, 1:-1]),
-            "nav_lon": (dims, made["lon_u"][1:-1, 1:-1]),
+            "nav_lat": (dims, fields["lat_u"][1:-1, 1:-1]),
+            "nav_lon": (dims, fields["lon_u"][1:-1, 1:-1]),
         },
     )  # fmt: skip
     return dataset
@@ -198,23 +200,23 @@ def test_of_a_large_curvilinear_grid_only_what_is_needed_takes_memory(tmp_path: 
     side, step = 3000, 1e-3
     file = tmp_path / "large.nc"
     along = np.arange(side) - side / 2
-    with netcdf.Dataset(file, "w") as made:
+    with netcdf.Dataset(file, "w") as dataset:
         for name, size in (("time", 2), ("y", side), ("x", side)):
-            made.createDimension(name, size)
-        made.createVariable("time", "f8", ("time",))[:] = [0.0, 6.0]
-        made["time"].units = f"hours since {START}"
+            dataset.createDimension(name, size)
+        dataset.createVariable("time", "f8", ("time",))[:] = [0.0, 6.0]
+        dataset["time"].units = f"hours since {START}"
         chunks, packed = (50, side), {"zlib": True, "complevel": 1}
         for name, (rows, cols), middle, units in (
             ("nav_lat", (step, 2e-4), SOUTH, "degrees_north"),
             ("nav_lon", (-4e-4, 2 * step), WEST, "degrees_east"),
         ):
-            place = made.createVariable(name, "f4", ("y", "x"), chunksizes=chunks, **packed)
+            place = dataset.createVariable(name, "f4", ("y", "x"), chunksizes=chunks, **packed)
             place.units = units
             for first in range(0, side, 500):
                 part = along[first : first + 500, None]
                 place[first : first + 500] = middle + rows * part + cols * along
         for name in ("vozocrtx", "vomecrty"):
-            speed = made.createVariable(
+            speed = dataset.createVariable(
                 name, "f4", ("time", "y", "x"), chunksizes=(1, 100, 100), **packed
             )
             speed.units = "m s-1"

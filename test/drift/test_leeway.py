@@ -82,11 +82,13 @@ def test_a_positive_crosswind_component_points_to_the_right_of_downwind() -> Non
 
 
 def test_who_jibes_takes_the_coefficients_of_the_other_side_and_keeps_the_draw() -> None:
-    of = leeway_class("PIW-4")
-    drawn = draw_leeway(of, 1000, np.random.default_rng(1))
-    slope, offset, std = np.where(np.arange(1000)[:, None] % 2 == 0, of.right, of.left).T
+    category = leeway_class("PIW-4")
+    drawn = draw_leeway(category, 1000, np.random.default_rng(1))
+    slope, offset, std = np.where(
+        np.arange(1000)[:, None] % 2 == 0, category.right, category.left
+    ).T
     other_slope, other_offset, other_std = np.where(
-        slope[:, None] == of.right[0], of.left, of.right
+        slope[:, None] == category.right[0], category.left, category.right
     ).T
     draw = (100 * drawn.crosswind_slope - slope) * 20 / std
     assert 100 * drawn.crosswind_mps == pytest.approx(offset + std * draw / 2)

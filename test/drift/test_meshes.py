@@ -32,13 +32,13 @@ def of_fvcom(count: int = 4000, *, land: float = np.inf, turn: float = 0.0) -> A
     lat, lon = lat[sea], lon[sea]
     east = linear(lat, lon, HOURS[:, None])[:, None] * np.array([1.0, 2.0])[:, None]
     about = {"units": "meters s-1"}
-    made = {
+    variables = {
         name: (("time", "siglay", "nele"), (sign * east).astype(np.float32),
                {**about, "standard_name": f"{word}_sea_water_velocity"})
         for name, sign, word in (("u", 1, "eastward"), ("v", -1, "northward"))
     }  # fmt: skip
     return xarray.Dataset(
-        made,
+        variables,
         coords={
             "time": axis("time", HOURS, units=f"hours since {START}"),
             "latc": ("nele", lat, {"standard_name": "latitude", "units": "degrees_north"}),

@@ -35,23 +35,23 @@ class Opendap(BaseHTTPRequestHandler):
         path, _, wanted = unquote(self.path).partition("?")
         chosen = dict(map(self.sliced, wanted.split(","))) if wanted else self.dataset.variables
         lines = [
-            f"  {TYPES[one.dtype]} {name}{''.join(f'[{d} = {n}]' for d, n in one.sizes.items())};\n"
-            for name, one in chosen.items()
+            f"  {TYPES[var.dtype]} {name}{''.join(f'[{d} = {n}]' for d, n in var.sizes.items())};\n"
+            for name, var in chosen.items()
         ]
         answer = f"Dataset {{\n{''.join(lines)}}} sea;\n".encode()
         if path.endswith(".das"):
             blocks = [
                 f"  {name} {{\n"
-                + "".join(f'    String {key} "{value}";\n' for key, value in one.attrs.items())
+                + "".join(f'    String {key} "{value}";\n' for key, value in variable.attrs.items())
                 + "  }\n"
-                for name, one in chosen.items()
+                for name, variable in chosen.items()
             ]
             answer = f"Attributes {{\n{''.join(blocks)}}}\n".encode()
         elif path.endswith(".dods"):
             parts = (
-                struct.pack(">II", one.size, one.size)
-                + one.values.astype(one.dtype.newbyteorder(">")).tobytes()
-                for one in chosen.values()
+                struct.pack(">II", variable.size, variable.size)
+                + variable.values.astype(variable.dtype.newbyteorder(">")).tobytes()
+                for variable in chosen.values()
             )
             answer += b"\nData:\n" + b"".join(parts)
         Opendap.bytes_sent += len(answer)
@@ -63,10 +63,10 @@ class Opendap(BaseHTTPRequestHandler):
     def sliced(self, text: str) -> tuple[str, Any]:
         """Return a variable of a constraint such as `uo[0:5][0][2:1:4]`."""
         name = text.partition("[")[0]
-        found = [[*map(int, one.split(":"))] for one in re.findall(r"\[([\d:]+)\]", text)]
+        found = [[*map(int, part.split(":"))] for part in re.findall(r"\[([\d:]+)\]", text)]
         slices = (slice(ends[0], ends[-1] + 1, ends[1] if ends[2:] else 1) for ends in found)
-        one = self.dataset[name].variable
-        return name, one.isel(dict(zip(one.dims, slices, strict=False)))
+        variable = self.dataset[name].variable
+        return name, variable.isel(dict(zip(variable.dims, slices, strict=False)))
 
 
 @contextmanager

@@ -113,15 +113,15 @@ def test_a_scenario_names_a_list_or_a_pattern(tmp_path: Path, whole: Any) -> Non
 
 def test_components_of_nemo_in_two_files_are_brought_to_one_place(tmp_path: Path) -> None:
     native = pytest.importorskip("native_forecasts")
-    made = native.staggered("nemo")
+    fields = native.staggered("nemo")
     files = []
     for side, name in (("u", "vozocrtx"), ("v", "vomecrty")):
         dataset = xarray.Dataset(
-            {name: (("time_counter", "y", "x"), made[side].astype(np.float32), {"units": "m/s"})},
+            {name: (("time_counter", "y", "x"), fields[side].astype(np.float32), {"units": "m/s"})},
             coords={
                 "time_counter": ("time_counter", HOURS, {"units": f"hours since {START}"}),
-                "nav_lat": (("y", "x"), made[f"lat_{side}"], {"standard_name": "latitude"}),
-                "nav_lon": (("y", "x"), made[f"lon_{side}"], {"standard_name": "longitude"}),
+                "nav_lat": (("y", "x"), fields[f"lat_{side}"], {"standard_name": "latitude"}),
+                "nav_lon": (("y", "x"), fields[f"lon_{side}"], {"standard_name": "longitude"}),
             },
         )  # fmt: skip
         files.append(str(written(dataset, tmp_path, f"grid_{side}.nc")))

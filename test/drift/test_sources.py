@@ -68,15 +68,15 @@ def of_hycom() -> tuple[Any, dict[str, Encoding]]:
 def of_hf_radar() -> tuple[Any, dict[str, Encoding]]:
     """The European network of HF radars: EWCT and NSCT, with gaps."""
     names = dict(zip(("EWCT", "NSCT"), velocity(lattice()), strict=True))
-    made = {
+    variables = {
         name: values.transpose("time", "lat", "lon").astype(np.float32).expand_dims("depth", 1)
         for name, values in names.items()
     }
-    for word, values in zip(("eastward", "northward"), made.values(), strict=True):
+    for word, values in zip(("eastward", "northward"), variables.values(), strict=True):
         values.attrs = {"units": "m s-1", "standard_name": f"surface_{word}_sea_water_velocity"}
         values[..., :2, :2] = np.nan
     depth = axis("depth", [0.0], standard_name="depth", units="m", positive="down")
-    return xarray.Dataset(made, coords={**lattice(), "depth": depth}), {}
+    return xarray.Dataset(variables, coords={**lattice(), "depth": depth}), {}
 
 
 def of_wgrib2() -> tuple[Any, dict[str, Encoding]]:
@@ -136,8 +136,8 @@ def test_a_grid_of_places_that_is_not_turned_needs_no_axes(tmp_path: Path) -> No
         name: (("south_north", "west_east"), values.transpose("lat", "lon").values)
         for name, values in (("XLAT", lat), ("XLONG", lon))
     }
-    made = dataset.drop_vars(["lat", "lon"]).rename(lat="south_north", lon="west_east")
-    made.assign_coords(places).to_netcdf(tmp_path / "wrf.nc", engine="netcdf4")
+    renamed = dataset.drop_vars(["lat", "lon"]).rename(lat="south_north", lon="west_east")
+    renamed.assign_coords(places).to_netcdf(tmp_path / "wrf.nc", engine="netcdf4")
     flow = read_forecast("wind", tmp_path / "wrf.nc", SPAN)
     for place in PLACES:
         wanted = by_xarray(plain, ("u10", "v10"), place)

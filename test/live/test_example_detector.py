@@ -33,7 +33,9 @@ def test_a_person_in_range_is_reported_at_the_rate_and_one_beyond_it_never(
 ) -> None:
     camera = detector["Camera"](false_alarm_rate=0.0)
     person, rng = DRONE + [away_m, 0.0], np.random.default_rng(1)
-    reports = [one for _ in range(1000) for one in detector["look"](camera, DRONE, person, 13, rng)]
+    reports = [
+        report for _ in range(1000) for report in detector["look"](camera, DRONE, person, 13, rng)
+    ]
     expected = 1000 * 13 * camera.rate if away_m <= camera.range_m else 0.0
     # Five standard deviations of a Poisson count.
     assert abs(len(reports) - expected) <= 5 * np.sqrt(expected)
@@ -69,13 +71,13 @@ def test_the_hidden_person_begins_where_it_was_seen_and_each_seed_hides_another(
         ("drone0",), rules.actions, "sea", 0, frame, 180, resolved.step_duration_s, 1, 7,
         SearchDefinition(rules, resolved),
     )  # fmt: skip
-    one, again, other = (detector["hidden_track"](info, seed) for seed in (1, 1, 2))
-    assert one.shape == (181, 2) and np.isfinite(one).all()
-    np.testing.assert_array_equal(one, again)
-    assert np.hypot(*(one - other).T).min() > 1.0
+    track, again, other = (detector["hidden_track"](info, seed) for seed in (1, 1, 2))
+    assert track.shape == (181, 2) and np.isfinite(track).all()
+    np.testing.assert_array_equal(track, again)
+    assert np.hypot(*(track - other).T).min() > 1.0
     # A kayak has drifted less than 4 km in the hour since it was seen.
     seen = [(lkp.x_m, lkp.y_m) for lkp in sea_state(resolved, 0).sightings]
-    assert min(np.hypot(*(one[0] - place)) for place in seen) < 4000
+    assert min(np.hypot(*(track[0] - place)) for place in seen) < 4000
 
 
 def test_without_an_incident_the_user_states_where_the_person_is(detector: dict[str, Any]) -> None:

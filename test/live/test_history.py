@@ -90,8 +90,8 @@ def _end_after_detection(env: SearchEnv, cell: tuple[int, int]) -> Any:
     start = env.scenario.person_initial_position
     observations, infos = env.reset(seed=3, options={"drones_positions": [start]})
     for step in range(5):
-        given = {"step": step, "belief": keeper.belief}
-        joint: Any = planner(observations, {name: info | given for name, info in infos.items()})
+        known = {"step": step, "belief": keeper.belief}
+        joint: Any = planner(observations, {name: info | known for name, info in infos.items()})
         action = joint["drone0"]
         looks.before_step(np.array([[0 if np.ndim(action) else action]], np.int8))
         observations, _, _, _, infos = env.step(joint)

@@ -61,10 +61,10 @@ def test_readers_of_mcap_read_it_and_it_goes_on_where_it_was_closed(written: Pat
 
 
 def test_a_file_cut_off_anywhere_loses_its_last_record_only(written: Path, tmp_path: Path) -> None:
-    whole = written.read_bytes()
-    for size in range(0, len(whole), 7):
+    content = written.read_bytes()
+    for size in range(0, len(content), 7):
         cut, notes = tmp_path / f"{size}.mcap", list[str]()
-        cut.write_bytes(whole[:size])
+        cut.write_bytes(content[:size])
         read = _texts(cut, notes)
         assert read == TEXTS[: len(read)]
         assert len(notes) == (size > 0), notes
@@ -150,10 +150,10 @@ def test_a_killed_search_continues_bit_for_bit_and_replay_computes_the_same(
 ) -> None:
     killed = kill("sea", 3, 5, tmp_path)
     assert killed == Killed(3, killed.acknowledged, 0, 0)
-    whole, mission = tmp_path / "whole.mcap", new_mission("sea")
-    MissionJournal(whole, mission, pytest.fail).close()
+    journal, mission = tmp_path / "whole.mcap", new_mission("sea")
+    MissionJournal(journal, mission, pytest.fail).close()
     capsys.readouterr()
-    assert replay([str(whole)]) == 0
+    assert replay([str(journal)]) == 0
     assert isinstance(mission.beliefs, LiveBeliefs)
     keeper = mission.beliefs.keeper
     digest = hashlib.sha256(keeper.belief.density.tobytes()).hexdigest()

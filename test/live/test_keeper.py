@@ -128,7 +128,7 @@ def test_detections_near_each_other_are_one_contact_also_as_it_drifts(steps: lis
     drifted = keeper.moved(x, y, 0.0, last_s)
     put(keeper, "detection", id="b", time=last_s, x=drifted[0], y=drifted[1], radius=10.0)
     put(keeper, "detection", id="c", time=last_s, x=x + 500.0, y=y, radius=10.0)
-    assert [len(one.detections) for one in keeper.contacts.by_name.values()] == [2, 1]
+    assert [len(contact.detections) for contact in keeper.contacts.by_name.values()] == [2, 1]
 
 
 def test_each_detection_makes_a_contact_more_probable_and_a_failed_look_less() -> None:

@@ -67,7 +67,7 @@ def test_vehicles_of_one_speed_are_followed_within_a_report_in_any_order(
         true_ms += gap
         seen[vehicle] = true_ms
         clock.set_time(vehicle, (started[vehicle] + true_ms) % WRAP_MS)
-    if max(true_ms - one for one in seen) < MAX_LEAD_MS:
+    if max(true_ms - seen_ms for seen_ms in seen) < MAX_LEAD_MS:
         assert clock.time_s == pytest.approx(sorted(seen)[1] * 1e-3, abs=1e-9)
 
 

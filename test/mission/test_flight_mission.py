@@ -32,9 +32,9 @@ joints = st.lists(st.tuples(actions, actions, actions), min_size=1, max_size=10)
 
 
 def mission(seed: int = 3, **given: Any) -> FlightMission:
-    made = mission_of(parallel_env(**{**PLACE, **given}), seed)
-    assert isinstance(made, FlightMission)
-    return made
+    flown = mission_of(parallel_env(**{**PLACE, **given}), seed)
+    assert isinstance(flown, FlightMission)
+    return flown
 
 
 def fly(flown: FlightMission, joint: Any) -> Any:
@@ -42,11 +42,11 @@ def fly(flown: FlightMission, joint: Any) -> Any:
     return flown.advance("search")
 
 
-def state(of: FlightMission) -> tuple[Any, ...]:
-    frame = scenario_frame(of.env.scenario)
+def state(played: FlightMission) -> tuple[Any, ...]:
+    frame = scenario_frame(played.env.scenario)
     return (
-        of.env.world.state_bytes(), of.pos, of.tracks, of.belief().tobytes(),
-        step_report_of(of, frame, 1).tobytes(), mission_report_of(of, frame, 1).tobytes(),
+        played.env.world.state_bytes(), played.pos, played.tracks, played.belief().tobytes(),
+        step_report_of(played, frame, 1).tobytes(), mission_report_of(played, frame, 1).tobytes(),
     )  # fmt: skip
 
 

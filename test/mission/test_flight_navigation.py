@@ -25,14 +25,14 @@ START = 9.5 * 130.0
 Point = tuple[float, float]
 
 
-def mission(**given: Any) -> FlightMission:
+def mission(**fields: Any) -> FlightMission:
     options: dict[str, Any] = {
         "rules": "flight", "person_motion": "constant_drift", "grid_size": 20, "particles": 50,
         "drones_positions": ((9, 9), (12, 12)), "sigma": 3.0, "probability_of_detection": 0.0,
     }  # fmt: skip
-    made = mission_of(parallel_env(**{**options, **given}), 3, belief=False)
-    assert isinstance(made, FlightMission)
-    return made
+    flown = mission_of(parallel_env(**{**options, **fields}), 3, belief=False)
+    assert isinstance(flown, FlightMission)
+    return flown
 
 
 def go(flown: FlightMission, goals: Navigation[Any], drone: int, to: Point, name: Any) -> list[Any]:
@@ -42,7 +42,7 @@ def go(flown: FlightMission, goals: Navigation[Any], drone: int, to: Point, name
 
 
 def ends(ended: list[Ended[Any]]) -> list[tuple[Any, Ending]]:
-    return [(one.handle, one.ending) for one in ended]
+    return [(end.handle, end.ending) for end in ended]
 
 
 def test_the_way_left_is_flown_at_cruise_until_the_drone_is_there() -> None:
@@ -129,7 +129,7 @@ def test_a_new_goal_replaces_the_one_before(same: bool) -> None:
     (ended,) = go(flown, goals, 0, (300.0, 300.0) if same else (900.0, 300.0), "b")
     assert (ended.handle, ended.ending) == ("a", Ending.ABORTED)
     assert ended.reason == "another command of drone0 has replaced it"
-    assert [one.handle for one in goals.progress()] == ["b"]
+    assert [progress.handle for progress in goals.progress()] == ["b"]
 
 
 def test_any_other_command_of_its_drone_ends_a_goal_and_none_of_other_drones() -> None:
@@ -196,7 +196,7 @@ def test_each_goal_ends_once_and_is_reached_only_where_the_drone_was(
                 assert np.hypot(*(legs - sent[one.handle]).T).min() <= TOLERANCE_M + 1.0
             assert (one.ending is Ending.ABORTED) == bool(one.reason)
         ended += new
-    following = [one.handle for one in goals.progress()]
-    assert Counter([*following, *(one.handle for one in ended)]) == Counter(range(len(sent)))
+    following = [progress.handle for progress in goals.progress()]
+    assert Counter([*following, *(end.handle for end in ended)]) == Counter(range(len(sent)))
     flown.reset(99)
-    assert {one.handle for one in goals.check(())} == set(following) and not goals.active
+    assert {end.handle for end in goals.check(())} == set(following) and not goals.active

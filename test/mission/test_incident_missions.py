@@ -86,8 +86,8 @@ def test_markers_show_wind_current_and_shore(mission: Mission) -> None:
     assert sea.wind_mps == pytest.approx((8.0, 0.0), abs=1e-5)
     assert sea.current_mps == pytest.approx((0.25, 0.25 * 3**0.5), abs=1e-5)
     frame = scenario_frame(mission.env.scenario)
-    made = StepMessages(mission, frame, 1).make("markers", Time())
-    by_name = {marker.ns: marker for marker in made.markers}
+    message = StepMessages(mission, frame, 1).make("markers", Time())
+    by_name = {marker.ns: marker for marker in message.markers}
     start, end = by_name["wind"].points
     assert end.x - start.x == pytest.approx(480.0, abs=1e-3) and end.y == pytest.approx(start.y)
     start, end = by_name["current"].points
@@ -103,11 +103,11 @@ def test_a_sighting_has_its_place_time_and_circle(mission: Mission) -> None:
     frame = scenario_frame(scenario)
     lat, lon, _ = map_to_geodetic(frame, seen.x_m, seen.y_m, 0.0)
     assert (lat, lon) == (pytest.approx(-24.0, abs=1e-7), pytest.approx(-46.0, abs=1e-7))
-    made = StepMessages(mission, frame, 1).make("markers", Time())
-    (circle,) = [marker for marker in made.markers if marker.ns == "lkp" and marker.points]
+    message = StepMessages(mission, frame, 1).make("markers", Time())
+    (circle,) = [marker for marker in message.markers if marker.ns == "lkp" and marker.points]
     far = [np.hypot(point.x - seen.x_m, point.y - seen.y_m) for point in circle.points]
     assert far == pytest.approx([300.0] * len(far))
-    texts = [marker.text for marker in made.markers if marker.ns == "sea_names"]
+    texts = [marker.text for marker in message.markers if marker.ns == "sea_names"]
     assert texts == [*(flow.label for flow in sea.flows), seen.label]
 
 
@@ -117,7 +117,10 @@ def test_several_sightings_state_their_shares_and_another_day(mission: Mission) 
     incident = INCIDENT | {"seen": [before, *INCIDENT["seen"]]}
     stated = Scenario(incident=incident, particles=10, timestep_limit=9, grid_size=12)
     seen = sea_state(stated.resolve(profile("sea")), 0).sightings
-    assert [one.label for one in seen] == ["LKP 2026-01-16 23:30Z, 75%", "LKP 13:00Z, 25%"]
+    assert [sighting.label for sighting in seen] == [
+        "LKP 2026-01-16 23:30Z, 75%",
+        "LKP 13:00Z, 25%",
+    ]
 
 
 def test_a_search_without_an_incident_shows_no_sea() -> None:

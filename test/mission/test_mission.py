@@ -298,8 +298,8 @@ def test_a_snapshot_that_lacks_a_part_is_refused_and_nothing_changes(part: tuple
     fly(flown, [SEARCH, 1, 3])
     fly(other, [1, SEARCH, SEARCH])
     fly(other, [3, SEARCH, SEARCH])
-    snapshot, (of, name) = flown.snapshot(), part
-    del getattr(snapshot, of)[name]
+    snapshot, (group, name) = flown.snapshot(), part
+    del getattr(snapshot, group)[name]
     result, before = other.result, state(other)
     with pytest.raises(SnapshotError) as refusal:
         other.restore(snapshot)

@@ -51,10 +51,10 @@ def test_a_mission_goes_on_from_its_last_snapshot_in_the_same_log(tmp_path: Path
     assert resumed.record() == ""
     fly(again, resumed, 2)
     resumed.close()
-    whole = new_mission()
-    alone = files_of(whole, folder_in(tmp_path, "alone"))
+    mission = new_mission()
+    alone = files_of(mission, folder_in(tmp_path, "alone"))
     assert alone.record() == ""
-    fly(whole, alone, 4)
+    fly(mission, alone, 4)
     alone.close()
     resumed_log, alone_log = (tmp_path / "mission.csv", tmp_path / "alone" / "mission.csv")
     assert resumed_log.read_text() == alone_log.read_text()

@@ -141,9 +141,9 @@ def test_a_record_that_goes_on_from_a_snapshot_is_that_of_an_unbroken_mission(
         log.write(mission, mission.result)
         states.append((mission.snapshot(), (folder / "whole.csv").stat().st_size))
     log.close()
-    whole = (folder / "whole.csv").read_bytes()
+    content = (folder / "whole.csv").read_bytes()
     snapshot, size = states[at % len(states)]
-    later = whole[: max(len(whole) - lost, size)]
+    later = content[: max(len(content) - lost, size)]
     (folder / "broken.csv").write_bytes(later + (b"" if lost else garbage))
 
     twin = Mission(parallel_env(**SCENARIO), 0)
@@ -152,7 +152,7 @@ def test_a_record_that_goes_on_from_a_snapshot_is_that_of_an_unbroken_mission(
     log.write(twin, twin.result)
     log.sync()
     log.close()
-    assert (folder / "broken.csv").read_bytes() == whole[:size]
+    assert (folder / "broken.csv").read_bytes() == content[:size]
 
 
 @pytest.mark.parametrize("text", ["", "mission,st", ",".join(COLUMNS) + "\n"])
@@ -204,11 +204,11 @@ def test_the_search_and_the_seed_of_each_mission_are_beside_the_log(tmp_path: Pa
     log.write(mission, mission.result)
     log.close()
     assert [record.seed for record in read_csv(path)] == [3, 8]
-    whole = definition_file(path).read_bytes()
+    content = definition_file(path).read_bytes()
     resumed = MissionLog(path, FRAME, resume_at=(2, 0))
     resumed.write(mission, mission.result)
     resumed.close()
-    assert definition_file(path).read_bytes() == whole
+    assert definition_file(path).read_bytes() == content
     record = read_csv(path)[0]
     assert (record.rules, record.scenario) == (mission.env.rules, mission.env.scenario)
 

@@ -36,11 +36,11 @@ FAULTS: dict[str, Any] = {
 
 
 def make(**fields: Any) -> Mission:
-    given: dict[str, Any] = {
+    defaults: dict[str, Any] = {
         "grid_size": 8, "num_drones": 3, "timestep_limit": 60, "person_amount": 2, "rules": "v2",
         "probability_of_detection": 0.1,
     }  # fmt: skip
-    return Mission(parallel_env(**{**given, **fields}), 3)
+    return Mission(parallel_env(**{**defaults, **fields}), 3)
 
 
 def fly(mission: Mission, log: MissionLog | None, steps: int, seed: int = 1) -> None:
@@ -116,12 +116,12 @@ def test_what_the_simulation_knows_of_searches_is_of_the_cells_where_they_were_d
 
 
 def test_a_mission_resumed_from_its_snapshot_writes_the_same_record(tmp_path: Path) -> None:
-    whole, broken = tmp_path / "whole.csv", tmp_path / "broken.csv"
+    complete, broken = tmp_path / "whole.csv", tmp_path / "broken.csv"
     mission, twin = make(**FAULTS), make(**FAULTS)
-    log = logged(whole, mission)
+    log = logged(complete, mission)
     fly(mission, log, 20)
     snapshot = Snapshot.from_bytes(mission.snapshot().to_bytes())
-    broken.write_bytes(whole.read_bytes())
+    broken.write_bytes(complete.read_bytes())
     fly(mission, log, 20)
     log.close()
     twin.restore(snapshot)
@@ -130,7 +130,7 @@ def test_a_mission_resumed_from_its_snapshot_writes_the_same_record(tmp_path: Pa
     resumed.write(twin, twin.result)
     fly(twin, resumed, 20)
     resumed.close()
-    assert broken.read_bytes() == whole.read_bytes()
+    assert broken.read_bytes() == complete.read_bytes()
 
 
 def test_a_drone_that_goes_home_is_commanded_in_vain() -> None:

@@ -87,8 +87,8 @@ def test_the_record_of_a_mission_that_vehicles_flew_gives_its_pictures(tmp_path:
     assert record.work is not None
     np.testing.assert_array_equal(record.work[1:], works)
     assert record.looks is not None and mission.pos
-    given = np.where(record.acted[1:], [look["action"] for look in looks], -1)
-    np.testing.assert_array_equal(record.looks["action"][1:], given)
+    acted = np.where(record.acted[1:], [look["action"] for look in looks], -1)
+    np.testing.assert_array_equal(record.looks["action"][1:], acted)
     again = list(mission_views(record, belief=True))
     assert len(again) == len(works) + 1 and again[-1].pos == mission.pos
     forecast = forecast_for(record, None)

@@ -21,8 +21,8 @@ SEARCH = 4
 
 
 def mission(**options: Any) -> Mission:
-    given = {"num_drones": DRONES, "grid_size": GRID, "probability_of_detection": 0.0} | options
-    return Mission(parallel_env(**given), 3)
+    fields = {"num_drones": DRONES, "grid_size": GRID, "probability_of_detection": 0.0} | options
+    return Mission(parallel_env(**fields), 3)
 
 
 def go(flown: Mission, goals: Navigation[str], drone: int, cell: Cell, name: str) -> list[Any]:
@@ -32,7 +32,7 @@ def go(flown: Mission, goals: Navigation[str], drone: int, cell: Cell, name: str
 
 
 def ends(ended: list[Ended[str]]) -> list[tuple[str, Ending]]:
-    return [(one.handle, one.ending) for one in ended]
+    return [(end.handle, end.ending) for end in ended]
 
 
 def test_a_goal_is_reached_after_as_many_moves_as_were_left() -> None:
@@ -97,7 +97,7 @@ def test_a_new_goal_replaces_the_one_before(same: bool) -> None:
     (ended,) = go(flown, goals, 0, (5, 5) if same else (2, 2), "b")
     assert (ended.handle, ended.ending) == ("a", Ending.ABORTED)
     assert ended.reason == "another command of drone0 has replaced it"
-    assert [one.handle for one in goals.progress()] == ["b"]
+    assert [progress.handle for progress in goals.progress()] == ["b"]
 
 
 def test_any_other_command_of_its_drone_ends_a_goal_and_none_of_other_drones() -> None:
@@ -130,10 +130,10 @@ def test_the_reason_names_what_happened_to_the_drone_or_the_mission() -> None:
         assert goals.check(()) == []
         flown.advance("search")
     (time,) = goals.check(())
-    assert [one.reason for one in (lost, reset, time)] == [
+    assert [end.reason for end in (lost, reset, time)] == [
         "drone0 is lost", "mission 1 was reset", "mission 2 is over: out of time",
     ]  # fmt: skip
-    assert {one.ending for one in (lost, reset, time)} == {Ending.ABORTED}
+    assert {end.ending for end in (lost, reset, time)} == {Ending.ABORTED}
 
 
 def test_moves_are_those_that_the_rules_have() -> None:
@@ -187,13 +187,13 @@ def test_each_goal_ends_once_and_is_reached_only_where_the_drone_is(
             elif event == "step" and not flown.done:
                 flown.advance("search")
             new = goals.check(late)
-        for one in new:
-            if one.ending is Ending.REACHED:
-                assert tuple(flown.result.cells[one.drone].tolist()) == sent[one.handle]
-                assert one.drone not in late
-            assert (one.ending is Ending.ABORTED) == bool(one.reason)
+        for end in new:
+            if end.ending is Ending.REACHED:
+                assert tuple(flown.result.cells[end.drone].tolist()) == sent[end.handle]
+                assert end.drone not in late
+            assert (end.ending is Ending.ABORTED) == bool(end.reason)
         ended += new
-    following = [one.handle for one in goals.progress()]
-    assert Counter([*following, *(one.handle for one in ended)]) == Counter(list(sent))
+    following = [progress.handle for progress in goals.progress()]
+    assert Counter([*following, *(end.handle for end in ended)]) == Counter(list(sent))
     flown.reset(99)
-    assert {one.handle for one in goals.check(())} == set(following) and not goals.active
+    assert {end.handle for end in goals.check(())} == set(following) and not goals.active

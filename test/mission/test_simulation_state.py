@@ -19,8 +19,8 @@ def test_a_request_is_refused_where_the_table_has_no_next_state(
 
 def test_a_stopped_simulation_makes_no_step_and_is_left_by_play_or_pause_only() -> None:
     stopped = SimulationState.STOPPED
-    leave = {one for one in Request if NEXT[one].get(stopped, stopped) is not stopped}
-    refused = {one for one in Request if reason_to_refuse(one, stopped)}
+    leave = {request for request in Request if NEXT[request].get(stopped, stopped) is not stopped}
+    refused = {request for request in Request if reason_to_refuse(request, stopped)}
     assert leave == {Request.PLAY, Request.PAUSE}
     assert refused == {Request.STEP, Request.STEP_PAUSED}
 

@@ -117,9 +117,9 @@ def test_nothing_is_due_while_paused_or_over(timing: Timing, ready: bool) -> Non
     paused.pause(True, 0.0)
     done.begin(0.0, done=False)
     done.end()
-    for one in (paused, done):
-        assert one.due(1e9, ready=ready) is Due.NOTHING
-        assert one.wait_s(1e9, ready=ready) == math.inf
+    for each in (paused, done):
+        assert each.due(1e9, ready=ready) is Due.NOTHING
+        assert each.wait_s(1e9, ready=ready) == math.inf
     assert not done.moving
 
 
@@ -154,36 +154,36 @@ def test_a_change_of_mode_keeps_the_share_of_the_step() -> None:
 def test_steps_by_the_vehicles_take_their_time_whatever_the_wall_clock_says(
     passed: list[float], mode: str
 ) -> None:
-    one = scheduler(mode=mode, step_duration_s=13.0, step_rate=5.0, by_vehicles=True)
-    assert one.due(1e6, ready=True) is Due.NOTHING and not one.started
+    timed = scheduler(mode=mode, step_duration_s=13.0, step_rate=5.0, by_vehicles=True)
+    assert timed.due(1e6, ready=True) is Due.NOTHING and not timed.started
     fleet_s, wall_s, steps = 500.0, 0.0, 0
-    one.set_fleet_time(90.0)
-    one.start(fleet_s)
+    timed.set_fleet_time(90.0)
+    timed.start(fleet_s)
     for gap in passed:
         fleet_s, wall_s = fleet_s + gap, wall_s + 1.0
-        one.set_fleet_time(fleet_s)
+        timed.set_fleet_time(fleet_s)
         # Steps that are late are made up for, one by one.
-        while one.due(wall_s, ready=True) is not Due.NOTHING:
-            assert one.wait_s(wall_s, ready=True) == 0.0
+        while timed.due(wall_s, ready=True) is not Due.NOTHING:
+            assert timed.wait_s(wall_s, ready=True) == 0.0
             ahead_s = fleet_s - 500.0 - 13.0 * (steps + 1)
-            assert one.fleet_ahead_s == pytest.approx(ahead_s, abs=1e-6)
-            one.begin(wall_s, done=False)
+            assert timed.fleet_ahead_s == pytest.approx(ahead_s, abs=1e-6)
+            timed.begin(wall_s, done=False)
             steps += 1
-        assert one.wait_s(wall_s, ready=True) == math.inf
+        assert timed.wait_s(wall_s, ready=True) == math.inf
     assert steps == pytest.approx((fleet_s - 500.0) / 13.0, abs=1.0 + 1e-6)
     assert steps <= (fleet_s - 500.0) / 13.0 + 1e-6
 
 
 def test_a_step_by_the_vehicles_waits_for_commands_until_the_timeout() -> None:
-    one = scheduler(step_duration_s=13.0, command_timeout_s=5.0, by_vehicles=True)
-    one.start(0.0)
-    one.set_fleet_time(12.9)
-    assert one.due(1e3, ready=False) is Due.NOTHING
-    one.set_fleet_time(13.0)
-    assert one.due(4.9, ready=False) is Due.NOTHING
-    assert one.due(5.0, ready=False) is Due.TIMEOUT
-    one.stop()
-    assert not one.started
+    timed = scheduler(step_duration_s=13.0, command_timeout_s=5.0, by_vehicles=True)
+    timed.start(0.0)
+    timed.set_fleet_time(12.9)
+    assert timed.due(1e3, ready=False) is Due.NOTHING
+    timed.set_fleet_time(13.0)
+    assert timed.due(4.9, ready=False) is Due.NOTHING
+    assert timed.due(5.0, ready=False) is Due.TIMEOUT
+    timed.stop()
+    assert not timed.started
 
 
 actions = st.one_of(
@@ -200,32 +200,32 @@ actions = st.one_of(
 def test_a_caller_who_waits_that_long_finds_something_due_and_nothing_before(
     timing: Timing, happenings: list[tuple[str, object]], now: float
 ) -> None:
-    one, ready, share = StepScheduler(timing, now), False, 0.0
-    one.begin(now, done=False)
+    paced, ready, share = StepScheduler(timing, now), False, 0.0
+    paced.begin(now, done=False)
     for kind, value in happenings:
         if isinstance(value, Timing):
-            one.set_timing(value, now)
+            paced.set_timing(value, now)
         elif kind == "pause":
-            one.pause(bool(value), now)
+            paced.pause(bool(value), now)
         elif kind == "ready":
             ready = bool(value)
         elif isinstance(value, float):
             now += value
-        assert share <= one.share(now) <= 1.0
-        share = one.share(now)
-        wait = one.wait_s(now, ready=ready)
+        assert share <= paced.share(now) <= 1.0
+        share = paced.share(now)
+        wait = paced.wait_s(now, ready=ready)
         if math.isinf(wait):
-            assert one.due(now, ready=ready) is Due.NOTHING
+            assert paced.due(now, ready=ready) is Due.NOTHING
             continue
         if wait > 1e-6:
-            assert one.due(now + 0.9 * wait, ready=ready) is Due.NOTHING
+            assert paced.due(now + 0.9 * wait, ready=ready) is Due.NOTHING
         if kind != "wait":
             continue
         now += wait
-        due = one.due(now, ready=ready)
-        if one.timing.mode == "realtime":
+        due = paced.due(now, ready=ready)
+        if paced.timing.mode == "realtime":
             assert due is Due.TICK
         else:
             assert due is (Due.STEP if ready else Due.TIMEOUT)
-        one.begin(now, done=False)
+        paced.begin(now, done=False)
         share = 0.0

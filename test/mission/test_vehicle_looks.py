@@ -112,7 +112,7 @@ def test_a_vehicle_that_stays_anywhere_passes_no_cell_again() -> None:
     draw, passed = np.random.default_rng(2), PassedCells(CELL_M, 12)
     for place in draw.uniform(3.0, 9.0, (50, 2)):
         path = place * CELL_M + draw.uniform(-8.0, 8.0, (100, 2))
-        passes = [one.cell for one in passed.take(path, draw.random(100) < 0.5)]
+        passes = [pass.cell for pass in passed.take(path, draw.random(100) < 0.5)]
         assert len(passes) == len({*passes})
 
 

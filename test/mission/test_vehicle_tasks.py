@@ -24,11 +24,11 @@ plans = st.lists(st.tuples(st.lists(st.integers(0, 8), min_size=3, max_size=3), 
 
 
 def make(**fields: Any) -> tuple[Mission, VehicleTasks]:
-    given: dict[str, Any] = {
+    defaults: dict[str, Any] = {
         "grid_size": 8, "num_drones": 3, "person_initial_position": (7, 7), "rules": "sea",
         "probability_of_detection": 0.0, "vehicle_timed_actions": True,
     }  # fmt: skip
-    mission = Mission(parallel_env(**{**given, **fields}), 3)
+    mission = Mission(parallel_env(**{**defaults, **fields}), 3)
     return mission, VehicleTasks(mission)
 
 

@@ -41,4 +41,8 @@ def test_a_status_begins_with_the_package_and_names_the_node(node: str):
     assert node_of_status(name) == f"/{node.lstrip('/')}"
     # Of a drone, and of somebody else.
     assert status_name(node, "drone3") == f"{name}: drone3"
-    assert [node_of_status(one) for one in (f"{name}: drone3", node, "")] == ["", "", ""]
+    assert [node_of_status(node_name) for node_name in (f"{name}: drone3", node, "")] == [
+        "",
+        "",
+        "",
+    ]

@@ -54,7 +54,7 @@ def test_the_best_hypothesis_of_each_detection_in_an_array_counts() -> None:
     )
     first, second = detections_of_array("drone0", array)
     assert (first.frame_id, first.values["x"], first.values["confidence"]) == ("map", 2.0, 0.9)
-    assert [one.values["id"] for one in (first, second)] == [
+    assert [detection.values["id"] for detection in (first, second)] == [
         "drone0@1500000000#0", "drone0@1500000000#track7",
     ]  # fmt: skip
 

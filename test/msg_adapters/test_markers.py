@@ -77,8 +77,8 @@ def test_drones_differ_in_colour_and_one_out_of_the_search_is_grey():
 
 @pytest.mark.parametrize("kind", ["given", "left out"])
 def test_persons_are_shown_only_when_given(kind):
-    given = [ShownPerson(at(3, 3), True), ShownPerson(at(4, 4), False)]
-    persons = of(shown(persons=given), "persons")
+    people = [ShownPerson(at(3, 3), True), ShownPerson(at(4, 4), False)]
+    persons = of(shown(persons=people), "persons")
     if kind == "left out":
         assert of(shown(), "persons") == []
     else:

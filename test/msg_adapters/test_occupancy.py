@@ -95,11 +95,11 @@ def test_an_unknown_cell_changes_no_other(matrix):
 def test_a_map_larger_than_a_block_is_as_its_parts(scaling):
     matrix = np.random.default_rng(1).random((700, 700), dtype=np.float32)
     matrix[0, 0] = 1.0
-    whole = probability_to_occupancy(matrix, scaling)
+    grid = probability_to_occupancy(matrix, scaling)
     part = matrix[600:650].copy()
     part[0, 0] = 1.0
     np.testing.assert_array_equal(
-        whole[600:650].ravel()[1:], probability_to_occupancy(part, scaling).ravel()[1:]
+        grid[600:650].ravel()[1:], probability_to_occupancy(part, scaling).ravel()[1:]
     )
 
 

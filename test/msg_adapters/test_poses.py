@@ -113,12 +113,12 @@ def test_a_fix_is_exact_and_says_so():
 def test_transforms_place_each_drones_body_where_its_pose_is(positions):
     bodies = [f"drone{number}/base_link" for number in range(len(positions))]
     yaws = [0.1 * number for number in range(len(positions))]
-    made = poses.transforms(HEAD, bodies, positions, yaws)
-    assert [xyz(one.transform.translation) for one in made] == positions
-    assert [one.child_frame_id for one in made] == bodies
-    for one, yaw in zip(made, yaws, strict=True):
-        assert one.header == HEAD
-        rotation = one.transform.rotation
+    transforms = poses.transforms(HEAD, bodies, positions, yaws)
+    assert [xyz(transform.transform.translation) for transform in transforms] == positions
+    assert [transform.child_frame_id for transform in transforms] == bodies
+    for transform, yaw in zip(transforms, yaws, strict=True):
+        assert transform.header == HEAD
+        rotation = transform.transform.rotation
         assert 2 * math.atan2(rotation.z, rotation.w) == pytest.approx(yaw)
 
 

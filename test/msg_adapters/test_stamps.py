@@ -25,5 +25,5 @@ def test_a_time_that_no_stamp_holds_is_refused(nanoseconds):
 
 
 def test_a_header_has_the_frame_and_the_stamp():
-    made = header("map", to_stamp(13 * 10**9))
-    assert (made.frame_id, made.stamp.sec) == ("map", 13)
+    head = header("map", to_stamp(13 * 10**9))
+    assert (head.frame_id, head.stamp.sec) == ("map", 13)

@@ -65,11 +65,13 @@ class Bridge:
     """The bridge as its peers see it."""
 
     def __init__(self, rig: Rig, vehicles: list[Running], **parameters: Any) -> None:
-        given = {"connections": [v.connection for v in vehicles], "arm": True, "speed": 10.0}
+        settings = {"connections": [v.connection for v in vehicles], "arm": True, "speed": 10.0}
         self.rig = rig
         self.process: Process = rig.start(
             "mavlink_bridge",
-            given | {"pose_rate": 20.0, "state_directory": str(rig.folder / "state")} | parameters,
+            settings
+            | {"pose_rate": 20.0, "state_directory": str(rig.folder / "state")}
+            | parameters,
         )
         names = [f"drone{i}" for i in range(len(vehicles))]
         self.states = [rig.listen(DiagnosticArray, f"{n}/vehicle_state", ALL) for n in names]

@@ -93,18 +93,20 @@ class Mutator:
         """Return a hostile copy of a message, or its damaged bytes."""
         if self._draw.random() < 0.15:
             return self._damaged(bytes(serialize_message(message)))
-        made = copy.deepcopy(message)
+        changed = copy.deepcopy(message)
         for _ in range(self._draw.choice([1, 1, 1, 2, 5])):
-            self._replace(made)
-        return made
+            self._replace(changed)
+        return changed
 
     def _damaged(self, data: bytes) -> bytes:
-        made = bytearray(data)
+        changed = bytearray(data)
         for _ in range(self._draw.choice([1, 2, 8])):
             # The first four bytes say how the rest is encoded.
-            at = self._draw.randrange(4, max(len(made), 5))
-            made[at : at + 1] = bytes([self._draw.choice([0, 1, 127, 128, 255])])
-        return bytes(made[: self._draw.randrange(4, len(made) + 1)] if at % 3 == 0 else made)
+            at = self._draw.randrange(4, max(len(changed), 5))
+            changed[at : at + 1] = bytes([self._draw.choice([0, 1, 127, 128, 255])])
+        return bytes(
+            changed[: self._draw.randrange(4, len(changed) + 1)] if at % 3 == 0 else changed
+        )
 
     def _replace(self, message: Any) -> None:
         """Replace a field of a message, or of one inside it."""
@@ -170,7 +172,7 @@ class Mutator:
             return data
         at = self._draw.randrange(len(data) // size) * size
         if form in ("<f", "<d"):
-            numbers = [one for one in ODD if form == "<d" or not abs(one) > 3e38 or one != one]
+            numbers = [odd for odd in ODD if form == "<d" or not abs(odd) > 3e38 or odd != odd]
             packed = struct.pack(form, self._draw.choice(numbers))
         else:
             bits = 8 * size - 1
@@ -190,7 +192,7 @@ class Mutator:
         if isinstance(value, dict) and value and self._draw.random() < 0.9:
             name = self._draw.choice(list(value))
             if self._draw.random() < 0.05:
-                return {key: one for key, one in value.items() if key != name}
+                return {key: item for key, item in value.items() if key != name}
             return value | {name: self._json(value[name])}
         if isinstance(value, list) and value and self._draw.random() < 0.7:
             at = self._draw.randrange(len(value))
@@ -249,12 +251,12 @@ class Relay:
     def attack(self) -> None:
         """Send a hostile copy of a message; for some, pass the true one on again."""
         name = self._draw.choice(list(self._seen))
-        made = self._mutator.hostile(self._seen[name])
-        sent = made if isinstance(made, bytes) else bytes(serialize_message(made))
+        hostile = self._mutator.hostile(self._seen[name])
+        sent = hostile if isinstance(hostile, bytes) else bytes(serialize_message(hostile))
         if len(self._outlets[name]) > 1:
             self._hostile.add(sent)
         for outlet in self._outlets[name]:
-            outlet.publish(made)
+            outlet.publish(hostile)
         self.sent += 1
         if self._draw.random() < 0.5:
             self._outlets[name][0].publish(self._seen[name])
@@ -359,8 +361,8 @@ class Attack:
                 assert word not in process.output, process.output[-20000:]
         assert self._found() == self._files
         # Where the nodes run they leave their logs, and the bridge its state.
-        made = {path.name for path in self.rig.folder.iterdir() if path.suffix != ".log"}
-        assert made <= {self._guarded.name, "state"}
+        files = {path.name for path in self.rig.folder.iterdir() if path.suffix != ".log"}
+        assert files <= {self._guarded.name, "state"}
         # The flight goes on.
         self.rig.call(SetBool, "/mavlink_bridge/arm", data=True)
 

@@ -543,11 +543,11 @@ class Sim:
 @pytest.fixture(scope="module", name="rig")
 def rig_of_module(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Rig]:
     """A domain of its own, in which nodes can be started; they are stopped at the end."""
-    made = Rig(tmp_path_factory.mktemp("rig"))
+    rig = Rig(tmp_path_factory.mktemp("rig"))
     try:
-        yield made
+        yield rig
     finally:
-        made.close()
+        rig.close()
 
 
 def cells(report: NDArray[Any]) -> list[tuple[int, int]]:

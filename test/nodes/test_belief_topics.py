@@ -36,12 +36,12 @@ def test_topics_diagnostics_record_and_environment_agree(
     name: str, persons: dict[str, Any], rig: Rig, tmp_path: Path
 ) -> None:
     record = tmp_path / "mission.csv"
-    given = {
+    fields = {
         **FIELDS, **persons, "person_initial_position": [3, 1], "vector": [0.1, 0.2],
         "drones_positions": [0, 0, 4, 4],
     }  # fmt: skip
     sim = rig.sim(
-        {**given, "seed": SEED, "publish_belief": True, "record_file": str(record)},
+        {**fields, "seed": SEED, "publish_belief": True, "record_file": str(record)},
         namespace=f"/{name}",
     )
     images = rig.listen(Image, f"/{name}/belief", LATCHED)

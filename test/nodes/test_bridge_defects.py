@@ -49,8 +49,8 @@ def test_a_defect_of_one_vehicle_ends_neither_the_bridge_nor_the_others(
     sim: Sim = rig.sim(search)
     connections = [f"udpin:127.0.0.1:{free_udp_port()}" for _ in range(2)]
     parameters = {"connections": connections, "state_directory": str(rig.folder / "state")}
-    given = [f"{name}:={json.dumps(value)}" for name, value in parameters.items()]
-    words = ["--ros-args", *(word for one in given for word in ("-p", one))]
+    arguments = [f"{name}:={json.dumps(value)}" for name, value in parameters.items()]
+    words = ["--ros-args", *(word for argument in arguments for word in ("-p", argument))]
     bridge = Process(["defective_bridge", *words], rig.folder / "bridge.log", rig.domain)
     rig.processes.append(bridge)
     states = [rig.listen(DiagnosticArray, f"drone{i}/vehicle_state", LATCHED) for i in range(2)]

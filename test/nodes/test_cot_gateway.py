@@ -41,8 +41,8 @@ def test_what_it_hears_of_a_search_reaches_the_receiver() -> None:
         rclpy.init(args=arguments, domain_id=free_domain())
         node, search = CotNode(), Node("search", use_global_arguments=False)
         executor = SingleThreadedExecutor()
-        for one in (node, search):
-            executor.add_node(one)
+        for each in (node, search):
+            executor.add_node(each)
         # The map comes first, before anything says of which search it is.
         poc = np.full((4, 4), 1 / 16, np.float32)
         at = [Pose(position=Point(x=50.0, y=50.0, z=120.0)) for _ in INFO.agents]
@@ -63,7 +63,7 @@ def test_what_it_hears_of_a_search_reaches_the_receiver() -> None:
                 event = receiver.recv(1 << 16)
             except BlockingIOError:
                 continue
-            wanted = {one for one in wanted if one not in event}
+            wanted = {word for word in wanted if word not in event}
         executor.shutdown()
         node.destroy_node()
         search.destroy_node()

@@ -31,7 +31,7 @@ CELLS = ((9, 9), (10, 10), (3, 3))
 SIM = FIELDS | {
     "rules.profile": "flight",
     "seed": 5,
-    "drones_positions": [part for one in CELLS for part in one],
+    "drones_positions": [part for cell in CELLS for part in cell],
 }
 NOBODY = {"probability_of_detection": 0.0}
 
@@ -143,7 +143,7 @@ def test_what_is_no_command_is_refused_in_one_line_with_nothing_changed(sim: Sim
         ([mission, before, *[0.0] * 5, math.nan], "out_of_range"),
         ([mission, before, 1.5, *[0.0] * 5], "out_of_range"),
     ):
-        talker.publish(Float64MultiArray(data=[float(one) for one in data]))
+        talker.publish(Float64MultiArray(data=[float(number) for number in data]))
         sim.health_after(code)
     for values, code in (
         ({"forward": math.nan, "yaw_rate": 0.0}, "not_finite"),
@@ -236,18 +236,18 @@ def test_the_plan_over_ros_is_that_of_the_planner(rig: Rig) -> None:
 
 
 def test_a_killed_node_goes_on_where_it_was(rig: Rig) -> None:
-    given = SIM | NOBODY | {
+    fields = SIM | NOBODY | {
         "snapshot_file": str(rig.folder / "flight.snapshot"), "snapshot_every": 1,
         "record_file": str(rig.folder / "flight.csv"), "run_id": 7,
     }  # fmt: skip
     joints = [((0.1 * k, 0.5),) * 3 for k in range(-4, 5)]
-    whole = rig.sim(SIM | NOBODY | {"run_id": 7}, namespace="/whole")
-    node = rig.sim(given, namespace="/killed")
-    of_whole = [whole.report, *(fly(whole, *joint) for joint in joints)]
+    unbroken = rig.sim(SIM | NOBODY | {"run_id": 7}, namespace="/whole")
+    node = rig.sim(fields, namespace="/killed")
+    of_whole = [unbroken.report, *(fly(unbroken, *joint) for joint in joints)]
     for joint in joints[:4]:
         fly(node, *joint)
     node.process.kill()
-    again = rig.sim(given | {"resume": True}, namespace="/killed")
+    again = rig.sim(fields | {"resume": True}, namespace="/killed")
     # It may have been killed before it saved the last step.
     assert again.step_number in (3, 4)
     assert again.report.tobytes() == of_whole[again.step_number].tobytes()

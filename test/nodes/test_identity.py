@@ -55,17 +55,17 @@ def assert_is_what_was_reported(report: Any, sim: Sim) -> None:
 
 
 def test_every_start_is_a_run_of_its_own_and_the_steps_are_the_same(rig: Rig) -> None:
-    one, other = (rig.sim(FIELDS, namespace=f"/drawn{i}") for i in range(2))
-    for sim in (one, other):
+    first, other = (rig.sim(FIELDS, namespace=f"/drawn{i}") for i in range(2))
+    for sim in (first, other):
         for _ in range(3):
             sim.fly(RIGHT, DOWN)
-    assert one.search[0] != other.search[0] and min(one.search[0], other.search[0]) > 0
-    assert one.search[1] == other.search[1] == 1
-    for sim in (one, other):
+    assert first.search[0] != other.search[0] and min(first.search[0], other.search[0]) > 0
+    assert first.search[1] == other.search[1] == 1
+    for sim in (first, other):
         info = agents(sim)
         assert (info.run_id, info.mission) == sim.search
         assert sim.health()["run_id"] == str(sim.search[0])
-    assert steps_of(one.reports) == steps_of(other.reports)
+    assert steps_of(first.reports) == steps_of(other.reports)
 
 
 def test_the_run_can_be_fixed_and_a_reset_is_its_next_mission(rig: Rig) -> None:

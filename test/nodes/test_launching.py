@@ -35,11 +35,11 @@ def here(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def expand(file: str, **given: str) -> dict[str, list[str]]:
     """Return the command lines of the nodes that a launch file makes of these arguments."""
-    made = runpy.run_path(str(ROOT / "launch" / f"{file}.launch.py"))
+    names = runpy.run_path(str(ROOT / "launch" / f"{file}.launch.py"))
     context = LaunchContext(argv=[f"{name}:={value}" for name, value in given.items()])
     context.launch_configurations.update(given)
     nodes: list[Any] = []
-    for entity in made["generate_launch_description"]().entities:
+    for entity in names["generate_launch_description"]().entities:
         nodes += entity.execute(context) or []
     lines = {}
     for node in nodes:

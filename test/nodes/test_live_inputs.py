@@ -104,7 +104,7 @@ def test_planners_that_come_later_fly_to_what_was_detected_on_the_map_and_in_the
 
 @pytest.mark.slow
 def test_a_node_that_is_killed_continues_from_its_journal(rig: Rig, tmp_path: Path) -> None:
-    given = {
+    fields = {
         **FIELDS, "journal": str(tmp_path / "journal.mcap"), "grid_size": 15,
         "drones_positions": [7, 7, 8, 8],
     }  # fmt: skip
@@ -113,7 +113,7 @@ def test_a_node_that_is_killed_continues_from_its_journal(rig: Rig, tmp_path: Pa
     found = '{"id": "d", "x": 400, "y": 400, "radius": 30}'
     known = []
     for restarted in (False, True):
-        sim = rig.sim(given, namespace="/kept")
+        sim = rig.sim(fields, namespace="/kept")
         known.append((sim.step_number, sim.cells))
         if not restarted:
             sim.fly(1, 1)

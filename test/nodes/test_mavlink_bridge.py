@@ -194,8 +194,8 @@ def test_who_cannot_take_off_is_lost_with_the_reason_and_the_other_goes_on(
 ) -> None:
     key = rig.folder / "key"
     key.write_text("07" * 32)
-    given = {"key_file": key} if options.pop("key", False) else options
-    with autopilots(()) as one, autopilots((), first=2, **given) as other:
+    settings = {"key_file": key} if options.pop("key", False) else options
+    with autopilots(()) as one, autopilots((), first=2, **settings) as other:
         vehicles = [one[0], other[0]]
         sim = rig.sim(SEARCHED | {"drones_positions": [0, 5, 1, 5], "vehicle_time": "awaited"})
         bridge = Bridge(rig, vehicles, join_timeout=12.0)

@@ -57,8 +57,8 @@ def test_a_value_survives_the_way_through_a_parameter(data: st.DataObject, kind:
 @of_any_field
 def test_the_range_of_a_descriptor_is_what_the_field_allows(name: str) -> None:
     spec = SIM_PARAMETERS[name]
-    made = descriptor(name, spec, read_only=True)
-    ranges = [*made.integer_range, *made.floating_point_range]
+    described = descriptor(name, spec, read_only=True)
+    ranges = [*described.integer_range, *described.floating_point_range]
     largest = {"int": 2**62, "float": sys.float_info.max}.get(spec.kind)
     bounds = (spec.low, spec.above, spec.high)
     if largest is None or not any(map(math.isfinite, bounds)):
@@ -67,7 +67,7 @@ def test_the_range_of_a_descriptor_is_what_the_field_allows(name: str) -> None:
             assert {spec.check(name, largest), spec.check(name, -largest)} == {largest, -largest}
         return
     (limits,) = ranges
-    assert len(made.integer_range) == (spec.kind == "int")
+    assert len(described.integer_range) == (spec.kind == "int")
 
     def allowed(value: Any) -> bool:
         try:

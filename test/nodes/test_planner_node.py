@@ -115,9 +115,9 @@ def mission(seed: int = 0, drones: int = 3, grid: int = 6, **options: Any) -> Mi
         num_drones=drones, grid_size=grid, probability_of_detection=0.0, sigma=2.0,
         timestep_limit=40, **options,
     )  # fmt: skip
-    made = Mission(env, seed)
-    made.number = next(_numbers)
-    return made
+    new = Mission(env, seed)
+    new.number = next(_numbers)
+    return new
 
 
 def expected(flown: Mission, planner: object) -> list[int]:
@@ -139,10 +139,10 @@ def expected(flown: Mission, planner: object) -> list[int]:
 @pytest.fixture(scope="module")
 def stage(rig: Rig) -> Stage:
     made = Stage(rig)
-    given = {"planner": PLANNER, "resend_period": RESEND_S}
+    fields = {"planner": PLANNER, "resend_period": RESEND_S}
     # Its topic is there once the drones are known.
     volatile = {"qos_overrides./drone2/plan.publisher.durability": "volatile"}
-    rig.start("planner_node", given | volatile)
+    rig.start("planner_node", fields | volatile)
     return made
 
 

@@ -60,8 +60,8 @@ def written(path: Path) -> list[Recorded]:
     """Messages of a bag that may still be written."""
     found: list[Recorded] = []
     try:
-        for one in read_bag(path):
-            found.append(one)
+        for recorded in read_bag(path):
+            found.append(recorded)
     except FieldError:
         pass
     return found
@@ -69,7 +69,7 @@ def written(path: Path) -> list[Recorded]:
 
 def count(path: Path, topic: str) -> int:
     """Messages of a topic in a bag that may still be written."""
-    return sum(one.topic == topic for one in written(path))
+    return sum(recorded.topic == topic for recorded in written(path))
 
 
 def commanded_steps(messages: Iterable[Recorded]) -> list[int]:
@@ -191,7 +191,9 @@ def test_one_changed_byte_of_a_message_is_found_and_named(
 def test_a_recorder_that_is_killed_leaves_a_bag_that_can_be_read(
     bag: Bag, messages: list[Recorded]
 ) -> None:
-    reports = [one.data for one in read_bag(bag.killed) if one.topic == "/step_report"]
+    reports = [
+        recorded.data for recorded in read_bag(bag.killed) if recorded.topic == "/step_report"
+    ]
     assert (
         reports
         == [message.data for message in messages if message.topic == "/step_report"][: len(reports)]

@@ -82,8 +82,8 @@ def sim(
 ) -> Iterator[Simulator]:
     for name, module in modules(version).items():
         monkeypatch.setitem(sys.modules, name, module)
-    given = {"num_drones": 2, "probability_of_detection": 0.0, "seed": 3} | parameters
-    named = {FULL_NAMES.get(name, name): value for name, value in given.items()}
+    stated = {"num_drones": 2, "probability_of_detection": 0.0, "seed": 3} | parameters
+    named = {FULL_NAMES.get(name, name): value for name, value in stated.items()}
     options = [part for name, value in named.items() for part in ("-p", f"{name}:={value}")]
     rclpy.init(args=["--ros-args", *options], domain_id=free_domain())
     node = Simulator()
@@ -165,9 +165,9 @@ def test_only_a_paused_simulation_is_stepped_through_the_service(
 def test_a_request_for_steps_without_end_ends_and_says_how_many_were_made(sim: Simulator) -> None:
     sim.set_standard_state(PAUSED)
     result = sim.call("step_simulation", steps=2**63).result
-    made = sim.mission.result.step
-    assert result.result == FAILED and made > 0
-    assert result.error_message.startswith(f"{made} of {2**63} steps were made in 1 s")
+    done = sim.mission.result.step
+    assert result.result == FAILED and done > 0
+    assert result.error_message.startswith(f"{done} of {2**63} steps were made in 1 s")
     assert sim.standard_state() == PAUSED
 
 

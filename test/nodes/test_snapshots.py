@@ -28,8 +28,8 @@ FIELDS: dict[str, Any] = {
 }
 
 
-def results_equal(one: Any, other: Any) -> bool:
-    return all(np.array_equal(getattr(one, name), getattr(other, name)) for name in vars(one))
+def results_equal(ours: Any, other: Any) -> bool:
+    return all(np.array_equal(getattr(ours, name), getattr(other, name)) for name in vars(ours))
 
 
 @pytest.mark.parametrize("rules", ["paper", "v2"])
@@ -106,15 +106,15 @@ def test_a_snapshot_of_no_mission_that_can_be_is_refused_and_nothing_changes(
 
 
 def test_parts_that_are_no_arrays_are_refused_on_one_line() -> None:
-    whole = Mission(parallel_env(**FIELDS), seed=3).snapshot()
-    body = whole.to_bytes().partition(b"\n")[2]
+    snapshot = Mission(parallel_env(**FIELDS), seed=3).snapshot()
+    body = snapshot.to_bytes().partition(b"\n")[2]
     for content in (b"", b"\n\n", b"\x93NUMPY\x01\x00v\x00{'descr': (\n", b"no array"):
         stored = io.BytesIO()
         with zipfile.ZipFile(io.BytesIO(body)) as old, zipfile.ZipFile(stored, "w") as new:
             for name in old.namelist():
                 new.writestr(name, content if name == "history.npy" else old.read(name))
         data = stored.getvalue()
-        head = whole.to_bytes().split(b" ", 3)[:3]
+        head = snapshot.to_bytes().split(b" ", 3)[:3]
         line = b" ".join([*head, hashlib.sha256(data).hexdigest().encode()]) + b"\n"
         with pytest.raises(SnapshotError) as error:
             Mission(parallel_env(**FIELDS), seed=3).restore(Snapshot.from_bytes(line + data))

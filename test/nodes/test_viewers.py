@@ -288,7 +288,7 @@ def test_a_goal_of_rviz_is_a_command(mission: Mission, rig: Rig, drone: int) -> 
 
     def obeying() -> list[Any]:
         found = rig.node.get_subscriptions_info_by_topic(f"/{topic['Value']}")
-        return [one for one in found if one.node_name == "sim_node"]
+        return [endpoint for endpoint in found if endpoint.node_name == "sim_node"]
 
     (listener,) = rig.until(obeying, "who obeys")
     assert listener.topic_type == TYPES[tools[drone]["Class"]]

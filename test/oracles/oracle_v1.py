@@ -47,11 +47,11 @@ def record_map(
     """Maps 0 (as returned by reset) to 59; `centre` and `radius` are of the circle in that map."""
     env = make(grid, vector, start, sigma)
     model = env.probability_matrix
-    stats, datum, centre, radius, whole = [], [], [start], [1.0], []
+    stats, datum, centre, radius, maps = [], [], [start], [1.0], []
     for k in range(STEPS):
         p = model.get_matrix()
         if k in WHOLE:
-            whole.append(p.copy())
+            maps.append(p.copy())
         stats.append(statistics(p))
         datum.append((model.initial_position[1], model.initial_position[0]))
         radius.append(model.params[0])
@@ -60,7 +60,7 @@ def record_map(
         env.step({"drone0": UNKNOWN})
     case = {"grid": grid, "vector": vector, "start": start, "sigma": sigma}
     return case, {
-        "maps": np.array(whole),
+        "maps": np.array(maps),
         "statistics": np.array(stats),
         "datum": np.array(datum, np.int16),
         "centre": np.array(centre[:STEPS], np.int16),

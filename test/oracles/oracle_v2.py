@@ -42,11 +42,11 @@ def record_map(
     first = env.dispersion_start
     for _ in range(env.pre_render_steps):
         first += inc
-    stats, datum, sigma, whole = [], [], [first], []
+    stats, datum, sigma, maps = [], [], [first], []
     for k in range(STEPS):
         p = model.get_matrix()
         if k in WHOLE:
-            whole.append(p.copy())
+            maps.append(p.copy())
         stats.append(statistics(p))
         row, col = model.supposed_position
         datum.append((col, row))
@@ -55,7 +55,7 @@ def record_map(
     case: Json = {"grid": grid, "vector": vector, "start": start, "dispersion_inc": inc, **more}
     case["pre_search_steps"] = env.pre_render_steps
     return case, {
-        "maps": np.array(whole),
+        "maps": np.array(maps),
         "statistics": np.array(stats),
         "datum": np.array(datum, np.int16),
         "sigma": np.array(sigma[:STEPS]),

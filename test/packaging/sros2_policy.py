@@ -38,7 +38,7 @@ def policy() -> dict[str, Rights]:
         for rule in enclave.iterfind("./profiles/profile/*"):
             ((kind, value),) = rule.attrib.items()
             assert value == "ALLOW"
-            names = [one.text or "" for one in rule]
+            names = [element.text or "" for element in rule]
             assert len(names) == len(set(names))
             rights[name][kind].update(names)
     return rights

@@ -504,8 +504,8 @@ def test_the_commands_name_what_exists(interface: dict[str, Any]) -> None:
     assert options == set(re.findall(r"\$\(if \$\(([A-Z_]+)\),--[\w-]+(?: '|\))", makefile)) - {
         "SOURCED"
     }
-    given = {name for _, given in made for name in re.findall(r"\b([A-Z_]+)=", given)}
-    assert given <= set(re.findall(r"\$\(([A-Z_]+)\)", makefile))
+    variables = {name for _, variables in made for name in re.findall(r"\b([A-Z_]+)=", variables)}
+    assert variables <= set(re.findall(r"\$\(([A-Z_]+)\)", makefile))
 
     programs = set(re.findall(r"(?:\.venv/bin/|ros2 run dsse_ros )(\w+)", text))
     assert programs - {"pytest", "python"} <= SCRIPTS
@@ -560,14 +560,14 @@ def test_the_golden_traces_are_as_many_as_stated() -> None:
 
 def test_every_dependency_is_explained() -> None:
     module = ast.parse((ROOT / "setup.py").read_text(encoding="utf-8"))
-    given = {
+    setup = {
         keyword.arg: keyword.value
         for node in ast.walk(module)
         if isinstance(node, ast.Call)
         for keyword in node.keywords
     }
-    extras = ast.literal_eval(given["extras_require"])
-    extras[""] = ast.literal_eval(given["install_requires"])
+    extras = ast.literal_eval(setup["extras_require"])
+    extras[""] = ast.literal_eval(setup["install_requires"])
     needed = {
         extra: {re.split("[<>=]", requirement)[0] for requirement in requirements}
         for extra, requirements in extras.items() if extra not in FOR_DEVELOPERS

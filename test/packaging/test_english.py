@@ -57,7 +57,7 @@ NOT_PROSE = (
     "test/packaging/test_english.py",
 )
 PATTERNS = [
-    (re.compile(rf"\b(?:{one})", re.IGNORECASE), instead) for one, instead in PHRASES.items()
+    (re.compile(rf"\b(?:{phrase})", re.IGNORECASE), instead) for phrase, instead in PHRASES.items()
 ]
 # Most files have none: all at once, in lower case, takes a tenth of the time of one by one.
 ANY = re.compile(rf"\b(?:{'|'.join(PHRASES)})")

@@ -293,7 +293,7 @@ def imports(code: str, module: str, *, package: bool = False) -> Iterator[str]:
 
 def is_in(module: str, allowed: set[str]) -> bool:
     """Whether a module, or a name in one, is allowed; the empty package at the top always is."""
-    return module == "dsse_ros" or any(f"{module}.".startswith(f"{one}.") for one in allowed)
+    return module == "dsse_ros" or any(f"{module}.".startswith(f"{prefix}.") for prefix in allowed)
 
 
 def breaches(code: str, module: str, *, package: bool = False) -> list[str]:

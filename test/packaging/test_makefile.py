@@ -104,7 +104,7 @@ def test_a_distribution_comes_with_its_own_wheels(folder: Path, distro: str, ver
     assert f"--require-hashes --requirement requirements-{distro}.lock" in planned
     assert f"ros-rclpy=={version}" in pinned(f"requirements-{distro}.lock")
     asked = re.findall(r"'ros-[^']+'", (ROOT / "Makefile").read_text())
-    assert sum(f"=={version}'" in one for one in asked) == 1
+    assert sum(f"=={version}'" in command for command in asked) == 1
 
 
 def pinned(name: str) -> list[str]:
@@ -119,32 +119,34 @@ def test_what_the_tests_need_is_pinned_as_setup_py_admits_it(folder: Path) -> No
     planned = make(folder, "--dry-run", "test").stdout
     (extras,) = re.findall(r"^OF_TESTS := (.+)$", (folder / "Makefile").read_text(), re.MULTILINE)
     assert "--require-hashes --requirement requirements.lock" in planned
-    given = {
+    setup = {
         keyword.arg: keyword.value
         for node in ast.walk(ast.parse((ROOT / "setup.py").read_text(encoding="utf-8")))
         if isinstance(node, ast.Call)
         for keyword in node.keywords
     }
-    of_extras = ast.literal_eval(given["extras_require"])
+    of_extras = ast.literal_eval(setup["extras_require"])
     needed = [
-        *ast.literal_eval(given["install_requires"]),
+        *ast.literal_eval(setup["install_requires"]),
         *(of_extra for extra in extras.split(",") for of_extra in of_extras[extra]),
     ]
     versions: dict[str, set[str]] = {}
-    for one in pinned("requirements.lock"):
-        name, _, version = one.partition("==")
+    for requirement in pinned("requirements.lock"):
+        name, _, version = requirement.partition("==")
         versions.setdefault(name, set()).add(version)
-    for one in map(Requirement, needed):
-        found = versions.get(canonicalize_name(one.name), set())
-        assert found and all(one.specifier.contains(version) for version in found), one
+    for requirement in map(Requirement, needed):
+        found = versions.get(canonicalize_name(requirement.name), set())
+        assert found and all(requirement.specifier.contains(version) for version in found), (
+            requirement
+        )
 
 
 def test_both_distributions_are_tested_with_the_same_libraries() -> None:
-    of_tests = {one.partition("==")[0] for one in pinned("requirements.lock")}
+    of_tests = {requirement.partition("==")[0] for requirement in pinned("requirements.lock")}
     for distro in ("jazzy", "kilted"):
         common = {
-            one for one in pinned(f"requirements-{distro}.lock")
-            if one.partition("==")[0] in of_tests
+            requirement for requirement in pinned(f"requirements-{distro}.lock")
+            if requirement.partition("==")[0] in of_tests
         }  # fmt: skip
         assert common <= set(pinned("requirements.lock"))
 

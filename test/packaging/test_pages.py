@@ -71,7 +71,7 @@ def is_printed(part: str, pieces: int = 3) -> bool:
         return True
     words = part.split(" ")
     for count in range(len(words), 0, -1):
-        if any(" ".join(words[:count]) in one for one in printed()):
+        if any(" ".join(words[:count]) in line for line in printed()):
             return pieces > 0 and is_printed(" ".join(words[count:]), pieces - 1)
     return False
 

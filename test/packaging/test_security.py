@@ -56,7 +56,7 @@ def test_nobody_but_planners_and_people_may_command_a_drone() -> None:
 
 def test_only_people_may_send_drones_by_an_action() -> None:
     may = {
-        right: {name: one[right] for name, one in policy().items() if one[right]}
+        right: {name: rights[right] for name, rights in policy().items() if rights[right]}
         for right in ("execute", "call")
     }
     action = {f"drone*/{NAVIGATE_TO_POSE}"}
@@ -64,15 +64,15 @@ def test_only_people_may_send_drones_by_an_action() -> None:
 
 
 def test_nobody_may_publish_everything() -> None:
-    assert not any(one["publish"] & EVERYTHING for one in policy().values())
-    listening = {name for name, one in policy().items() if one["subscribe"] & EVERYTHING}
+    assert not any(right["publish"] & EVERYTHING for right in policy().values())
+    listening = {name for name, right in policy().items() if right["subscribe"] & EVERYTHING}
     assert listening == {"recorder", "foxglove_viewer", "operator"}
 
 
 def test_only_trainings_and_people_may_change_a_simulation_but_for_the_buttons_of_the_page() -> (
     None
 ):
-    requests = {name: one["request"] for name, one in policy().items() if one["request"]}
+    requests = {name: right["request"] for name, right in policy().items() if right["request"]}
     assert requests.keys() == {"dashboard", "ros_env", "operator"}
     whom = ("mavlink_bridge", "drone*")
     of_vehicles = {f"{who}/{what}" for who in whom for what in OPERATOR_SERVICES}

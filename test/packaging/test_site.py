@@ -24,7 +24,10 @@ CHECK: dict[str, Any] = runpy.run_path(str(ROOT / "docs" / "check.py"))
 
 def commands(text: str) -> list[tuple[int, str, str, str]]:
     """Blocks of a page with this text: line, commands, how they are run, and what goes with it."""
-    return [(one.line, one.code, one.how, one.text) for one in CHECK["blocks"]("page.md", text)]
+    return [
+        (block.line, block.code, block.how, block.text)
+        for block in CHECK["blocks"]("page.md", text)
+    ]
 
 
 @pytest.mark.slow

@@ -107,8 +107,11 @@ def test_a_function_is_short_enough_to_be_one_thought() -> None:
 def test_a_function_has_few_parameters() -> None:
     long = set()
     for name, node in functions():
-        of = node.args
-        names = [one.arg for one in (*of.posonlyargs, *of.args, *of.kwonlyargs)]
+        parameters = node.args
+        names = [
+            parameter.arg
+            for parameter in (*parameters.posonlyargs, *parameters.args, *parameters.kwonlyargs)
+        ]
         if len([name for name in names if name not in ("self", "cls")]) > MAX_PARAMETERS:
             long.add(name)
     assert long == {*LONG_SIGNATURES}

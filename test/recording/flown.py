@@ -176,7 +176,7 @@ class Flown:
                 return
             step = self.mission.result.step
             allowed = [np.flatnonzero(mask) for mask in self.mission.env.action_masks()]
-            self.joint(*[int(one[(step + i) % len(one)]) for i, one in enumerate(allowed)])
+            self.joint(*[int(able[(step + i) % len(able)]) for i, able in enumerate(allowed)])
             if step < len(work):
                 self.mission.set_work(np.array(work[step], np.int8))
                 give_looks(self.mission, looks[step])

@@ -35,10 +35,10 @@ PER_CHUNK = 7
 
 @pytest.fixture(scope="module")
 def messages() -> list[Recorded]:
-    of = Flown()
-    of.fly(40)
-    of.publish("/diagnostics", DiagnosticArray(status=[DiagnosticStatus(name="a node")]))
-    return of.messages
+    flown = Flown()
+    flown.fly(40)
+    flown.publish("/diagnostics", DiagnosticArray(status=[DiagnosticStatus(name="a node")]))
+    return flown.messages
 
 
 @pytest.fixture(scope="module")
@@ -73,7 +73,7 @@ def compressed(folder: Path, messages: list[Recorded], mode: CompressionMode) ->
 
 def test_a_bag_of_compressed_messages_is_read(messages: list[Recorded], tmp_path: Path) -> None:
     folder = compressed(tmp_path / "bag", messages, CompressionMode.MESSAGE)
-    read = [(one.topic, one.type_name, one.data) for one in read_bag(folder)]
+    read = [(recorded.topic, recorded.type_name, recorded.data) for recorded in read_bag(folder)]
     assert read == [(message.topic, message.type_name, message.data) for message in messages]
 
 
@@ -87,7 +87,9 @@ def test_a_bag_that_is_compressed_as_a_whole_is_refused_by_that_name_until_it_is
             list(read_bag(path))
     with whole.open("rb") as source, whole.with_suffix("").open("wb") as target:
         zstandard.ZstdDecompressor().copy_stream(source, target)
-    assert [one.data for one in read_bag(folder)] == [message.data for message in messages]
+    assert [recorded.data for recorded in read_bag(folder)] == [
+        message.data for message in messages
+    ]
 
 
 def test_rosbags_reads_the_same(bag: Path, messages: list[Recorded]) -> None:
@@ -136,7 +138,7 @@ def test_the_schemas_decode_every_message(bag: Path, messages: list[Recorded]) -
 def test_a_bag_cut_off_anywhere_is_read_to_its_last_whole_chunk(
     bag: Path, messages: list[Recorded], tmp_path: Path
 ) -> None:
-    whole = bag.read_bytes()
+    content = bag.read_bytes()
     with bag.open("rb") as file:
         summary = make_reader(file).get_summary()
     assert summary is not None
@@ -144,9 +146,9 @@ def test_a_bag_cut_off_anywhere_is_read_to_its_last_whole_chunk(
     begin = first.chunk_start_offset + first.chunk_length
     cut = tmp_path / "cut.mcap"
     lengths = set()
-    places = random.Random(1).sample(range(begin, len(whole)), 100)
+    places = random.Random(1).sample(range(begin, len(content)), 100)
     for place in sorted(places):
-        cut.write_bytes(whole[:place])
+        cut.write_bytes(content[:place])
         read = list(read_bag(cut))
         assert read == messages[: len(read)]
         assert len(read) % PER_CHUNK == 0 or len(read) == len(messages)
@@ -165,7 +167,7 @@ def test_what_is_flushed_can_be_read_before_the_bag_is_closed(
     writer.write(topic, agents.data, **times)
     writer.flush()
     writer.write(topic, agents.data, **times)
-    assert [one.message for one in read_bag(path)] == [agents.message]
+    assert [recorded.message for recorded in read_bag(path)] == [agents.message]
     writer.close()
     assert len(list(read_bag(path))) == 2
 

@@ -65,9 +65,9 @@ def test_a_profile_is_written_as_by_rosbag2() -> None:
 
 def test_a_subscription_gets_all_that_every_publisher_offers() -> None:
     def policies(*profiles: QoSProfile) -> tuple[str, str]:
-        made = common(profiles, 5)
-        assert made.depth == 5
-        return made.reliability.name, made.durability.name
+        profile = common(profiles, 5)
+        assert profile.depth == 5
+        return profile.reliability.name, profile.durability.name
 
     assert policies(LATCHED, COMPLETE) == ("RELIABLE", "TRANSIENT_LOCAL")
     assert policies(LATCHED, RELIABLE) == ("RELIABLE", "VOLATILE")

@@ -62,31 +62,31 @@ def repeats(mission: ReplayedMission) -> bool:
 def test_a_mission_repeats_byte_for_byte(
     rules: str, seed: int, plan: list[str], drift: bool
 ) -> None:
-    of = Flown(rules=rules, seed=seed, probability_of_detection=0.7, run_id=seed % 2**32 or 1)
+    flown = Flown(rules=rules, seed=seed, probability_of_detection=0.7, run_id=seed % 2**32 or 1)
     for number, what in enumerate(plan):
-        if of.mission.done:
+        if flown.mission.done:
             break
         match what:
             case "joint":
-                of.joint(number % 5, SEARCH, 0)
+                flown.joint(number % 5, SEARCH, 0)
             case "each":
-                for drone in of.mission.live:
-                    of.action(drone, of.mission.env.rules.actions[(number + drone) % 5])
+                for drone in flown.mission.live:
+                    flown.action(drone, flown.mission.env.rules.actions[(number + drone) % 5])
             case "goal":
-                x, y = cell_to_map(of.frame, number % 8, 3)
+                x, y = cell_to_map(flown.frame, number % 8, 3)
                 pose = PoseStamped()
                 pose.header.frame_id = "map"
                 pose.pose.position.x, pose.pose.position.y = float(x), float(y)
-                of.intake.goal(1, of.publish("drone1/command_pose", pose))
-                of.action(0, "search")
+                flown.intake.goal(1, flown.publish("drone1/command_pose", pose))
+                flown.action(0, "search")
             case "refused":
-                of.action(0, "fly")
-                of.joint(1, 1, 1, step=99)
-                of.joint(SEARCH, SEARCH, SEARCH)
-        of.step("hold" if drift else "search")
-    mission = one(of.messages)
+                flown.action(0, "fly")
+                flown.joint(1, 1, 1, step=99)
+                flown.joint(SEARCH, SEARCH, SEARCH)
+        flown.step("hold" if drift else "search")
+    mission = one(flown.messages)
     assert repeats(mission), mission
-    assert mission.steps == of.mission.result.step
+    assert mission.steps == flown.mission.result.step
 
 
 WORK = st.lists(st.lists(st.integers(0, 2), min_size=3, max_size=3), min_size=5, max_size=30)
@@ -98,16 +98,16 @@ WORK = st.lists(st.lists(st.integers(0, 2), min_size=3, max_size=3), min_size=5,
 def test_a_mission_that_vehicles_flew_repeats_without_them(
     work: list[list[int]], rules: str, fault_rate: float
 ) -> None:
-    of = Flown(
+    flown = Flown(
         rules=profile(rules, vehicle_timed_actions=True), probability_of_detection=0.6,
         false_alarm_rate=fault_rate, false_alarm_steps=2, everything=True,
     )  # fmt: skip
     draw = np.random.default_rng(len(work))
     looks = [viewpoints_at(draw.integers(-1, 5, 3), *draw.integers(0, 8, (2, 3))) for _ in work]
-    of.fly(len(work), work, looks)
-    mission = one(of.messages)
+    flown.fly(len(work), work, looks)
+    mission = one(flown.messages)
     assert repeats(mission), mission
-    assert mission.steps == of.mission.result.step
+    assert mission.steps == flown.mission.result.step
 
 
 def test_each_mission_of_each_run_and_namespace_is_replayed() -> None:
@@ -135,69 +135,71 @@ def test_each_mission_of_each_run_and_namespace_is_replayed() -> None:
 def test_one_changed_byte_in_a_report_is_found_and_named(
     field: str, offset: int, size: int
 ) -> None:
-    of = Flown()
-    of.fly(6)
-    at = of.find("step_report", 4)
-    message = of.messages[at]
+    flown = Flown()
+    flown.fly(6)
+    at = flown.find("step_report", 4)
+    message = flown.messages[at]
     points = bytes(message.message.data)
     begin = message.data.index(points)
     width = message.message.point_step
     place = begin + width + offset + size - 1
-    of.messages[at] = with_byte(message, place, message.data[place] ^ 1)
-    found = one(of.messages).difference
+    flown.messages[at] = with_byte(message, place, message.data[place] ^ 1)
+    found = one(flown.messages).difference
     assert found.startswith(f"step 4, /step_report, drone1: {field} is ")
 
 
 def test_a_changed_stamp_is_found_unless_stamps_are_wall_time() -> None:
-    of = Flown()
-    of.fly(6)
+    flown = Flown()
+    flown.fly(6)
     for step in (3, 1):
-        at = of.find("step_report", step)
+        at = flown.find("step_report", step)
         # The seconds of the header's stamp stand behind the four bytes of the encapsulation.
-        of.messages[at] = with_byte(of.messages[at], 4, 1)
-        found = one(of.messages).difference
+        flown.messages[at] = with_byte(flown.messages[at], 4, 1)
+        found = one(flown.messages).difference
         assert found.startswith(f"step {step}, /step_report: header.stamp")
     for step in range(7):
-        at = of.find("step_report", step)
-        of.messages[at] = with_byte(of.messages[at], 5, 10 * step + 1)
-    assert not one(of.messages).difference
+        at = flown.find("step_report", step)
+        flown.messages[at] = with_byte(flown.messages[at], 5, 10 * step + 1)
+    assert not one(flown.messages).difference
 
 
 @pytest.mark.parametrize("step", [0, 1, 3])
 def test_a_stamp_before_all_time_is_a_changed_one(step: int) -> None:
-    of = Flown()
-    of.fly(6)
-    at = of.find("step_report", step)
-    sign = of.messages[at].data[7] | 0x80
-    of.messages[at] = with_byte(of.messages[at], 7, sign)
-    found = one(of.messages).difference
+    flown = Flown()
+    flown.fly(6)
+    at = flown.find("step_report", step)
+    sign = flown.messages[at].data[7] | 0x80
+    flown.messages[at] = with_byte(flown.messages[at], 7, sign)
+    found = one(flown.messages).difference
     assert found.startswith(f"step {step}, /step_report: header.stamp")
 
 
 def test_a_mission_without_its_beginning_or_with_a_gap_is_named_as_such() -> None:
-    of = Flown()
-    of.fly(8)
-    report = of.messages[of.find("step_report")]
-    assert "recorded from step 1 on" in one([m for m in of.messages if m is not report]).incomplete
-    gap = of.messages[of.find("step_report", 5)]
-    mission = one([m for m in of.messages if m is not gap])
+    flown = Flown()
+    flown.fly(8)
+    report = flown.messages[flown.find("step_report")]
+    assert (
+        "recorded from step 1 on" in one([m for m in flown.messages if m is not report]).incomplete
+    )
+    gap = flown.messages[flown.find("step_report", 5)]
+    mission = one([m for m in flown.messages if m is not gap])
     assert mission.steps == 4 and "no report of step 5" in mission.incomplete
-    agents = of.messages[of.find("agents")]
-    of.reset(2)
-    missing, whole = Replay([m for m in of.messages if m is not agents]).missions()
-    assert "agents" in missing.incomplete and repeats(whole)
+    agents = flown.messages[flown.find("agents")]
+    flown.reset(2)
+    missing, complete = Replay([m for m in flown.messages if m is not agents]).missions()
+    assert "agents" in missing.incomplete and repeats(complete)
 
 
 def test_a_mission_with_faults_repeats_from_its_commands() -> None:
-    of = Flown(
+    flown = Flown(
         seed=3, timestep_limit=60, command_drop_rate=0.2, stuck_rate=0.1, position_noise=0.5,
         false_alarm_rate=0.2, command_delay=1, battery_move=2.0, loss_rate=0.01,
     )  # fmt: skip
-    of.fly(60)
-    mission = one(of.messages)
+    flown.fly(60)
+    mission = one(flown.messages)
     assert repeats(mission), mission
-    assert mission.steps == of.mission.result.step > 20
-    reports = [m.message for m in of.messages if m.topic == "/step_report"]
+    assert mission.steps == flown.mission.result.step > 20
+    reports = [m.message for m in flown.messages if m.topic == "/step_report"]
     points = np.stack([step_report_from_message(report) for report in reports])
     assert (points["command"] != points["action"]).any()
 
@@ -215,12 +217,12 @@ def test_a_mission_with_faults_repeats_from_its_commands() -> None:
 def test_every_message_that_follows_from_the_mission_is_compared(
     rules: str, fields: dict[str, Any]
 ) -> None:
-    of = Flown(rules=rules, belief=True, everything=True, timestep_limit=6, **fields)
-    of.fly(9)
-    of.reset(5)
-    of.fly(9)
-    missions = list(Replay(of.messages).missions())
-    topics = {re.sub(r"^/|\d", "", message.topic) for message in of.messages}
+    flown = Flown(rules=rules, belief=True, everything=True, timestep_limit=6, **fields)
+    flown.fly(9)
+    flown.reset(5)
+    flown.fly(9)
+    missions = list(Replay(flown.messages).missions())
+    topics = {re.sub(r"^/|\d", "", message.topic) for message in flown.messages}
     assert len(missions) == 2
     for mission in missions:
         assert repeats(mission), mission
@@ -231,13 +233,13 @@ def test_every_message_that_follows_from_the_mission_is_compared(
 @pytest.fixture(scope="module")
 def whole() -> Flown:
     """A mission with every topic that is compared."""
-    of = Flown(
+    flown = Flown(
         rules=profile("v2", person_motion="constant_drift"), particles=50, belief=True,
         everything=True, reveal_person=True, timestep_limit=4, battery_move=2.0,
     )  # fmt: skip
-    of.fly(9)
-    assert of.mission.done
-    return of
+    flown.fly(9)
+    assert flown.mission.done
+    return flown
 
 
 @pytest.mark.slow
@@ -267,9 +269,9 @@ def test_any_changed_byte_of_a_compared_topic_is_found_and_named(whole: Flown, n
 def test_a_mission_on_a_probability_matrix_repeats_with_its_file(tmp_path: Path) -> None:
     np.save(tmp_path / "matrix.npy", np.random.default_rng(1).random((8, 8)))
     matrix = str(tmp_path / "matrix.npy")
-    of = Flown(rules="coverage", everything=True, probability_matrix=matrix)
-    of.fly(6)
-    mission = one(of.messages)
+    flown = Flown(rules="coverage", everything=True, probability_matrix=matrix)
+    flown.fly(6)
+    mission = one(flown.messages)
     assert repeats(mission) and "probability" in mission.compared
 
 
@@ -282,28 +284,28 @@ def test_messages_of_runs_with_the_same_stamps_belong_to_their_own() -> None:
 
 
 def test_drones_that_are_lost_with_their_vehicles_are_lost_again() -> None:
-    of = Flown()
-    of.fly(3)
-    assert of.mission.lose(1)
-    of.report()
-    of.fly(3)
-    mission = one(of.messages)
+    flown = Flown()
+    flown.fly(3)
+    assert flown.mission.lose(1)
+    flown.report()
+    flown.fly(3)
+    mission = one(flown.messages)
     assert repeats(mission) and mission.steps == 6
     assert mission.lost == ["drone1"]
 
 
 def test_a_mission_that_goes_on_after_its_end_differs() -> None:
-    of = Flown(timestep_limit=3, person_pod_multipliers=[0.0])
-    of.fly(9)
-    end = of.messages[of.find("step_report", -1)]
+    flown = Flown(timestep_limit=3, person_pod_multipliers=[0.0])
+    flown.fly(9)
+    end = flown.messages[flown.find("step_report", -1)]
     report = bytearray(end.data)
     data = bytes(end.message.data)
     begin, width = end.data.index(data), end.message.point_step
-    step = of.mission.result.step
+    step = flown.mission.result.step
     for drone in range(3):
         struct.pack_into("<I", report, begin + drone * width + 12, step + 1)
     later = replace(end, data=bytes(report), publish_time_ns=end.publish_time_ns + MS)
-    found = one([*of.messages, later]).difference
+    found = one([*flown.messages, later]).difference
     assert found.startswith(f"step {step + 1}: the mission is under way")
 
 
@@ -313,12 +315,12 @@ def test_a_mission_that_goes_on_after_its_end_differs() -> None:
 def test_the_program_counts_what_is_in_the_bag(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    of = Flown(run_id=12, seed=9, everything=True)
-    of.fly(6)
-    poses = [message for message in of.messages if message.topic.endswith("/pose")]
-    late = of.find("fix", 4)
+    flown = Flown(run_id=12, seed=9, everything=True)
+    flown.fly(6)
+    poses = [message for message in flown.messages if message.topic.endswith("/pose")]
+    late = flown.find("fix", 4)
     kept = [
-        message for at, message in enumerate(of.messages)
+        message for at, message in enumerate(flown.messages)
         if message not in poses[1:] and not (message.topic == "/drones" and at < late)
     ]  # fmt: skip
     assert main([str(write(tmp_path / "thin.mcap", kept))]) == 0
@@ -334,26 +336,26 @@ def test_the_program_counts_what_is_in_the_bag(
 def test_the_program_says_what_repeats_and_what_differs(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    of = Flown(run_id=12, seed=9)
-    of.fly(6)
-    whole = write(tmp_path / "whole.mcap", of.messages)
-    assert main([str(whole)]) == 0
+    flown = Flown(run_id=12, seed=9)
+    flown.fly(6)
+    bag = write(tmp_path / "whole.mcap", flown.messages)
+    assert main([str(bag)]) == 0
     line = "mission 1 of run 12, seed 9: 6 steps repeat byte for byte in step_report"
     rest = "not compared: /agents, /joint_action\n"
     assert capsys.readouterr().out == f"{line}; the bag does not have its end\n{rest}"
-    at = of.find("step_report", 4)
-    place = of.messages[at].data.index(bytes(of.messages[at].message.data))
-    of.messages[at] = with_byte(of.messages[at], place, of.messages[at].data[place] ^ 1)
-    assert main([str(write(tmp_path / "changed.mcap", of.messages))]) == 3
+    at = flown.find("step_report", 4)
+    place = flown.messages[at].data.index(bytes(flown.messages[at].message.data))
+    flown.messages[at] = with_byte(flown.messages[at], place, flown.messages[at].data[place] ^ 1)
+    assert main([str(write(tmp_path / "changed.mcap", flown.messages))]) == 3
     assert "DIFFERS: step 4, /step_report, drone0: x is " in capsys.readouterr().out
 
 
 def test_a_bag_that_is_cut_off_is_replayed_to_there_and_named(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    of = Flown(everything=True)
-    of.fly(12)
-    path = write(tmp_path / "cut.mcap", of.messages, per_chunk=7)
+    flown = Flown(everything=True)
+    flown.fly(12)
+    path = write(tmp_path / "cut.mcap", flown.messages, per_chunk=7)
     size = path.stat().st_size // 2
     with path.open("r+b") as file:
         file.truncate(size)
@@ -393,18 +395,18 @@ def test_messages_of_a_step_whose_report_was_cut_off_are_not_compared(
 
 
 def test_displays_of_another_wall_time_are_not_compared_and_listed() -> None:
-    of = Flown(everything=True)
-    of.fly(3)
+    flown = Flown(everything=True)
+    flown.fly(3)
     displays = ("/probability_grid", "/drone0/path", "/markers")
     for step in range(4):
         for topic in ("/step_report", *displays):
-            at = of.find(topic, step)
-            message = of.messages[at].message
+            at = flown.find(topic, step)
+            message = flown.messages[at].message
             for one_of in getattr(message, "markers", [message]):
                 one_of.header.stamp = to_stamp(START_NS + step * MS + (topic in displays))
             data = bytes(serialize_message(message))
-            of.messages[at] = replace(of.messages[at], data=data)
-    kept = [m for m in of.messages if m.topic in ("/agents", "/step_report", *displays)]
+            flown.messages[at] = replace(flown.messages[at], data=data)
+    kept = [m for m in flown.messages if m.topic in ("/agents", "/step_report", *displays)]
     bag = Replay(kept)
     (mission,) = bag.missions()
     assert repeats(mission), mission
@@ -433,27 +435,27 @@ def folder_without_bag(folder: Path) -> Path:
 
 
 def of_something_else(folder: Path) -> Path:
-    of = Flown()
-    return write(folder / "else.mcap", [replace(of.messages[0], topic="/chatter")])
+    flown = Flown()
+    return write(folder / "else.mcap", [replace(flown.messages[0], topic="/chatter")])
 
 
 def other_agents(folder: Path) -> Path:
-    of = Flown()
-    of.publish("agents", String(data="of another program"))
-    return write(folder / "agents.mcap", of.messages[-1:])
+    flown = Flown()
+    flown.publish("agents", String(data="of another program"))
+    return write(folder / "agents.mcap", flown.messages[-1:])
 
 
 def without_beginning(folder: Path) -> Path:
-    of = Flown()
-    of.fly(2)
-    report = of.messages[of.find("step_report")]
-    return write(folder / "late.mcap", [m for m in of.messages if m is not report])
+    flown = Flown()
+    flown.fly(2)
+    report = flown.messages[flown.find("step_report")]
+    return write(folder / "late.mcap", [m for m in flown.messages if m is not report])
 
 
 def damaged(folder: Path) -> Path:
-    of = Flown()
-    of.fly(20)
-    path = write(folder / "damaged.mcap", of.messages, per_chunk=10)
+    flown = Flown()
+    flown.fly(20)
+    path = write(folder / "damaged.mcap", flown.messages, per_chunk=10)
     data = bytearray(path.read_bytes())
     with path.open("rb") as file:
         summary = make_reader(file).get_summary()
@@ -487,57 +489,63 @@ def test_what_is_no_bag_of_a_mission_gets_one_line(
 
 @pytest.mark.parametrize("topic", ["/agents", "/step_report", "/probability", "/drone0/pose"])
 def test_a_topic_of_another_type_is_no_part_of_the_mission(topic: str) -> None:
-    of = Flown()
-    of.fly(3)
-    of.publish(topic, Empty())
-    (mission,) = Replay(of.messages).missions()
+    flown = Flown()
+    flown.fly(3)
+    flown.publish(topic, Empty())
+    (mission,) = Replay(flown.messages).missions()
     assert not mission.difference
 
 
 def test_a_bag_without_agents_is_refused() -> None:
-    of = Flown()
+    flown = Flown()
     with pytest.raises(FieldError, match="no message on agents"):
-        list(Replay(of.messages[1:]).missions())
+        list(Replay(flown.messages[1:]).missions())
 
 
 def test_a_mission_on_a_larger_grid_than_is_allowed_is_not_replayed() -> None:
-    of = Flown()
-    of.fly(5)
-    cells = of.mission.env.scenario.grid_size**2
-    (mission,) = Replay(of.messages, max_cells=cells - 1).missions()
+    flown = Flown()
+    flown.fly(5)
+    cells = flown.mission.env.scenario.grid_size**2
+    (mission,) = Replay(flown.messages, max_cells=cells - 1).missions()
     assert mission.incomplete.startswith("grid_size must ") and mission.steps == 0
-    (mission,) = Replay(of.messages, max_cells=cells).missions()
+    (mission,) = Replay(flown.messages, max_cells=cells).missions()
     assert not mission.incomplete and not mission.difference
 
 
 def test_a_live_search_repeats_with_its_inputs_until_one_is_missing() -> None:
-    of = Flown(rules="v2", truth="none", belief=True, num_drones=2)
-    intake, texts, inputs = LiveIntake(of.mission, lambda *_: None, Counter()), HistoryTexts(), []
-    assert isinstance(of.mission.beliefs, LiveBeliefs)
+    flown = Flown(rules="v2", truth="none", belief=True, num_drones=2)
+    intake, texts, inputs = (
+        LiveIntake(flown.mission, lambda *_: None, Counter()),
+        HistoryTexts(),
+        [],
+    )
+    assert isinstance(flown.mission.beliefs, LiveBeliefs)
     places = ((300.0, 300.0), (600.0, 300.0), (300.0, 600.0))
     for step, (x, y) in enumerate(places):
-        of.joint(step, SEARCH)
-        of.step()
-        intake.clock.set(of.mission.result.step, float(step))
+        flown.joint(step, SEARCH)
+        flown.step()
+        intake.clock.set(flown.mission.result.step, float(step))
         for _ in range(2):
             intake.take(
                 "detection", json.dumps({"id": f"d{len(inputs)}", "x": x, "y": y, "radius": 40})
             )
             intake.decide(step + 1.0)
-            keeper = of.mission.beliefs.keeper
-            of.publish("live/history", String(data=texts.next((7, of.mission.number), keeper)))
-            inputs.append(of.messages[-1])
-            stamp = to_stamp(of.mission.result.stamp_ns)
+            keeper = flown.mission.beliefs.keeper
+            flown.publish(
+                "live/history", String(data=texts.next((7, flown.mission.number), keeper))
+            )
+            inputs.append(flown.messages[-1])
+            stamp = to_stamp(flown.mission.result.stamp_ns)
             for topic in ("probability", "probability_of_success", "belief"):
-                of.publish(topic, of.messages_of_step.make(topic, stamp))
+                flown.publish(topic, flown.messages_of_step.make(topic, stamp))
     intake.take("confirm", '{"id": "yes", "contact": "c1"}')
     intake.decide(4.0)
-    of.publish("live/history", String(data=texts.next((7, of.mission.number), keeper)))
-    of.report()
-    mission = one(of.messages)
+    flown.publish("live/history", String(data=texts.next((7, flown.mission.number), keeper)))
+    flown.report()
+    mission = one(flown.messages)
     assert repeats(mission) and mission.ended, mission
     assert mission.compared["probability"] == 2 * len(places)
-    without = one([message for message in of.messages if message is not inputs[-1]])
+    without = one([message for message in flown.messages if message is not inputs[-1]])
     assert without.incomplete or without.difference
-    mission = one([message for message in of.messages if "live" not in message.topic])
+    mission = one([message for message in flown.messages if "live" not in message.topic])
     assert mission.incomplete == "the bag has no live/history of step 1"

@@ -89,7 +89,7 @@ def test_all_fits_and_axe_finds_nothing(page: Any, width: int, scheme: str) -> N
     # However far a wide table is scrolled.
     page.evaluate("document.querySelectorAll('.scroll').forEach((one) => one.scrollLeft = 200)")
     for kept in ("caption span", "tbody th"):
-        for one in page.locator(kept).all():
-            box = one.bounding_box()
+        for place in page.locator(kept).all():
+            box = place.bounding_box()
             assert box["x"] >= 0 and box["x"] + box["width"] <= width
     assert violations(page) == []

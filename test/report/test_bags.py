@@ -65,10 +65,10 @@ def plain(path: Path) -> dict[int, dict[str, float | None]]:
                     for row in range(size)
                 ]
             elif connection.topic == "/step_report":
-                of = points(message)
+                rows = points(message)
                 stamp = (message.header.stamp.sec, message.header.stamp.nanosec)
-                reports.setdefault(int(of[0]["mission"]), []).append(of)
-                beliefs[int(of[0]["mission"]), int(of[0]["step"])] = images[stamp]
+                reports.setdefault(int(rows[0]["mission"]), []).append(rows)
+                beliefs[int(rows[0]["mission"]), int(rows[0]["step"])] = images[stamp]
     return {
         number: metrics_of(agents[number], steps, number, beliefs)
         for number, steps in reports.items()
@@ -148,8 +148,8 @@ def test_the_report_of_a_bag_has_the_numbers_of_the_bag(tmp_path: Path) -> None:
             text = rows[number][name]
             close = None if value is None else pytest.approx(value, rel=1e-5, abs=1e-5)
             assert (float(text) if text else None) == close, (number, name)
-    for one in flown:
-        assert float(rows[one.number]["pos"]) == pytest.approx(one.pos[-1], abs=1e-9)
+    for mission in flown:
+        assert float(rows[mission.number]["pos"]) == pytest.approx(mission.pos[-1], abs=1e-9)
     with (tmp_path / "out" / "metrics.csv").open(newline="") as file:
         chosen = {row["metric"]: row["value"] for row in csv.DictReader(file)}
     assert chosen.items() <= rows[4].items()
@@ -174,10 +174,10 @@ def test_a_step_report_that_was_lost_is_in_the_mission_report(tmp_path: Path) ->
     env = environment()
     fly(env, Bag(tmp_path / "whole.mcap", env))
     fly(env, Bag(tmp_path / "lossy.mcap", env, skip=(0, 2, 3)))
-    (whole,), (lossy,) = (
+    (complete,), (lossy,) = (
         MissionBag(tmp_path / name).missions for name in ("whole.mcap", "lossy.mcap")
     )
-    assert metrics(lossy) == metrics(whole)
+    assert metrics(lossy) == metrics(complete)
     # Where the mission does not end, what is missing stays so.
     fly(env, Bag(tmp_path / "cut.mcap", env, skip=(0, 2, 3)), steps=5)
     (cut,) = MissionBag(tmp_path / "cut.mcap").missions
@@ -201,7 +201,7 @@ def test_a_topic_of_another_type_is_somebody_elses(tmp_path: Path) -> None:
     fly(env, Bag(tmp_path / "mission.mcap", env))
     kept = list(read_bag(tmp_path / "mission.mcap"))
     bag = BagWriter(tmp_path / "more.mcap")
-    for one in [
+    for message in [
         *kept,
         *(
             replace(m, topic=f"/other/{name}")
@@ -209,8 +209,13 @@ def test_a_topic_of_another_type_is_somebody_elses(tmp_path: Path) -> None:
             for name in ("step_report", "belief")
         ),
     ]:
-        topic = bag.add_topic(one.topic, one.type_name)
-        bag.write(topic, one.data, log_time_ns=one.log_time_ns, publish_time_ns=one.log_time_ns)
+        topic = bag.add_topic(message.topic, message.type_name)
+        bag.write(
+            topic,
+            message.data,
+            log_time_ns=message.log_time_ns,
+            publish_time_ns=message.log_time_ns,
+        )
     bag.close()
     assert kept[0].type_name == "std_msgs/msg/String"
     alone, beside = (MissionBag(tmp_path / f"{name}.mcap") for name in ("mission", "more"))

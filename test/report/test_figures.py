@@ -48,7 +48,7 @@ def test_every_map_has_the_land_and_the_last_known_positions(
         assert figure.get_facecolor()[:3] == pytest.approx(
             np.array([int(theme.paper[i : i + 2], 16) for i in (1, 3, 5)]) / 255
         )
-        check_sea(name, figure, [one.label for one in seen])
+        check_sea(name, figure, [sighting.label for sighting in seen])
 
 
 def check_sea(name: str, figure: Figure, labels: list[str]) -> None:

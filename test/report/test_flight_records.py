@@ -170,12 +170,14 @@ def test_a_bag_is_replayed_and_each_difference_is_found(tmp_path: Path) -> None:
 def test_a_bag_has_the_same_record_as_a_log(tmp_path: Path) -> None:
     record, _ = log_of(tmp_path / "mission.csv")
     bag, topics = BagWriter(tmp_path / "mission.mcap"), {}
-    for one in messages_of():
-        if one.topic not in topics:
-            topics[one.topic] = bag.add_topic(one.topic, one.type_name, one.offered_qos)
+    for message in messages_of():
+        if message.topic not in topics:
+            topics[message.topic] = bag.add_topic(
+                message.topic, message.type_name, message.offered_qos
+            )
         bag.write(
-            topics[one.topic], one.data, log_time_ns=one.log_time_ns,
-            publish_time_ns=one.publish_time_ns,
+            topics[message.topic], message.data, log_time_ns=message.log_time_ns,
+            publish_time_ns=message.publish_time_ns,
         )  # fmt: skip
     bag.close()
     (recorded,) = MissionBag(tmp_path / "mission.mcap").missions
@@ -236,7 +238,7 @@ def test_a_record_in_metres_is_exported_as_paths_and_strips(tmp_path: Path, vehi
     marks = {mark.findtext("name", "", KML): mark for mark in root.iter(f"{{{KML['']}}}Placemark")}
 
     def metres(text: str) -> np.ndarray[Any, Any]:
-        lon, lat, *_ = np.array([one.split(",") for one in text.split()], float).T
+        lon, lat, *_ = np.array([place.split(",") for place in text.split()], float).T
         x, y, _ = geodetic_to_map(frame, lat, lon, 0.0)
         return np.stack([x, y], axis=1)
 

@@ -137,12 +137,12 @@ def test_the_kml_has_each_cell_with_its_poc_its_pod_and_its_corners(exported: Ex
     for mark in folder.findall("Placemark", KML):
         col, row = map(int, mark.findtext("name", "", KML).strip("()").split(","))
         data = {
-            one.get("name"): float(one.findtext("value", "", KML))
-            for one in mark.findall(".//Data", KML)
+            datum.get("name"): float(datum.findtext("value", "", KML))
+            for datum in mark.findall(".//Data", KML)
         }
         poc[row, col], pod[row, col] = data["poc"], data["pod"]
         text = mark.findtext(".//coordinates", "", KML)
-        lon, lat = np.array([[float(x) for x in one.split(",")[:2]] for one in text.split()]).T
+        lon, lat = np.array([[float(x) for x in place.split(",")[:2]] for place in text.split()]).T
         sides = np.array([(-0.5, 0.5), (0.5, 0.5), (0.5, -0.5), (-0.5, -0.5), (-0.5, 0.5)])
         expected = cell_to_geodetic(exported.mission.frame, *((col, row) + sides).T, 0.0)
         off = np.subtract(
@@ -187,10 +187,10 @@ def test_points_have_times_if_the_scenario_has_a_date(exported: Exported, tmp_pa
     write_files(tmp_path, replace(exported.mission, tracks=tracks))
     root = ET.parse(tmp_path / "tracks.gpx").getroot()
     of_track = root.findall("trk", GPX)[0].findall(".//time", GPX)
-    read = [datetime.fromisoformat((one.text or "").replace("Z", "+00:00")) for one in of_track]
+    read = [datetime.fromisoformat((time.text or "").replace("Z", "+00:00")) for time in of_track]
     assert read == [track.time for track in tracks["drone0"]]
     track = ET.parse(tmp_path / "mission.kml").getroot().findall(".//gx:Track", KML)[0]
-    when = [datetime.fromisoformat(one.text or "") for one in track.findall("when", KML)]
+    when = [datetime.fromisoformat(time.text or "") for time in track.findall("when", KML)]
     assert when == read and len(track.findall("gx:coord", KML)) == len(read)
 
 
@@ -216,12 +216,14 @@ ORDER = (
 
 def check_schema(root: ET.Element) -> None:
     """Check what the schemas of KML 2.2 say of order and identifiers."""
-    ids = [one.attrib["id"] for one in root.iter() if "id" in one.attrib]
-    assert len(ids) == len(set(ids)) and all(one[0].isalpha() for one in ids)
-    assert {one.text for one in root.findall(".//styleUrl", KML)} <= {f"#{one}" for one in ids}
+    ids = [element.attrib["id"] for element in root.iter() if "id" in element.attrib]
+    assert len(ids) == len(set(ids)) and all(name[0].isalpha() for name in ids)
+    assert {one.text for one in root.findall(".//styleUrl", KML)} <= {
+        f"#{number}" for number in ids
+    }
     names = {f"{{{url}}}": f"{prefix}:" if prefix else "" for prefix, url in KML.items()}
     for parent in root.iter():
-        tags = [re.sub(r"{.*}", lambda match: names[match[0]], one.tag) for one in parent]
+        tags = [re.sub(r"{.*}", lambda match: names[match[0]], element.tag) for element in parent]
         ranks = [ORDER.index(tag) if tag in ORDER else len(ORDER) for tag in tags]
         assert ranks == sorted(ranks), tags
 
@@ -247,7 +249,7 @@ def cell_areas(root: ET.Element) -> list[float]:
 
     areas = []
     for mark in root.findall(".//Placemark[ExtendedData]", KML):
-        rings = [one.text or "" for one in mark.findall(".//coordinates", KML)]
+        rings = [ring.text or "" for ring in mark.findall(".//coordinates", KML)]
         parts = [
             shapely.Polygon(np.fromstring(r.replace(",", " "), sep=" ").reshape(-1, 2))
             for r in rings
@@ -265,14 +267,17 @@ def test_tracks_and_cells_are_cut_at_the_antimeridian(exported: Exported) -> Non
         check_schema(root)
     assert cell_areas(there) == pytest.approx(cell_areas(here), rel=1e-5)
     assert there.findall(".//Placemark[ExtendedData]/MultiGeometry", KML)
-    whole, cut = ([*one.iter(f"{{{KML['gx']}}}Track")] for one in (here, there))
-    assert len(cut) > len(whole) == 3
+    uncut, cut = ([*file.iter(f"{{{KML['gx']}}}Track")] for file in (here, there))
+    assert len(cut) > len(uncut) == 3
     for track in cut:
-        lons = [float((one.text or "").split()[0]) for one in track.findall("gx:coord", KML)]
+        lons = [
+            float((coordinate.text or "").split()[0])
+            for coordinate in track.findall("gx:coord", KML)
+        ]
         assert np.ptp(lons) < 0.02 and len(lons) == len(track.findall("when", KML))
     text = gpx_text(moved(exported.mission, 179.9955).tracks)
     segments = ET.fromstring(text).findall(".//trkseg", GPX)
     assert len(segments) == len(cut)
     for segment in segments:
-        lons = [float(one.attrib["lon"]) for one in segment]
+        lons = [float(point.attrib["lon"]) for point in segment]
         assert np.ptp(lons) < 0.02 and -180 <= min(lons) <= max(lons) < 180

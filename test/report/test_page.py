@@ -126,7 +126,7 @@ def test_the_page_has_every_metric_and_every_mission(report: Path, log: Path) ->
 
 def test_the_page_begins_with_one_line_that_says_how_the_mission_ended(report: Path) -> None:
     page = Elements((report / "report.html").read_text())
-    (verdict,) = [one for one in page.of("p") if one.get("class") == "verdict"]
+    (verdict,) = [paragraph for paragraph in page.of("p") if paragraph.get("class") == "verdict"]
     assert verdict
     assert re.search(
         r"Persons? (found by drone\d.* after .* s|not found).*\. Searches like these find "
@@ -147,14 +147,14 @@ def test_the_line_on_top_says_who_found_whom_when_and_how_likely_that_was(
     stated: str, pos: float | None, line: str, log: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     record = read_csv(log)[0]
-    one = replace(record, scenario=environment().scenario)
+    resolved = replace(record, scenario=environment().scenario)
     monkeypatch.setattr(texts, "outcome", lambda _: stated)
-    assert texts.verdict(one, pos) == line
+    assert texts.verdict(resolved, pos) == line
 
 
 def test_all_maps_share_one_legend(report: Path) -> None:
     page = Elements((report / "report.html").read_text())
-    (legend,) = [one for one in page.of("ul") if one["class"] == "legend"]
+    (legend,) = [items for items in page.of("ul") if items["class"] == "legend"]
     assert legend["aria-label"] == "Legend of the maps"
     symbols = [image for image in page.of("img") if not image["alt"]]
     assert len(symbols) == len(page.of("li")) > 4
@@ -164,9 +164,9 @@ def test_all_maps_share_one_legend(report: Path) -> None:
 
 def test_each_figure_is_light_on_light_pages_and_dark_on_dark_ones(report: Path) -> None:
     page = Elements((report / "report.html").read_text())
-    dark = [one["srcset"] for one in page.of("source")]
+    dark = [source["srcset"] for source in page.of("source")]
     light = [image["src"] for image in page.of("img")]
-    assert {one["media"] for one in page.of("source")} == {"(prefers-color-scheme: dark)"}
+    assert {source["media"] for source in page.of("source")} == {"(prefers-color-scheme: dark)"}
     assert len(dark) == len(light)
     for kind, papers in (("png", ((255, 255, 255), (23, 27, 33))), ("svg", ("#ffffff", "#171b21"))):
         for addresses, paper in zip((light, dark), papers, strict=True):

@@ -108,12 +108,12 @@ def test_a_mission_that_was_cut_off_is_read_to_its_last_whole_step(tmp_path: Pat
     path = tmp_path / "mission.csv"
     env = environment()
     fly(env, Log(path, env), steps=3)
-    whole = path.read_bytes()
+    content = path.read_bytes()
     (before,) = read_csv(path)
-    rows = whole.splitlines(keepends=True)
+    rows = content.splitlines(keepends=True)
     per_step = 4
-    for kept in range(len(whole) - len(rows[-1]) - 1, len(whole), 7):
-        path.write_bytes(whole[:kept])
+    for kept in range(len(content) - len(rows[-1]) - 1, len(content), 7):
+        path.write_bytes(content[:kept])
         (record,) = read_csv(path)
         assert record.steps.tolist() == [0, 1, 2] and not record.complete
         assert np.array_equal(record.cells, before.cells[:3])
@@ -216,7 +216,7 @@ def test_a_grid_that_is_larger_than_it_may_be_is_refused(tmp_path: Path) -> None
 
 
 def test_a_step_that_no_mission_of_the_scenario_has_is_refused(tmp_path: Path) -> None:
-    _, _, (one, _) = recorded(tmp_path / "mission.csv")
-    late = replace(one, steps=np.array([*one.steps[:-1], 10**15]))
+    _, _, (record, _) = recorded(tmp_path / "mission.csv")
+    late = replace(record, steps=np.array([*record.steps[:-1], 10**15]))
     with pytest.raises(FieldError, match=f"must allow the recorded {10**15}, got 14"):
         check_limit(late)

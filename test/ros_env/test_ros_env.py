@@ -84,8 +84,8 @@ def assert_equal(mine: Any, theirs: Any) -> None:
         for name, value in mine.items():
             assert_equal(value, theirs[name])
     elif isinstance(mine, tuple):
-        for one, other in zip(mine, theirs, strict=True):
-            assert_equal(one, other)
+        for own, other in zip(mine, theirs, strict=True):
+            assert_equal(own, other)
     elif isinstance(mine, np.ndarray):
         assert mine.dtype == theirs.dtype and mine.shape == theirs.shape
         assert mine.tobytes() == theirs.tobytes()
@@ -139,8 +139,8 @@ CELLS = ((9, 9), (10, 10), (3, 3))
 @pytest.fixture(scope="module")
 def in_metres(rig: Rig) -> Sim:
     """The node of a search in metres."""
-    given = {"rules.profile": "flight", "drones_positions": [at for one in CELLS for at in one]}
-    return rig.sim(IN_METRES | given, namespace="/metres")
+    fields = {"rules.profile": "flight", "drones_positions": [at for cell in CELLS for at in cell]}
+    return rig.sim(IN_METRES | fields, namespace="/metres")
 
 
 def test_missions_in_metres_are_those_of_the_direct_environment_bit_for_bit(

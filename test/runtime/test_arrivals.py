@@ -75,13 +75,13 @@ def test_every_message_comes_once_and_times_and_topics_never_go_back(
 ) -> None:
     machine = Machine(steps, sorted(arrivals))
     found = machine.recorded()
-    assert sorted(one.sequence for one in found) == list(range(len(arrivals)))
-    received = [one.received_ns for one in found]
+    assert sorted(message.sequence for message in found) == list(range(len(arrivals)))
+    received = [message.received_ns for message in found]
     assert received == sorted(received)
     for topic in range(6):
-        numbers = [one.sequence for one in found if one.topic == f"/topic{topic}"]
+        numbers = [message.sequence for message in found if message.topic == f"/topic{topic}"]
         assert numbers == sorted(numbers)
-    assert all(one.published_ns <= one.received_ns for one in found)
+    assert all(message.published_ns <= message.received_ns for message in found)
 
 
 @given(
@@ -95,7 +95,7 @@ def test_the_order_is_that_of_arrival_however_far_the_clock_steps(
     steps: list[tuple[int, int]], arrivals: list[tuple[int, int, int]]
 ) -> None:
     found = Machine(steps, sorted(arrivals)).recorded()
-    assert [one.sequence for one in found] == list(range(len(arrivals)))
+    assert [message.sequence for message in found] == list(range(len(arrivals)))
 
 
 @given(st.lists(st.tuples(times, topics, st.just(0)), max_size=25))
@@ -104,7 +104,7 @@ def test_times_are_those_of_the_middleware_while_the_clock_does_not_step_back(
 ) -> None:
     machine = Machine([(100, 2000)], sorted(arrivals))
     found = machine.recorded()
-    assert sorted(found, key=lambda one: one.sequence) == machine.messages
+    assert sorted(found, key=lambda message: message.sequence) == machine.messages
 
 
 def test_the_clocks_of_the_machine_are_read_together() -> None:

@@ -31,8 +31,8 @@ def test_typed_are_the_parameters_of_the_command_line_for_any_node() -> None:
 
 
 def test_a_file_may_have_parameters_of_other_nodes() -> None:
-    given = {"seed": 1, "planner": "sweep", "controller.gain": 2.0}
-    assert known_parameters("x", given, KNOWN, typed=()) == {"seed": 1}
+    stated = {"seed": 1, "planner": "sweep", "controller.gain": 2.0}
+    assert known_parameters("x", stated, KNOWN, typed=()) == {"seed": 1}
 
 
 @pytest.mark.parametrize(

@@ -88,10 +88,10 @@ def test_the_same_information_gives_the_same_ascii_text(info):
 def test_an_area_comes_back_as_its_mask_and_as_its_polygons():
     square = [[-24.035, -46.165], [-24.035, -46.15], [-24.02, -46.15], [-24.02, -46.165]]
     rules = profile("paper")
-    given = Scenario(
+    stated = Scenario(
         area=square, grid_size=8, cell_size=200, person_initial_position=(4, 4), num_drones=2
     )
-    scenario = given.resolve(rules)
+    scenario = stated.resolve(rules)
     mask = scenario.area_mask
     area = area_rows(mask)
     info = dataclasses.replace(INFO, area=area, definition=SearchDefinition(rules, scenario))
@@ -152,10 +152,10 @@ def test_an_incident_comes_back_with_its_grid():
 
 def test_a_message_names_no_file_of_an_incident():
     seen = {"lat": 0.0, "lon": 0.0, "time": "2026-01-17"}
-    given = {"object": "PIW-1", "seen": [seen], "search_start": "2026-01-17"}
+    incident = {"object": "PIW-1", "seen": [seen], "search_start": "2026-01-17"}
     message = json.loads(agents_json(INFO))
     for files in ({"wind": {"file": "wind.csv"}}, {"shore": "land.json"}, {"tracks": "drift.nc"}):
-        message["definition"] = {"rules": {}, "scenario": {"incident": {**given, **files}}}
+        message["definition"] = {"rules": {}, "scenario": {"incident": {**incident, **files}}}
         with pytest.raises(ValueError, match="incident.* an object without files or null"):
             agents_from_json(json.dumps(message))
 

@@ -61,12 +61,12 @@ def test_nothing_leaves_the_area_in_a_hundred_thousand_random_steps(rules: str, 
     """24 runs of 4200 steps, of 84 searches at once; actions are drawn without their masks."""
     rng = np.random.default_rng(seed)
     mask = random_mask(rng, int(rng.integers(4, 15)))
-    given = scenario_of(mask, rng, 4)
-    around = np.array([(y, x) for x, y in [given["person_initial_position"]]])
+    fields = scenario_of(mask, rng, 4)
+    around = np.array([(y, x) for x, y in [fields["person_initial_position"]]])
     near = (np.abs(np.argwhere(mask) - around) <= 2).all(axis=1).sum()
     amount = min(3, int(near))
-    env = vector_env(84, given, rules=rules, person_amount=amount)
-    lazy = vector_env(84, given, rules=rules, person_amount=amount, lazy=True)
+    env = vector_env(84, fields, rules=rules, person_amount=amount)
+    lazy = vector_env(84, fields, rules=rules, person_amount=amount, lazy=True)
     moves = env.rules.action_set.moves
     observed, infos = env.reset(seed=seed)
     lazy.reset(seed=seed)
@@ -106,16 +106,16 @@ def test_the_map_is_that_of_the_whole_grid_cut_to_the_area_and_normalised(
     rng = np.random.default_rng(seed)
     mask = random_mask(rng, 12)
     # A datum that stays where it is, so that it is the same in both.
-    given = scenario_of(mask, rng, 1) | {"vector": [0, 0], "sigma": 3.0}
-    cut, whole = (
-        parallel_env({**given, "area": area}, rules=rules) for area in (given["area"], None)
+    fields = scenario_of(mask, rng, 1) | {"vector": [0, 0], "sigma": 3.0}
+    cut, uncut = (
+        parallel_env({**fields, "area": area}, rules=rules) for area in (fields["area"], None)
     )
     cut.reset(seed=seed)
-    whole.reset(seed=seed)
+    uncut.reset(seed=seed)
     for _ in range(15):
-        wanted = np.where(mask, whole.probability, 0).astype(float)
+        wanted = np.where(mask, uncut.probability, 0).astype(float)
         np.testing.assert_allclose(cut.probability, wanted / wanted.sum(), rtol=1e-5, atol=1e-9)
-        for env in (cut, whole):
+        for env in (cut, uncut):
             env.advance(np.array([env.rules.action_set.search]))
 
 
@@ -140,8 +140,8 @@ def test_an_area_of_the_whole_grid_changes_nothing(rules: str) -> None:
 @pytest.mark.parametrize("seed", SEEDS)
 def test_one_environment_and_the_batch_have_the_same_masks_and_maps(rules: str, seed: int) -> None:
     rng = np.random.default_rng(seed)
-    given = scenario_of(random_mask(rng, 9), rng, 3)
-    single, batch = parallel_env(given, rules=rules), vector_env(2, given, rules=rules)
+    fields = scenario_of(random_mask(rng, 9), rng, 3)
+    single, batch = parallel_env(fields, rules=rules), vector_env(2, fields, rules=rules)
     single.reset(seed=seed)
     observed, infos = batch.reset(seed=seed)
     while single.agents:
@@ -155,18 +155,18 @@ def test_one_environment_and_the_batch_have_the_same_masks_and_maps(rules: str, 
 @pytest.mark.parametrize("rules", [name for name, of in PROFILES.items() if of.actions])
 def test_a_snapshot_and_a_pickle_go_on_bit_for_bit(rules: str) -> None:
     rng = np.random.default_rng(5)
-    given = scenario_of(random_mask(rng, 9), rng, 3)
-    env = parallel_env(given, rules=rules)
+    fields = scenario_of(random_mask(rng, 9), rng, 3)
+    env = parallel_env(fields, rules=rules)
     env.reset(seed=1)
     env.advance(np.zeros(env.world.num_drones, np.int8))
-    restored, pickled = parallel_env(given, rules=rules), pickle.loads(pickle.dumps(env))
+    restored, pickled = parallel_env(fields, rules=rules), pickle.loads(pickle.dumps(env))
     restored.restore(env.snapshot())
     for twin in (restored, pickled):
         assert twin.probability.tobytes() == env.probability.tobytes()
     for _ in range(10):
         joint = rng.integers(0, len(env.rules.actions), env.world.num_drones).astype(np.int8)
-        for one in (env, restored, pickled):
-            one.advance(joint)
+        for each in (env, restored, pickled):
+            each.advance(joint)
         for twin in (restored, pickled):
             assert twin.world.state_bytes() == env.world.state_bytes()
             assert twin.probability.tobytes() == env.probability.tobytes()
@@ -184,9 +184,9 @@ def test_a_snapshot_of_another_area_is_refused() -> None:
 def test_a_drone_that_would_leave_the_area_is_treated_as_at_the_edge_of_the_grid() -> None:
     mask = np.ones((3, 3), bool)
     mask[1, 2] = False
-    given = {"area": geojson_of(mask), "grid_size": 3, "person_initial_position": (0, 0), **PLACE}
+    fields = {"area": geojson_of(mask), "grid_size": 3, "person_initial_position": (0, 0), **PLACE}
     for rules, reward, out in (("paper", -100000, True), ("v1", -100000, True), ("v2", 0, False)):
-        env = parallel_env(given, rules=rules, drones_positions=[(1, 1)])
+        env = parallel_env(fields, rules=rules, drones_positions=[(1, 1)])
         _, infos = env.reset(seed=0)
         right = env.rules.actions.index("right")
         assert infos["drone0"]["action_mask"][right] == 0
@@ -199,8 +199,8 @@ def test_a_person_that_walks_blindly_stays_before_a_cell_outside_the_area() -> N
     for masked, wanted in ((True, (7, 7)), (False, (6, 6))):
         mask = np.ones((9, 9), bool)
         mask[6, 6], mask[0, 0] = not masked, False
-        given = {"area": geojson_of(mask), "grid_size": 9, "vector": (0, 0), **PLACE}
-        env = parallel_env(given, rules="v1", person_initial_position=(2, 2))
+        fields = {"area": geojson_of(mask), "grid_size": 9, "vector": (0, 0), **PLACE}
+        env = parallel_env(fields, rules="v1", person_initial_position=(2, 2))
         env.reset(seed=0)
         person = env.world.persons[0]
         person["x"] = person["y"] = 7
@@ -303,7 +303,7 @@ def test_a_file_of_another_program_is_an_area(
         geometry_type=shape.geom_type, **({"layer": "routes"} if driver == "GPX" else {}),
     )  # fmt: skip
     read, wanted = Area.read(path), Area.read({"type": "Polygon", "coordinates": [RING]})
-    found = [shapely.Polygon(one.polygons[0][0]) for one in (read, wanted)]
+    found = [shapely.Polygon(area.polygons[0][0]) for area in (read, wanted)]
     assert found[0].symmetric_difference(found[1]).area < 1e-6
     path.write_bytes(b"nothing")
     with pytest.raises(FieldError, match="area must be a file that GDAL reads, got '.*area"):
@@ -384,13 +384,13 @@ def test_nobody_starts_outside_the_area(fields: dict[str, Any], error: str) -> N
 def test_persons_have_room_in_the_area_or_are_refused() -> None:
     mask = np.zeros((5, 5), bool)
     mask[2, 1:4] = True
-    given = {"area": geojson_of(mask), "grid_size": 5, "person_initial_position": (2, 2), **PLACE}
-    env = parallel_env(given, rules="v2", person_amount=3)
+    fields = {"area": geojson_of(mask), "grid_size": 5, "person_initial_position": (2, 2), **PLACE}
+    env = parallel_env(fields, rules="v2", person_amount=3)
     for seed in range(20):
         env.reset(seed=seed)
         assert set(env.world.persons["x"][0].tolist()) <= {1, 2, 3}
     with pytest.raises(FieldError, match="person_amount must be at most 3, .* got 4"):
-        parallel_env(given, rules="v2", person_amount=4)
+        parallel_env(fields, rules="v2", person_amount=4)
 
 
 @pytest.mark.slow
@@ -426,12 +426,12 @@ def test_a_large_grid_is_looked_at_in_parts(
     monkeypatch: pytest.MonkeyPatch, little_memory: Any
 ) -> None:
     ring = [(-24.05, -46.18), (-23.9, -46.1), (-23.95, -46.0)]
-    whole = area_mask(Area.read(ring), False, 300, 30.0, (-24.04, -46.17, 0.0))
+    complete = area_mask(Area.read(ring), False, 300, 30.0, (-24.04, -46.17, 0.0))
     monkeypatch.setattr("dsse_ros.scenario.area._BLOCK_CELLS", 7 * 300)
     area_mask.cache_clear()
     parts = area_mask(Area.read(ring), False, 300, 30.0, (-24.04, -46.17, 0.0))
-    assert whole is not None and parts is not None and 0 < parts.sum() < 90_000
-    np.testing.assert_array_equal(parts, whole)
+    assert complete is not None and parts is not None and 0 < parts.sum() < 90_000
+    np.testing.assert_array_equal(parts, complete)
     with pytest.raises(
         FieldError,
         match=r"a cell of the grid, -24\.03986 to -23\.95885 N and -46\.16985 to -46\.08167 E",

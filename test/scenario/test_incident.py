@@ -58,12 +58,12 @@ def scenario(**changes: Any) -> Scenario:
 def test_99_percent_of_the_particles_are_on_the_grid_while_the_search_lasts(
     key: str, hours: int, wind: float, shore: bool
 ) -> None:
-    made = scenario(
+    stated = scenario(
         object=key, search_start=f"2026-01-17T{13 + hours}:00Z",
         wind={"from": 270, "speed": wind, "error": 1.0}, current={"speed": 0.4, "toward": 30},
         **({"shore": LAND} if shore else {}),
     ).override(particles=20_000)  # fmt: skip
-    resolved = made.resolve(SEA)
+    resolved = stated.resolve(SEA)
     tracks = tracks_of(resolved, SEA)
     assert tracks is not None
     for cells in (tracks.particles, tracks.truth):
@@ -138,10 +138,10 @@ def test_another_altitude_lays_another_grid() -> None:
 @pytest.mark.slow
 def test_the_kayak_is_searched_and_a_seed_gives_the_same_mission() -> None:
     world, twin = (World(Scenario.from_yaml(KAYAK), SEA, 2) for _ in range(2))
-    for one in (world, twin):
-        one.seed(5)
-        one.reset()
-        one.step(np.zeros(one.drones.shape, np.int8))
+    for each in (world, twin):
+        each.seed(5)
+        each.reset()
+        each.step(np.zeros(each.drones.shape, np.int8))
     assert world.state_bytes() == twin.state_bytes()
     assert world.maps[0].sum() > 0.99
     assert Scenario.from_yaml(KAYAK).rules_of("auto") == "sea"
@@ -183,11 +183,11 @@ def test_the_grid_of_an_incident_is_laid_once_and_forgotten_with_it(
 
     monkeypatch.setattr("dsse_ros.scenario.both_ways.drift_tracks", drift)
     first, equal = (scenario(jibing=0.031) for _ in range(2))
-    for one in (first, first, equal):
-        one.resolve(SEA)
+    for each in (first, first, equal):
+        each.resolve(SEA)
     assert len(laid) == 1
     alive = weakref.ref(first.incident)
-    del first, equal, one
+    del first, equal, each
     gc.collect()
     assert alive() is None
 
@@ -338,9 +338,9 @@ def test_wind_that_ends_before_the_search_is_refused_in_a_line(tmp_path: Path) -
 def write_tracks(path: Path) -> np.ndarray:
     """Write an OpenDrift file of our own drift; latitudes (T, M)."""
     netcdf = pytest.importorskip("netCDF4")
-    made = Incident.read(FIELDS)
-    times = made.search_start_s + 600.0 * np.arange(10)
-    tracks = made.tracks(times, 5000, np.random.default_rng(1))
+    incident = Incident.read(FIELDS)
+    times = incident.search_start_s + 600.0 * np.arange(10)
+    tracks = incident.tracks(times, 5000, np.random.default_rng(1))
     with netcdf.Dataset(path, "w") as file:
         file.createDimension("trajectory", 5000)
         file.createDimension("time", len(times))
@@ -356,25 +356,25 @@ def test_tracks_of_another_model_are_the_ensemble(tmp_path: Path) -> None:
     write_tracks(tmp_path / "drift.nc")
     stated = {"tracks": str(tmp_path / "drift.nc"), "search_start": FIELDS["search_start"]}
     ours = scenario().resolve(SEA)
-    given = Scenario(incident=stated, timestep_limit=60).resolve(SEA)
-    theirs = tracks_of(given, SEA)
+    given_scenario = Scenario(incident=stated, timestep_limit=60).resolve(SEA)
+    theirs = tracks_of(given_scenario, SEA)
     assert theirs is not None and theirs.particles.shape[1] == 5000
-    inside = (theirs.particles >= 0) & (theirs.particles < given.grid_size)
+    inside = (theirs.particles >= 0) & (theirs.particles < given_scenario.grid_size)
     assert inside.all(axis=2).mean(axis=1).min() >= 0.99
-    assert given.grid_size == pytest.approx(ours.grid_size, abs=3)
-    assert given.sigma_x == pytest.approx(ours.sigma_x, rel=0.1)
-    fields = given.incident.to_json()
+    assert given_scenario.grid_size == pytest.approx(ours.grid_size, abs=3)
+    assert given_scenario.sigma_x == pytest.approx(ours.sigma_x, rel=0.1)
+    fields = given_scenario.incident.to_json()
     assert Incident.may_be_sent(fields) and not Incident.may_be_sent(stated)
-    assert Incident.read(json.dumps(fields, allow_nan=False)) == given.incident
+    assert Incident.read(json.dumps(fields, allow_nan=False)) == given_scenario.incident
     with pytest.raises(FieldError, match="incident: the tracks must cover .* got 2026-01-17T14:00"):
         Scenario(incident=stated, timestep_limit=900).resolve(SEA)
     with pytest.raises(FieldError, match="'wind' is not a field of an incident with tracks"):
         Scenario(incident={**stated, "wind": {"speed": 1, "from": 2}})
 
 
-def pos_and_share_found(made: Scenario, drones: int) -> tuple[float, float]:
+def pos_and_share_found(stated: Scenario, drones: int) -> tuple[float, float]:
     """Return POS and the share found by drones that each search a particle's cell per step."""
-    tracks = tracks_of(made.override(particles=10_000).resolve(SEA), SEA)
+    tracks = tracks_of(stated.override(particles=10_000).resolve(SEA), SEA)
     assert tracks is not None
     rng = np.random.default_rng(4)
     hit = [np.zeros(10_000, bool) for _ in range(2)]
@@ -382,8 +382,8 @@ def pos_and_share_found(made: Scenario, drones: int) -> tuple[float, float]:
     known, true = (of.astype(np.int64) @ (1 << 16, 1) for of in (tracks.particles, tracks.truth))
     for step in range(60):
         cells = known[step][rng.integers(0, 10_000, drones)]
-        for found, of in zip(hit, (known, true), strict=True):
-            found |= np.isin(of[step], cells)
+        for found, passed in zip(hit, (known, true), strict=True):
+            found |= np.isin(passed[step], cells)
     return float(hit[0].mean()), float(hit[1].mean())
 
 
@@ -391,9 +391,9 @@ def pos_and_share_found(made: Scenario, drones: int) -> tuple[float, float]:
 @pytest.mark.parametrize("key", ["PIW-1", "LIFE-RAFT-DB-10", "SLDMB"])
 @pytest.mark.parametrize("shore", [None, LAND])
 def test_a_search_finds_as_many_persons_as_its_pos_has_it(key: str, shore: Any) -> None:
-    made = scenario(object=key, shore=shore, current={"speed": 0.4, "toward": 80, "error": 0.1})
+    stated = scenario(object=key, shore=shore, current={"speed": 0.4, "toward": 80, "error": 0.1})
     for drones in (2, 8, 30):
-        pos, share = pos_and_share_found(made, drones)
+        pos, share = pos_and_share_found(stated, drones)
         # Both are samples; each searched cell was drawn from one of the particles.
         error = 4 * np.sqrt(2 * pos * (1 - pos) / 10_000) + 60 * drones / 10_000 * (1 - pos)
         assert share == pytest.approx(pos, abs=error)
@@ -402,11 +402,11 @@ def test_a_search_finds_as_many_persons_as_its_pos_has_it(key: str, shore: Any) 
 @pytest.mark.slow
 @pytest.mark.parametrize("truth", [{"wind": {"from": 180, "speed": 8.0}}, {"object": "SPORT-BOAT"}])
 def test_where_truth_has_another_law_a_search_finds_fewer_than_its_pos(truth: Any) -> None:
-    made = scenario(truth=truth)
-    pos, share = pos_and_share_found(made, 30)
+    stated = scenario(truth=truth)
+    pos, share = pos_and_share_found(stated, 30)
     assert share < pos - 0.1
     # The belief and its grid are those of the incident.
-    wrong, right = made.resolve(SEA), scenario().resolve(SEA)
+    wrong, right = stated.resolve(SEA), scenario().resolve(SEA)
     assert wrong.incident is not None and (wrong.vector, wrong.origin_lat) == (
         right.vector, right.origin_lat,
     )  # fmt: skip
@@ -424,8 +424,8 @@ def test_stokes_drift_is_optional_and_survives_a_message() -> None:
     assert not Incident.may_be_sent({**FIELDS, "waves": {"file": "waves.nc"}})
     times = moved.search_start_s + np.array([0.0, 3600.0])
     lons = [
-        one.tracks(times, 500, np.random.default_rng(1)).lons_deg[-1].mean()
-        for one in (moved, Incident.read(FIELDS))
+        incident.tracks(times, 500, np.random.default_rng(1)).lons_deg[-1].mean()
+        for incident in (moved, Incident.read(FIELDS))
     ]
     # Since the sighting, an hour before the search: 0.2 m/s for two hours are 1440 m.
     assert (lons[0] - lons[1]) * 101_700 == pytest.approx(1440, abs=15)

@@ -40,8 +40,8 @@ VALUES = st.recursive(
 @settings(max_examples=40)
 @given(key=st.sampled_from([*CONTACT, *ANSWER]), value=VALUES)
 def test_whatever_stands_there_is_read_or_refused_on_one_line(key: str, value: Any) -> None:
-    for read, whole in ((contacts_from_json, [CONTACT]), (answer_from_json, ANSWER)):
-        changed = json.loads(json.dumps(whole))
+    for read, content in ((contacts_from_json, [CONTACT]), (answer_from_json, ANSWER)):
+        changed = json.loads(json.dumps(content))
         (changed[0] if isinstance(changed, list) else changed)[key] = value
         try:
             read(json.dumps(changed))

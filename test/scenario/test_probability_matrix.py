@@ -257,16 +257,17 @@ def test_a_matrix_comes_back_from_its_path_and_digest_while_the_file_is_the_same
     tmp_path: Path,
 ) -> None:
     path = saved(tmp_path, "npy")
-    made = Scenario(probability_matrix=path).probability_matrix
+    matrix = Scenario(probability_matrix=path).probability_matrix
     assert (
-        made is not None and Scenario(probability_matrix=made.to_json()).probability_matrix == made
+        matrix is not None
+        and Scenario(probability_matrix=matrix.to_json()).probability_matrix == matrix
     )
     np.save(path, MATRIX + 1)
     with pytest.raises(FieldError, match=f"must be {str(path)!r} with the SHA-256 .*, got a file"):
-        Scenario(probability_matrix=made.to_json())
+        Scenario(probability_matrix=matrix.to_json())
     path.unlink()
     with pytest.raises(FieldError, match=f"got {str(path)!r}: No such file"):
-        Scenario(probability_matrix=made.to_json())
+        Scenario(probability_matrix=matrix.to_json())
 
 
 @pytest.mark.parametrize("field", ["probability_matrix", "transition_probabilities"])
@@ -278,9 +279,9 @@ def test_what_is_no_regular_file_is_never_opened(tmp_path: Path, field: str, suf
     (tmp_path / f"device.{suffix}").symlink_to("/dev/zero")
     for name in ("pipe", "folder", "device"):
         path = tmp_path / f"{name}.{suffix}"
-        for given in (path, {"path": str(path), "sha256": "0" * 64}):
+        for source in (path, {"path": str(path), "sha256": "0" * 64}):
             with pytest.raises(FieldError, match=rf"^{field} must be a regular file, got '{path}'"):
-                Scenario(**{field: given})
+                Scenario(**{field: source})
 
 
 def test_a_matrix_of_another_size_or_task_is_refused() -> None:

@@ -75,10 +75,10 @@ def test_a_chain_comes_back_from_its_path_and_digest_while_the_file_is_the_same(
     tmp_path: Path,
 ) -> None:
     path = saved(tmp_path, "steps")
-    made = Scenario(transition_probabilities=path)
-    assert made.transition_probabilities is not None
-    reference = made.transition_probabilities.to_json()
-    assert Scenario(transition_probabilities=reference) == made
+    stated = Scenario(transition_probabilities=path)
+    assert stated.transition_probabilities is not None
+    reference = stated.transition_probabilities.to_json()
+    assert Scenario(transition_probabilities=reference) == stated
     np.save(path, uneven_chain(4, seed=1))
     line = f"^transition_probabilities must be {str(path)!r} with the SHA-256 .*, got a file"
     with pytest.raises(FieldError, match=line):
@@ -155,8 +155,8 @@ def header_of(shape: tuple[int, ...], dtype: str = "<f8") -> bytes:
 
 def archive(**parts: bytes) -> bytes:
     """A compressed sparse matrix of 4 x 4 cells, with other parts."""
-    one = np.arange(16)
-    arrays = {"data": np.ones(16), "indices": one, "indptr": np.arange(17)}
+    numbers = np.arange(16)
+    arrays = {"data": np.ones(16), "indices": numbers, "indptr": np.arange(17)}
     file = io.BytesIO()
     np.savez_compressed(file, shape=np.array([16, 16]), format=np.array(b"csr"), **arrays)  # type: ignore[arg-type]
     contents = {}

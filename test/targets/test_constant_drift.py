@@ -35,16 +35,16 @@ def test_particles_spread_about_the_drift_of_the_datum(
         grid_size=30, person_initial_position=(12, 17), vector=vector, sigma_x=sigma_x,
         sigma_y=sigma_y, dispersion_inc=growth, diffusivity=diffusivity, drone_speed=7.0,
     ).resolve(profile(rules))  # fmt: skip
-    made = tracks(scenario, steps, np.random.default_rng(seed), COUNT)
-    assert made.positions.shape == (steps + 1, COUNT, 2)
-    assert made.weights.sum() == pytest.approx(1.0, abs=1e-9)
+    drawn = tracks(scenario, steps, np.random.default_rng(seed), COUNT)
+    assert drawn.positions.shape == (steps + 1, COUNT, 2)
+    assert drawn.weights.sum() == pytest.approx(1.0, abs=1e-9)
     cell, time_s = scenario.cell_size, steps * scenario.step_duration_s
     for axis, sigma in enumerate((sigma_x, sigma_y)):
         spread = np.sqrt(
             (sigma * cell) ** 2 + (growth * steps * cell) ** 2 + 2 * diffusivity * time_s
         )
         middle = ((12, 17)[axis] + 0.5 + scenario.drift[axis] * steps) * cell
-        where = made.positions[-1, :, axis]
+        where = drawn.positions[-1, :, axis]
         # Five standard errors.
         assert where.mean() == pytest.approx(middle, abs=5 * spread / np.sqrt(COUNT))
         assert where.std() == pytest.approx(spread, rel=5 / np.sqrt(2 * COUNT))
@@ -52,7 +52,7 @@ def test_particles_spread_about_the_drift_of_the_datum(
 
 def test_the_velocity_of_a_particle_lasts() -> None:
     scenario = Scenario(grid_size=9, dispersion_inc=0.2, diffusivity=0.0, sigma=1e-6)
-    made = tracks(scenario.resolve(profile("paper")), 8, np.random.default_rng(0), 100)
-    steps = np.diff(made.positions, axis=0)
+    drawn = tracks(scenario.resolve(profile("paper")), 8, np.random.default_rng(0), 100)
+    steps = np.diff(drawn.positions, axis=0)
     assert np.allclose(steps, steps[0])
     assert steps[0].std() > 0

@@ -105,10 +105,10 @@ def test_the_belief_is_the_exact_filter_of_the_chain(area: Any) -> None:
 
 def test_persons_stay_instead_of_leaving_the_grid() -> None:
     east = (0.0, 0.0, 0.0, 0.0, 0.25, 0.75, 0.0, 0.0, 0.0)
-    for given in ({}, {"transition_probabilities": np.tile(east, (4, 4, 1))}):
+    for fields in ({}, {"transition_probabilities": np.tile(east, (4, 4, 1))}):
         scenario, rules = scenario_and_rules(
             rules="paper", person_motion="markov_chain", person_steps=east, grid_size=4,
-            person_initial_position=(2, 1), **given,
+            person_initial_position=(2, 1), **fields,
         )  # fmt: skip
         belief = forecast_for(scenario, rules).belief()
         for _ in range(2):
@@ -141,8 +141,8 @@ def test_a_mission_continues_from_its_snapshot_with_the_same_chain_only() -> Non
     stored = Snapshot.from_bytes(env.snapshot().to_bytes())
     twin.restore(stored)
     for _ in range(10):
-        for one in (env, twin):
-            one.step(dict.fromkeys(one.agents, 4))
+        for each in (env, twin):
+            each.step(dict.fromkeys(each.agents, 4))
         assert env.world.state_bytes() == twin.world.state_bytes()
     with pytest.raises(SnapshotError, match="transition_probabilities"):
         parallel_env(**search(7, uneven_chain(7, seed=1))).restore(stored)

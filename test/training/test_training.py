@@ -141,7 +141,7 @@ def turned(fields: dict[str, Any], turn: int) -> dict[str, Any]:
 
 def env_cell(position: Any, turn: int) -> list[int]:
     """Return a cell of a turned search where it is before the turns."""
-    x, y = (int(one) for one in position)
+    x, y = (int(axis) for axis in position)
     for _ in range(turn):
         x, y = GRID - 1 - y, x
     return [x, y]

@@ -63,4 +63,4 @@ def test_a_learner_takes_the_value_of_what_was_to_come_where_the_time_is_out() -
             ended += 1
     np.testing.assert_allclose(collected[0].rewards, expected, atol=1e-5)
     assert late > 0 and ended > 0
-    assert model.ep_info_buffer and all(1 <= one["l"] <= 21 for one in model.ep_info_buffer)
+    assert model.ep_info_buffer and all(1 <= episode["l"] <= 21 for episode in model.ep_info_buffer)

@@ -30,9 +30,9 @@ SIDE_M = 2600.0
 @pytest.fixture
 def env(monkeypatch: pytest.MonkeyPatch) -> FlightEnv:
     monkeypatch.setitem(registry.SEARCHERS, "plane", PLANE)
-    made = parallel_env(**FIELDS, searchers=("plane",))
-    assert isinstance(made, FlightEnv)
-    return made
+    flight_env = parallel_env(**FIELDS, searchers=("plane",))
+    assert isinstance(flight_env, FlightEnv)
+    return flight_env
 
 
 def flown(env: FlightEnv, *turns: tuple[float, float]) -> NDArray[np.float64]:
@@ -40,7 +40,7 @@ def flown(env: FlightEnv, *turns: tuple[float, float]) -> NDArray[np.float64]:
     _, infos = env.reset(seed=1)
     paths = [np.stack([info["path"] for info in infos.values()])[:, -1:]]
     for joint in turns:
-        *_, infos = env.step({f"drone{i}": np.array([one, 1.0]) for i, one in enumerate(joint)})
+        *_, infos = env.step({f"drone{i}": np.array([turn, 1.0]) for i, turn in enumerate(joint)})
         paths.append(np.stack([info["path"] for info in infos.values()])[:, 1:])
     return np.concatenate(paths, axis=1) / 130.0 - 0.5
 

@@ -265,8 +265,8 @@ def test_an_image_shows_nothing_of_those_before_it() -> None:
     for actions in ((1, 1, 3), (1, 1, 3), (3, 1, 3), (4, 0, 1), (4, 0, 1)):
         step(env, *actions)
         kept, new = marks(picture_of(env)), marks(rendering.FigureRenderer().rgb_array(env.view()))
-        for (one, where), (other, there) in zip(kept, new, strict=True):
-            assert one == other
+        for (shown, where), (other, there) in zip(kept, new, strict=True):
+            assert shown == other
             # The margins may differ by the width of a digit.
             assert np.abs(np.subtract(where, there)).max() < 10
     env.reset(options={"drones_positions": [(7, 7), (0, 7), (7, 0)]})

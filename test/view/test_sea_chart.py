@@ -57,7 +57,7 @@ def test_a_sighting_is_a_fix_in_its_circle_or_an_arrow_to_where_it_is_off_the_ma
     texts = {text.get_text(): text for text in axes.texts}
     assert texts["LKP 13:20Z"].xy == (0.4, 0.9) and "LKP 12:05Z" not in texts
     far = [np.hypot(line.get_xdata() - 0.4, line.get_ydata() - 0.9) for line in axes.lines]
-    assert any(len(one) > 20 and np.allclose(one, 0.2) for one in far)
+    assert any(len(ring) > 20 and np.allclose(ring, 0.2) for ring in far)
 
 
 @pytest.mark.slow
