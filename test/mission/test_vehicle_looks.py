@@ -112,7 +112,7 @@ def test_a_vehicle_that_stays_anywhere_passes_no_cell_again() -> None:
     draw, passed = np.random.default_rng(2), PassedCells(CELL_M, 12)
     for place in draw.uniform(3.0, 9.0, (50, 2)):
         path = place * CELL_M + draw.uniform(-8.0, 8.0, (100, 2))
-        passes = [pass.cell for pass in passed.take(path, draw.random(100) < 0.5)]
+        passes = [over.cell for over in passed.take(path, draw.random(100) < 0.5)]
         assert len(passes) == len({*passes})
 
 
@@ -122,7 +122,7 @@ def test_a_pass_counts_once_although_positions_were_missing_during_it() -> None:
     for first in (3, 8, 13, 18, 23):
         looked[first : first + 4] = False
     passes = PassedCells(CELL_M, 12).take(path, looked)
-    assert [pass_.cell for pass_ in passes] == [(4, 4), (5, 4), (6, 4)]
+    assert [over.cell for over in passes] == [(4, 4), (5, 4), (6, 4)]
     looked[5:16] = False
     passes = PassedCells(CELL_M, 12).take(path, looked)
-    assert [pass_.cell for pass_ in passes] == [(5, 4), (6, 4)]
+    assert [over.cell for over in passes] == [(5, 4), (6, 4)]
