@@ -25,7 +25,7 @@ from dsse_ros.report.recomputed import (
     with_waits,
 )
 from dsse_ros.report.record import RecordedMission, chosen_steps
-from dsse_ros.report.report import Report
+from dsse_ros.report.report import MissionReport
 from dsse_ros.runtime.exit_codes import fail
 from dsse_ros.scenario.rules import AUTO
 from dsse_ros.search import PROFILES, FieldError
@@ -89,7 +89,7 @@ def main(argv: list[str] | None = None) -> int:
     except ImportError as error:
         return not_found("report", error)
     source = arguments.file.resolve().name
-    report = Report(record, shown, missions, source, tuple(notices(record, shown)))
+    report = MissionReport(record, shown, missions, source, tuple(notices(record, shown)))
     try:
         with tqdm(total=report.num_figures, unit="figure", disable=None) as drawn:
             path = report.write(arguments.out, drawn.update)

@@ -36,7 +36,7 @@ IN_OVERVIEW = ("pos", "time_to_detection", "coverage", "redundancy", "path_lengt
 
 
 @dataclass(frozen=True)
-class Report:
+class MissionReport:
     """The content of a report.
 
     Attributes:

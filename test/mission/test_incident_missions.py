@@ -19,7 +19,7 @@ from dsse_ros.mission.mission_log import MissionLog
 from dsse_ros.mission.step_messages import StepMessages
 from dsse_ros.report.metrics import metrics, work
 from dsse_ros.report.record import read_csv
-from dsse_ros.report.report import Report
+from dsse_ros.report.report import MissionReport
 from dsse_ros.scenario.agents import definition_values
 from dsse_ros.scenario.frames import scenario_frame
 from dsse_ros.scenario.geodesy import map_to_geodetic
@@ -145,7 +145,7 @@ def test_log_diagnostics_and_report_state_what_strands_and_what_is_outside(
     numbers = metrics(record)
     assert numbers["stranded"] == laid.stranded
     assert numbers["poc_outside"] == 1.0 - laid.inside
-    report = Report(record, {}, [record], "mission.csv")
+    report = MissionReport(record, {}, [record], "mission.csv")
     page = report._page(work(record), (), maps=(), charts=())
     facts = dict(page.facts)
     assert facts["Stranded"] == f"{laid.stranded:.1%}"
