@@ -24,7 +24,7 @@ PICKLING = {"cloudpickle", "dill", "joblib", "marshal", "pickle", "shelve"}
 SECRETIVE = {
     "dsse_ros/dashboard/guard.py", "dsse_ros/dashboard/settings.py", "dsse_ros/mavlink/signing.py",
 }  # fmt: skip
-SECRETS = {"token", "cookie", "key", "given"}
+SECRETS = {"token", "cookie", "key", "credentials", "offered"}
 
 
 # The policy for sros2; test_docs.py compares it with the running nodes.
