@@ -20,8 +20,8 @@ from dsse_ros.belief.base import BeliefBase, ForecastBase
 from dsse_ros.belief.belief_kernels import MARGIN, NEGLIGIBLE, Mass
 from dsse_ros.belief.future_kernels import index
 from dsse_ros.belief.look_kernels import LooksDone
-from dsse_ros.belief.particle_kernels import Particles
-from dsse_ros.belief.passing_kernels import Passing, Places, moved_of, seen_of
+from dsse_ros.belief.particle_kernels import BinnedParticles
+from dsse_ros.belief.passing_kernels import ParticlePositions, Passing, moved_of, seen_of
 from dsse_ros.belief.protocol import Expected, Futures, LooksToCome, TargetChain
 from dsse_ros.scenario.actions import Cell
 from dsse_ros.scenario.probable_cells import most_probable
@@ -125,20 +125,20 @@ class EnsembleForecast(ForecastBase):
         index(self.columns, starts, members)
         return starts, members
 
-    def particles(self) -> Particles:
+    def particles(self) -> BinnedParticles:
         """Return the particles by step of the sea."""
-        return Particles(*self._by_column, self.weights)
+        return BinnedParticles(*self._by_column, self.weights)
 
     @cached_property
     def _moved(self) -> NDArray[np.float64]:
         assert self.tracks.particles_m is not None
         return moved_of(self.tracks.particles_m)
 
-    def places(self, examples: NDArray[np.int64]) -> Places:
+    def places(self, examples: NDArray[np.int64]) -> ParticlePositions:
         """Return the particles in metres, with the classes of these persons; space metres only."""
         positions, multipliers = self.tracks.particles_m, self.scenario.person_pod_multipliers
         assert positions is not None
-        return Places(
+        return ParticlePositions(
             self.particles(), self.scenario.cell_size, positions, self._moved,
             np.array(multipliers)[examples],
         )  # fmt: skip
@@ -222,7 +222,7 @@ class EnsembleBelief(BeliefBase):
         """Advance the sea by one step, after the update with this step's looks."""
         self.step += 1
 
-    def _particles(self) -> Particles:
+    def _particles(self) -> BinnedParticles:
         """Return the particles at the present step."""
         return self.forecast.particles().at(self.forecast.row(self._sea_step))
 

@@ -120,7 +120,7 @@ class Beliefs(NamedTuple):
     pos: NDArray[np.float64]
 
 
-class Scratch(NamedTuple):
+class FollowScratch(NamedTuple):
     """Memory of a thread.
 
     Attributes:

@@ -19,7 +19,7 @@ from dsse_ros.belief import (
 from dsse_ros.belief.belief import Belief, Forecast
 from dsse_ros.belief.belief_kernels import Mass
 from dsse_ros.belief.ensemble_belief import EnsembleBelief, EnsembleForecast
-from dsse_ros.belief.follow_kernels import Beliefs, Scratch, Tables
+from dsse_ros.belief.follow_kernels import Beliefs, FollowScratch, Tables
 from dsse_ros.belief.forecasts import is_ensemble
 from dsse_ros.belief.look_kernels import Followed
 from dsse_ros.belief.particle_kernels import ParticleTables
@@ -85,11 +85,11 @@ def follower_of(scenario: ResolvedScenario, rules: Rules, num_worlds: int) -> Fo
     return MotionFollower(scenario, rules, num_worlds)
 
 
-def _scratch(follower: Follower, followed: Followed, motion: int) -> Scratch:
-    """Return memory for a thread; `motion` is the length of `Scratch.motion`."""
+def _scratch(follower: Follower, followed: Followed, motion: int) -> FollowScratch:
+    """Return memory for a thread; `motion` is the length of `FollowScratch.motion`."""
     crew = followed.batch.crew
     most = crew.drones.shape[1] * int(np.diff(crew.looks, axis=1).max(initial=0))
-    return Scratch(
+    return FollowScratch(
         np.empty((OF_CLASS, len(follower.examples))), np.empty(len(follower.class_of)),
         np.empty((most, 2), np.int64), np.empty(most, np.int64), np.empty(motion),
     )  # fmt: skip

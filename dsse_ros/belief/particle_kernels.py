@@ -41,7 +41,7 @@ from dsse_ros.step.recipe import acts_at
 from dsse_ros.targets.sea_map import is_inside
 
 
-class Particles(NamedTuple):
+class BinnedParticles(NamedTuple):
     """The particles of an ensemble by step of the sea, or at one: then there is no axis T.
 
     Attributes:
@@ -55,7 +55,7 @@ class Particles(NamedTuple):
     members: NDArray[np.int32]
     prior: NDArray[np.float64]
 
-    def at(self, row: int) -> Particles:
+    def at(self, row: int) -> BinnedParticles:
         """Return the particles at one step."""
         return self._replace(starts=self.starts[row], members=self.members[row])
 
@@ -64,7 +64,7 @@ class Particles(NamedTuple):
 def particles_at(particles, step):
     """Return the particles at a step of the sea."""
     row = min(step, len(particles.starts) - 1)
-    return Particles(particles.starts[row], particles.members[row], particles.prior)
+    return BinnedParticles(particles.starts[row], particles.members[row], particles.prior)
 
 
 @expanded
@@ -182,7 +182,7 @@ class ParticleTables(NamedTuple):
     """
 
     start: Mass
-    particles: Particles
+    particles: BinnedParticles
     pods: NDArray[np.float64]
     class_of: NDArray[np.int64]
     first_step: int
@@ -196,7 +196,7 @@ def follow_particles(followed, tables, beliefs, scratch, first, last):
         followed: A `look_kernels.Followed`.
         tables: Of the scenario.
         beliefs: A `follow_kernels.Beliefs`, in and out.
-        scratch: A `follow_kernels.Scratch`.
+        scratch: A `follow_kernels.FollowScratch`.
         first: Number of the first world.
         last: Number of the last world, plus one.
     """

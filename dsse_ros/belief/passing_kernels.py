@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from dsse_ros.belief.belief_kernels import Mass, index_of, mass_of
 from dsse_ros.belief.follow_kernels import persons_of, restart
-from dsse_ros.belief.particle_kernels import Particles, close_weights, particles_at
+from dsse_ros.belief.particle_kernels import BinnedParticles, close_weights, particles_at
 from dsse_ros.belief.search_outcomes import (
     APART,
     MIXED,
@@ -58,25 +58,25 @@ class Passing(NamedTuple):
     found: NDArray[np.bool_]
 
 
-class Places(NamedTuple):
+class ParticlePositions(NamedTuple):
     """The particles of an ensemble in metres, by step of the sea.
 
     Attributes:
-        particles: By cell, see `Particles`.
+        particles: By cell, see `BinnedParticles`.
         cell_m: Side of a cell.
         positions: (T, M, 2) float32, metres; after the last step nothing moves.
         moved: (T,) float64, the greatest distance along an axis of a particle in each step.
         multipliers: (C,) float64, multiplier of the POD of each detection class.
     """
 
-    particles: Particles
+    particles: BinnedParticles
     cell_m: float
     positions: NDArray[np.float32]
     moved: NDArray[np.float64]
     multipliers: NDArray[np.float64]
 
 
-class Seen(NamedTuple):
+class PassedParticles(NamedTuple):
     """Scratch memory for the particles that a drone passes.
 
     Attributes:
@@ -92,10 +92,10 @@ class Seen(NamedTuple):
     found: NDArray[np.bool_]
 
 
-def seen_of(places: Places, num_drones: int) -> Seen:
+def seen_of(places: ParticlePositions, num_drones: int) -> PassedParticles:
     """Return scratch memory for the particles that N drones pass."""
     particles, classes = places.positions.shape[1], len(places.multipliers)
-    return Seen(
+    return PassedParticles(
         np.empty(particles, np.int32), np.empty((classes, particles)), np.ones(classes),
         np.empty(num_drones, np.bool_),
     )  # fmt: skip
@@ -204,7 +204,7 @@ class PassingTables(NamedTuple):
     """
 
     start: Mass
-    places: Places
+    places: ParticlePositions
     class_of: NDArray[np.int64]
     first_step: int
 
@@ -217,7 +217,7 @@ def follow_paths(followed, tables, beliefs, scratch, seen, first, last):
         followed: A `look_kernels.Followed`.
         tables: Of the scenario.
         beliefs: A `follow_kernels.Beliefs`, in and out.
-        scratch: A `follow_kernels.Scratch`.
+        scratch: A `follow_kernels.FollowScratch`.
         seen: Scratch.
         first: Number of the first world.
         last: Number of the last world, plus one.
@@ -243,7 +243,7 @@ def follow_paths(followed, tables, beliefs, scratch, seen, first, last):
 
 
 def moved_of(positions: NDArray[np.float32]) -> NDArray[np.float64]:
-    """Return `Places.moved` of positions (T, M, 2), without those of particles that vanish."""
+    """Return `ParticlePositions.moved` of positions (T, M, 2), but for particles that vanish."""
     moved = np.zeros(len(positions))
     for step, (before, after) in enumerate(itertools.pairwise(positions)):
         away = np.abs(after - before)
