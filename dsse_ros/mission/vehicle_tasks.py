@@ -93,12 +93,12 @@ def _ways(mission: Mission, actions: NDArray[Any] | None) -> NDArray[np.float64]
     """
     if isinstance(mission, FlightMission):
         return mission.ways(actions)
-    world, moves = mission.env.world, mission.env.rules.action_set.moves
+    world, action_set = mission.env.world, mission.env.rules.action_set
     drones = world.drones[0]
     ends = np.stack([drones["x"], drones["y"]], axis=1)
     for drone, action in enumerate([] if actions is None else actions.tolist()):
         col, row = ends[drone].tolist()
         inside = 0 <= col < world.grid_size and 0 <= row < world.grid_size
-        if inside and 0 <= action < len(moves) and world.mask_table[row][col][action]:
-            ends[drone] += moves[action]
+        if inside and 0 <= action < len(action_set) and world.mask_table[row][col][action]:
+            ends[drone] = action_set.end((col, row), action)
     return ends[:, None].astype(np.float64)

@@ -64,6 +64,8 @@ from dsse_ros.scenario.scenario import ResolvedScenario
 from dsse_ros.scenario.swarm import Swarm
 from dsse_ros.search.world_beliefs import DRIFT_SAMPLES
 from dsse_ros.search.wrappers import own_first
+from dsse_ros.step.constants import area_of, constants_of
+from dsse_ros.step.masks import mask_table
 
 try:
     import onnxruntime
@@ -193,10 +195,11 @@ class OnnxOnBelief(DrawsNothing):
     def __init__(
         self, forecast: TargetForecast, new_policy: Callable[[], Policy], *, seed: int = 0
     ) -> None:
-        self._policy, self._swarm = new_policy(), Swarm.of(forecast.scenario, forecast.rules)
-        self._known = partial(known_of, forecast.scenario, forecast.rules)
-        size = forecast.scenario.grid_size
-        self._masks = [actions.masks(size) for actions in self._swarm.of_kinds]
+        scenario, rules = forecast.scenario, forecast.rules
+        self._policy, self._swarm = new_policy(), Swarm.of(scenario, rules)
+        self._known = partial(known_of, scenario, rules)
+        self._masks = mask_table(constants_of(scenario, rules), area_of(scenario)[0])
+        self._able = np.array([actions.able for actions in self._swarm.of_kinds], np.int8)
 
     def copy(self) -> OnnxOnBelief:
         """Return an independent copy in the same state; the model is shared."""
@@ -208,8 +211,7 @@ class OnnxOnBelief(DrawsNothing):
         """Return the cell that each drone goes to; see `Tactic`."""
         belief, agents, present, *_ = at
         kinds = [self._swarm.kind_of(agent) for agent in agents]
-        cells_of_kinds = zip(kinds, present, strict=True)
-        masks = np.stack([self._masks[kind][row][col] for kind, (col, row) in cells_of_kinds])
+        masks = np.stack([self._masks[row][col] for col, row in present]) * self._able[kinds]
         probability = belief.poc().astype(np.float32)
         cells, known = dict(zip(agents, present, strict=True)), self._known(belief.step)
         chosen = self._policy.actions(cells, probability, masks, known)

@@ -1,11 +1,10 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""The actions of a search by number: their names, moves and masks."""
+"""The actions of a search by number: their names and moves."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable, Sequence
-from typing import TypeVar
+from collections.abc import Collection, Iterable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,8 +12,6 @@ from numpy.typing import NDArray
 from dsse_ros.scenario.shortest_paths import ShortestPaths
 from dsse_ros.searchers.searcher import Searcher
 from dsse_ros.sensors.sensor import SEARCH
-
-T = TypeVar("T")
 
 Cell = tuple[int, int]
 """(col, row): col grows to the east, row to the south."""
@@ -53,6 +50,7 @@ class ActionSet:
         area: As given.
         moves: Move (dx, dy) of each action in cells, to the east and to the south.
         search: Number of the action `search`; -1 without actions.
+        able: Whether the drone can do each action.
         steps: Moves that routes use, straight ones first.
         diagonal: Whether routes may change both coordinates at each move.
 
@@ -72,8 +70,8 @@ class ActionSet:
             self._check(SEARCH)
         self.moves = tuple(ACTION_VECTORS.get(name, (0, 0)) for name in self.names)
         self.search = self.names.index(SEARCH) if self.names else -1
-        self._able = tuple(able is None or name in (*able, SEARCH) for name in self.names)
-        known = {name for name, can in zip(self.names, self._able, strict=True) if can}
+        self.able = tuple(able is None or name in (*able, SEARCH) for name in self.names)
+        known = {name for name, can in zip(self.names, self.able, strict=True) if can}
         straight = [name for name in STRAIGHT if name in known]
         diagonal = [name for name in DIAGONAL if name in known]
         crosses = able is None or len(straight) == len(STRAIGHT)
@@ -103,7 +101,7 @@ class ActionSet:
     def of_kind(self, kind: Searcher, grid_size: int) -> ActionSet:
         """Return these actions without those that a kind of drone cannot do.
 
-        Masks leave them out, and routes go without their moves.
+        Routes go without their moves.
 
         Args:
             kind: The kind of drone.
@@ -209,46 +207,6 @@ class ActionSet:
             (G, G) bool [row, col], none for a cell outside the area; None for the whole grid.
         """
         return None if self._paths is None else self._paths.distances_from(cell) >= 0
-
-    def masks(self, grid_size: int) -> list[list[NDArray[np.int8]]]:
-        """Return the action masks (A,) int8 by [row][col], 0 where a move would leave the grid.
-
-        They are also 0 where a move would leave the area, and for actions that the drone cannot do.
-        They are read-only, and equal masks are the same object. The last row and column are for a
-        drone just outside, at -1 or G.
-        """
-
-        def mask(west: bool, east: bool, north: bool, south: bool) -> NDArray[np.int8]:
-            blocked = {(-1, 0): west, (1, 0): east, (0, -1): north, (0, 1): south}
-            free = [not (blocked.get((dx, 0)) or blocked.get((0, dy))) for dx, dy in self.moves]
-            able = np.array(free, np.int8) * np.array(self._able, np.int8)
-            able.flags.writeable = False
-            return able
-
-        def along(make: Callable[[bool, bool], T]) -> list[T]:
-            edges = [(i == 0, i == grid_size - 1) for i in range(grid_size)] + [(False, False)]
-            distinct = {edge: make(*edge) for edge in set(edges)}
-            return [distinct[edge] for edge in edges]
-
-        table = along(lambda north, south: along(lambda west, east: mask(west, east, north, south)))
-        return table if self.area is None else self._masks_of(self.area, table)
-
-    def _masks_of(
-        self, area: NDArray[np.bool_], table: list[list[NDArray[np.int8]]]
-    ) -> list[list[NDArray[np.int8]]]:
-        """Return the table with the masks of the cells of an area."""
-        size, around = len(area), np.pad(area, 1)
-        free = np.stack(
-            [around[1 + dy : 1 + dy + size, 1 + dx : 1 + dx + size] for dx, dy in self.moves], -1
-        ).astype(np.int8) * np.array(self._able, np.int8)
-        free.flags.writeable = False
-        distinct: dict[bytes, NDArray[np.int8]] = {}
-        inner = [
-            [distinct.setdefault(mask.tobytes(), mask) for mask in masks_of_row]
-            for masks_of_row in free
-        ]
-        margin = table[size]
-        return [[*masks, table[i][size]] for i, masks in enumerate(inner)] + [margin]
 
 
 def connected_components(

@@ -296,7 +296,7 @@ class Rules(PersonRules, SeaRules, TerminationRules, CoverageRules, RewardRules,
 
     @cached_property
     def action_set(self) -> ActionSet:
-        """The actions with their moves and masks."""
+        """The actions with their moves."""
         return ActionSet(self.actions)
 
     def last_step(self, timestep_limit: int) -> int:

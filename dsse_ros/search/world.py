@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dsse_ros.compiled.draws import words_of_seed
-from dsse_ros.compiled.overloads import overload_of
+from dsse_ros.compiled.overloads import Specialized, overload_of
 from dsse_ros.scenario.rules import Rules
 from dsse_ros.scenario.scenario import ResolvedScenario, Scenario
 from dsse_ros.scenario.scenario_identity import identity_of
@@ -30,6 +30,7 @@ from dsse_ros.search.viewpoints import Viewpoints
 from dsse_ros.step import kernels
 from dsse_ros.step.constants import area_of, constants_of
 from dsse_ros.step.looks import looks_of
+from dsse_ros.step.masks import mask_table, write_masks
 from dsse_ros.targets import sea_map
 from dsse_ros.targets.motion import PERSONS
 from dsse_ros.targets.person_kernels import motion_data
@@ -117,6 +118,7 @@ class World(Rebound):
         self.flight = Flights(resolved, rules, num_worlds) if rules.in_metres else None
         self.viewpoints = Viewpoints.of(rules, self.drones.shape)
         self.faults = Faults.of(resolved, rules, num_worlds, self.looks)
+        self._write_masks = Specialized(write_masks)
         self._threads = threads
         self._rebind()
         self.seed()
@@ -359,17 +361,16 @@ class World(Rebound):
 
     @property
     def mask_table(self) -> list[list[NDArray[np.int8]]]:
-        """The action mask of a drone in each cell, see `ActionSet.masks`."""
+        """The action mask of a drone in each cell, see `masks.mask_table`."""
         if self._mask_table is None:
-            actions = self.rules.action_set.within(self.scenario.area_mask)
-            self._mask_table = actions.masks(self.grid_size)
+            self._mask_table = mask_table(self.constants, self.area)
         return self._mask_table
 
     def action_masks(self) -> NDArray[np.int8]:
         """Return the action masks (B, N, A) of all drones."""
-        xy = zip(self.drones["x"].ravel().tolist(), self.drones["y"].ravel().tolist(), strict=True)
-        masks = np.array([self.mask_table[y][x] for x, y in xy])
-        masks = masks.reshape(*self.drones.shape, -1)
+        x, y = self.drones["x"].ravel(), self.drones["y"].ravel()
+        masks = np.empty((*self.drones.shape, len(self.rules.actions)), np.int8)
+        self._write_masks(self.constants, self.area, x, y, masks.reshape(x.size, -1))
         return masks if self.faults is None else self.faults.restrict(self, masks)
 
     def withdraw(self, drone: int) -> NDArray[np.bool_]:

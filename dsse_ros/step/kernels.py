@@ -19,9 +19,10 @@ from dsse_ros.compiled.streaming import ALIGNMENT, LANES
 from dsse_ros.step.coverage_kernels import CoverageTask, coverage_of, write_left
 from dsse_ros.step.ensemble_kernels import SeaEnsemble, ensemble_of, write_present
 from dsse_ros.step.flight import FlightTask, flight_of
-from dsse_ros.step.recipe import end_of, start_world, step_world
+from dsse_ros.step.masks import mask_moves
+from dsse_ros.step.recipe import start_world, step_world
 from dsse_ros.step.viewpoints import viewpoints_of
-from dsse_ros.targets.sea_map import Sea, disperse, is_inside, write_map
+from dsse_ros.targets.sea_map import Sea, disperse, write_map
 
 WORLDS = np.dtype(
     [
@@ -306,19 +307,3 @@ def report_worlds(constants, area, drones, report, first, last):
             rewards[n] = drone.reward
             terminated[n], truncated[n] = drone.terminated, drone.truncated
             mask_moves(constants[0], area, x, y, masks[n])
-
-
-@inlined
-def mask_moves(constants, area, x, y, mask):
-    """Clear the moves out of the grid or the area in a mask (A,) of ones."""
-    edge = constants.grid_size - 1
-    inner = np.uint64(max(edge - 1, 0))
-    if area is not None and is_inside(constants.grid_size, x, y):
-        for a in range(len(mask)):
-            _, _, mask[a] = end_of(constants, area, x, y, a)
-    elif (np.uint64(x - 1) >= inner) | (np.uint64(y - 1) >= inner):
-        for a in range(len(mask)):
-            dx, dy = constants.dx[a], constants.dy[a]
-            west, east = dx < 0 and x == 0, dx > 0 and x == edge
-            north, south = dy < 0 and y == 0, dy > 0 and y == edge
-            mask[a] = not (west or east or north or south)
