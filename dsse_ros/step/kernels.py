@@ -14,13 +14,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from dsse_ros.compiled.jit import inlined, kernel, part
+from dsse_ros.compiled.jit import expanded, inlined, kernel, part
 from dsse_ros.compiled.streaming import ALIGNMENT, LANES
 from dsse_ros.step.coverage_kernels import CoverageTask, coverage_of, write_left
 from dsse_ros.step.ensemble_kernels import SeaEnsemble, ensemble_of, write_present
 from dsse_ros.step.flight import FlightTask, flight_of
 from dsse_ros.step.masks import mask_moves
-from dsse_ros.step.recipe import start_world, step_world
+from dsse_ros.step.recipe import WorldState, start_world, step_world
 from dsse_ros.step.viewpoints import viewpoints_of
 from dsse_ros.targets.sea_map import Sea, disperse, write_map
 
@@ -196,6 +196,15 @@ def task_of(task, b):
     )  # fmt: skip
 
 
+@expanded
+def state_of(batch, b):
+    """Return world b."""
+    return WorldState(
+        batch.constants[0], batch.worlds[b], sea_of(batch.sea, b), crew_of(batch.crew, b),
+        task_of(batch.task, b),
+    )  # fmt: skip
+
+
 @part
 def map_of(maps, b):
     """Return the map of world b; None without maps, and (0, 0) if none are written."""
@@ -205,16 +214,16 @@ def map_of(maps, b):
 
 
 @inlined
-def write_observed(constants, world, sea, scratch, stream, out, coverage, ensemble):
+def write_observed(state, scratch, stream, out, coverage, ensemble):
     """Write the observed map of a world, or its probability left to cover, to `out` of `map_of`."""
     if out is None:
         return
     if len(out) == 0:
         return
     if ensemble is not None:
-        write_present(world, ensemble, out)
+        write_present(state.world, ensemble, out)
     elif coverage is None:
-        write_map(constants, world, sea, scratch, stream, out)
+        write_map(state.constants, state.world, state.sea, scratch, stream, out)
     else:
         write_left(coverage, out)
 
@@ -231,41 +240,27 @@ def step_worlds(batch, scratch, actions, maps, first, last):
         first: Number of the first world.
         last: Number of the last world, plus one.
     """
-    constants = batch.constants[0]
     stream = is_streamed(maps)
     for b in range(first, last):
-        world, sea = batch.worlds[b], sea_of(batch.sea, b)
-        crew, task = crew_of(batch.crew, b), task_of(batch.task, b)
-        if constants.auto_reset and world.done:
-            start_world(constants, world, sea, crew, task, scratch)
+        state = state_of(batch, b)
+        task = state.task
+        if state.constants.auto_reset and state.world.done:
+            start_world(state, scratch)
         else:
-            step_world(
-                constants, world, sea, crew, task, scratch, actions[b], task.coverage, task.flight,
-                task.viewpoints,
-            )  # fmt: skip
-        write_observed(
-            constants, world, sea, scratch, stream, map_of(maps, b), task.coverage, task.ensemble
-        )
+            step_world(state, scratch, actions[b], task.coverage, task.flight, task.viewpoints)
+        write_observed(state, scratch, stream, map_of(maps, b), task.coverage, task.ensemble)
 
 
 @kernel
 def reset_worlds(batch, scratch, maps, which, first, last):
     """Reset those of the worlds first..last - 1 with which[b], (B,) bool; see `step_worlds`."""
-    constants, stream = batch.constants[0], is_streamed(maps)
+    stream = is_streamed(maps)
     for b in range(first, last):
         if which[b]:
-            world, sea = batch.worlds[b], sea_of(batch.sea, b)
-            crew, task = crew_of(batch.crew, b), task_of(batch.task, b)
-            start_world(constants, world, sea, crew, task, scratch)
+            state = state_of(batch, b)
+            start_world(state, scratch)
             write_observed(
-                constants,
-                world,
-                sea,
-                scratch,
-                stream,
-                map_of(maps, b),
-                task.coverage,
-                task.ensemble,
+                state, scratch, stream, map_of(maps, b), state.task.coverage, state.task.ensemble
             )
 
 
@@ -277,10 +272,8 @@ def refresh_worlds(batch, scratch, maps):
     for b in range(len(batch.sea.gauss)):
         disperse(constants, worlds[b], sea_of(batch.sea, b))
     for b in range(len(worlds)):
-        sea, task = sea_of(batch.sea, b), task_of(batch.task, b)
-        write_observed(
-            constants, worlds[b], sea, scratch, stream, maps[b], task.coverage, task.ensemble
-        )
+        state = state_of(batch, b)
+        write_observed(state, scratch, stream, maps[b], state.task.coverage, state.task.ensemble)
 
 
 @kernel

@@ -3,15 +3,15 @@
 # mypy: disable-error-code="no-untyped-def"
 """The search of one world, compiled: its step from top to bottom, and its start.
 
-Arguments are as in `sea_map`; `crew` is the `kernels.Crew` and `task` the `kernels.Task` of one
-world, `scratch` the `kernels.Scratch` of a thread. A function that does something else in the
-coverage task, with an ensemble, in metres or with vehicles, takes this field of the task as an
-argument of its own.
+Arguments are as in `sea_map` and `WorldState`; `scratch` is the `kernels.Scratch` of a thread. A
+function that does something else in the coverage task, with an ensemble, in metres or with
+vehicles, takes this field of the task as an argument of its own: Numba prunes branches only for
+arguments that are None.
 """
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,6 +25,7 @@ from dsse_ros.step.flight import detect_in_passing, fly, start_flights, stay
 from dsse_ros.step.viewpoints import NO_LOOK, Viewpoint, clear_viewpoints, set_viewpoint
 from dsse_ros.targets.person_kernels import draw_own_drift, persons_step, scatter_persons
 from dsse_ros.targets.sea_map import (
+    Sea,
     cell_probability,
     is_inside,
     is_open,
@@ -34,6 +35,24 @@ from dsse_ros.targets.sea_map import (
 
 MOVED, LEFT, SEARCHED, FOUND, OUT_OF_TIME, MET, COVERED, COVERED_ALL = range(8)
 """Events of a drone's step, which `reward_of` rewards."""
+
+
+class WorldState(NamedTuple):
+    """All that the step of a world reads and writes.
+
+    Attributes:
+        constants: Of `constants.CONSTANTS`, never written.
+        world: Of `kernels.WORLDS`.
+        sea: Its sea.
+        crew: A `kernels.Crew`, its drones and persons.
+        task: A `kernels.Task`, what the drones look for.
+    """
+
+    constants: np.void
+    world: np.void
+    sea: Sea
+    crew: Any
+    task: Any
 
 
 class Turn(NamedTuple):
@@ -67,13 +86,14 @@ def turn_of(constants):
 
 
 @inlined
-def step_world(constants, world, sea, crew, task, scratch, actions, coverage, flight, viewpoints):
+def step_world(state, scratch, actions, coverage, flight, viewpoints):
     """Advance one world by one step.
 
     Drones act in index order against the map of the last observation, and the sea drifts. Drones
     that share a cell collide when all have moved. `actions` are (N,) int8; a number that is not an
     action does nothing. In metres `flight` has them. `viewpoints` are those of vehicles.
     """
+    constants, world, sea, crew, task = state
     drones, turn = crew.drones, turn_of(constants)
     eventful = begin(constants, world, drones, crew.persons)
     acts, out_of_time = acts_at(constants, world.t), is_out_of_time(constants, world.t)
@@ -93,7 +113,7 @@ def step_world(constants, world, sea, crew, task, scratch, actions, coverage, fl
         event, amount, looks = MOVED, 0.0, False
         if flight is not None:
             if acts:
-                event, amount = fly_and_look(constants, world, sea, crew, task, n, flight)
+                event, amount = fly_and_look(state, n, flight)
             else:
                 stay(flight, n)
         elif acts and 0 <= action < turn.num_actions:
@@ -101,10 +121,10 @@ def step_world(constants, world, sea, crew, task, scratch, actions, coverage, fl
             looks = coverage is None and (event == SEARCHED or turn.moves_look)
             if looks and viewpoints is None:
                 view = Viewpoint(drone.x, drone.y, action)
-                event, amount = look(constants, world, sea, crew, task, n, view, event)
+                event, amount = look(state, n, view, event)
         if viewpoints is not None:
             own = np.int64(action) if looks else np.int64(NO_LOOK)
-            event, amount = look_from_vehicle(constants, world, sea, crew, task, n, own, event)
+            event, amount = look_from_vehicle(state, n, own, event)
         if out_of_time:
             event, amount = OUT_OF_TIME, drone.episode_return
             drone.truncated = True
@@ -170,8 +190,9 @@ def move(turn, world, sea, drone, action, coverage):
 
 
 @inlined
-def fly_and_look(constants, world, sea, crew, task, n, flight):
+def fly_and_look(state, n, flight):
     """Fly a drone for a step; return the event and the persons found on the way."""
+    constants, world, sea, crew, task = state
     drone = crew.drones[n]
     inside = fly(constants, crew, flight, n)
     finds = detect_in_passing(constants, world, sea, crew, flight, task.ensemble, n)
@@ -190,43 +211,44 @@ def end_of(constants, area, x, y, action):
 
 
 @inlined
-def look_from_vehicle(constants, world, sea, crew, task, n, own, event):
+def look_from_vehicle(state, n, own, event):
     """Do the looks of drone n from where its vehicle looked; see `look`.
 
     Without a viewpoint that is given, the drone does those of its `own` action in its cell.
     """
-    drone, viewpoint = crew.drones[n], task.viewpoints[n]
-    if not (viewpoint.given and acts_at(constants, world.t)):
+    drone, viewpoint = state.crew.drones[n], state.task.viewpoints[n]
+    if not (viewpoint.given and acts_at(state.constants, state.world.t)):
         set_viewpoint(viewpoint, drone.x, drone.y, own)
     viewpoint.given = False
     if viewpoint.action < 0:
         return event, 0.0
     view = Viewpoint(viewpoint.x, viewpoint.y, np.int64(viewpoint.action))
-    return look(constants, world, sea, crew, task, n, view, event)
+    return look(state, n, view, event)
 
 
 @inlined
-def look(constants, world, sea, crew, task, n, view, event):
+def look(state, n, view, event):
     """Do the looks of drone n; return the event and the persons found, or the probability seen."""
+    crew = state.crew
     kind = 0 if len(crew.looks) == 1 else crew.kinds[n]
     first, last = crew.looks[kind, view.action], crew.looks[kind, view.action + 1]
     drone, count = crew.drones[n], 0
     if last > first:
-        count, bits = detect(constants, world, sea, crew, view, first, last)
+        count, bits = detect(state, view, first, last)
         if count > 0:
             crew.finds[n] = bits
             drone.found = True
-            if constants.ends_together:
+            if state.constants.ends_together:
                 for m in range(len(crew.drones)):
                     crew.drones[m].terminated = True
             return FOUND, np.float64(count)
     if event == SEARCHED:
-        return SEARCHED, probability_seen(constants, world, sea, crew, task, view, first, last)
+        return SEARCHED, probability_seen(state, view, first, last)
     return event, 0.0
 
 
 @inlined
-def detect(constants, world, sea, crew, view, first, last):
+def detect(state, view, first, last):
     """Do the looks first..last - 1 from a `Viewpoint`.
 
     A look off the grid or outside the area finds nobody. After the end of a mission of v1 it does:
@@ -235,6 +257,7 @@ def detect(constants, world, sea, crew, view, first, last):
     Returns:
         Number of persons found, and a bit for each look that found any.
     """
+    constants, world, sea, crew, _ = state
     finds, bits, bit = 0, np.uint64(0), np.uint64(1)
     for k in range(first, last):
         x, y = view.x + crew.offsets[k, 0], view.y + crew.offsets[k, 1]
@@ -257,8 +280,9 @@ def detect(constants, world, sea, crew, view, first, last):
 
 
 @inlined
-def probability_seen(constants, world, sea, crew, task, view, first, last):
+def probability_seen(state, view, first, last):
     """Return the probability of the cells of the looks first..last - 1, by the map."""
+    constants, world, sea, crew, task = state
     probability = 0.0
     for k in range(first, last):
         x, y = view.x + crew.offsets[k, 0], view.y + crew.offsets[k, 1]
@@ -386,8 +410,9 @@ def end(constants, world, drones, persons):
 
 
 @part
-def start_world(constants, world, sea, crew, task, scratch):
+def start_world(state, scratch):
     """Set a world to its start: the start cell has the persons and all the probability."""
+    constants, world, sea, crew, task = state
     start_map(constants, world)
     world.done = False
     world.num_active = len(crew.drones)

@@ -25,7 +25,6 @@ LONG_SIGNATURES = {
     "dsse_ros/compat/coverage.py: __init__": "the signature of DSSE",
     "dsse_ros/compat/search.py: __init__": "the signature of DSSE",
     "dsse_ros/compat/v1.py: __init__": "the signature of DSSE",
-    "dsse_ros/step/recipe.py: step_world": "Numba prunes branches only for arguments that are None",
 }
 """Functions with more parameters, and why."""
 MAX_FLIGHT_MODULES = 14
