@@ -15,7 +15,7 @@ from dsse_ros.live.keeper import Entry, Keeper
 from dsse_ros.live.records import from_text, to_text
 from dsse_ros.live.step_looks import StepLooks
 from dsse_ros.search.snapshot import Snapshot, SnapshotError
-from dsse_ros.search.viewpoints import looks_done
+from dsse_ros.search.viewpoints import acting, looks_done
 from dsse_ros.search.world import HOLD, World
 from dsse_ros.search.world_beliefs import WorldBeliefs
 
@@ -34,7 +34,7 @@ class LiveBeliefs:
 
     def __init__(self, world: World) -> None:
         self._world = world
-        self._live = np.zeros(world.num_drones, np.bool_)
+        self._acting = np.zeros(world.num_drones, np.bool_)
         self._actions = np.zeros(world.num_drones, np.int8)
         self.reset()
 
@@ -58,7 +58,7 @@ class LiveBeliefs:
             actions: (1, N) int8, the actions of the step.
         """
         self._actions[:] = actions[0]
-        self._live[:] = self._world.drones["alive"][0] & ~self._world.worlds["done"][0]
+        self._acting = acting(self._world)
 
     def after_step(self) -> None:
         """Update the belief with the looks of the step, and advance it."""
@@ -66,17 +66,14 @@ class LiveBeliefs:
 
     def looks(self) -> StepLooks:
         """Return the looks of the last step."""
-        world, rules = self._world, self._world.rules
-        limit = world.scenario.timestep_limit + rules.time_out_grace
-        acts = rules.time_out_acts or int(world.worlds["t"][0]) - 1 < limit
-        live = self._live & acts
+        world = self._world
         actions = self._actions if world.faults is None else world.faults.applied[0]
-        done = looks_done(world, np.where(live, actions, HOLD))
+        done = looks_done(world, np.where(self._acting, actions, HOLD))
         if world.flight is None:
             return StepLooks(*done, np.zeros((0, 0, 2)), np.zeros((0, 0), bool), np.zeros(0, bool))
         none = np.zeros(0, np.int64)
         paths, looked = world.flight.paths[0].copy(), world.flight.looked[0].copy()
-        return StepLooks(none, none, np.zeros((0, 2), np.int64), paths, looked, live)
+        return StepLooks(none, none, np.zeros((0, 2), np.int64), paths, looked, self._acting)
 
     def write(self) -> NDArray[np.float32]:
         """Return the probability of containment of every cell, (1, G, G) as [y, x]."""

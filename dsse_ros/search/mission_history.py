@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from dsse_ros.scenario.sea_state import sea_state
 from dsse_ros.search.strips import strips_of
-from dsse_ros.search.viewpoints import looks_done
+from dsse_ros.search.viewpoints import acting, looks_done
 from dsse_ros.search.world import HOLD, World
 from dsse_ros.step.looks import likely_cells, waits
 from dsse_ros.targets import sea_map
@@ -52,10 +52,7 @@ class MissionHistory:
         world = self._world
         if world.coverage is None:
             self._likely = likely_cells(probability)
-        limit = world.rules.last_acting_step(world.scenario.timestep_limit)
-        self._doing[:] = np.where(world.drones["alive"][0], actions, HOLD)
-        if world.worlds["done"][0] or world.worlds["t"][0] >= limit:
-            self._doing[:] = HOLD
+        self._doing[:] = np.where(acting(world), actions, HOLD)
 
     def after_step(self) -> None:
         """Add the step."""

@@ -1,6 +1,6 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""From where the drones of B worlds look whose vehicles may be in other cells."""
+"""Which drones of B worlds look, and from where if their vehicles may be in other cells."""
 
 from __future__ import annotations
 
@@ -70,6 +70,13 @@ class Viewpoints:
         return [
             (int(one["action"]), int(one["x"]), int(one["y"])) for one in self.array[world, drones]
         ]
+
+
+def acting(world: World) -> NDArray[np.bool_]:
+    """Return which drones (N,) of a world, a batch of one, act in the next step."""
+    now, limit = world.worlds[0], world.scenario.timestep_limit
+    acts = not now["done"] and now["t"] < world.rules.last_acting_step(limit)
+    return world.drones["alive"][0] & np.bool_(acts)
 
 
 def looks_done(
