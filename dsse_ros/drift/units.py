@@ -17,7 +17,7 @@ def metres_per_second(variable: Any) -> float:
     """Return the factor that brings an `xarray` variable to m/s.
 
     Raises:
-        Unfit: If it has no units, or they are no speed.
+        Unfit: If it has no units, or they are not a speed.
     """
     units = " ".join(str(variable.attrs.get("units", "")).split())
     # Most files need no library, which takes a third of a second to load.

@@ -70,7 +70,7 @@ class FollowedHistory:
         """Take a text of `HistoryTexts`.
 
         Raises:
-            ValueError: If it is none.
+            ValueError: If it is not a text of `HistoryTexts`.
         """
         keys = Keys(parse_json(text, "history"), "history")
         search = keys.integer("run_id", 0), keys.integer("mission", 0)

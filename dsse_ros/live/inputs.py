@@ -49,7 +49,7 @@ def _name(name: str, value: Any) -> str:
     """Return a name.
 
     Raises:
-        FieldError: If it is none.
+        FieldError: If it is empty, too long or not printable.
     """
     text: str = _ID.check(name, value)
     if not 0 < len(text) <= _LONGEST_NAME or not text.isprintable():
@@ -101,7 +101,7 @@ def _flow(name: str, value: Any) -> dict[str, Any]:
     """Return the fields of wind or current; the incident reads them.
 
     Raises:
-        FieldError: If they are no fields, or name a file.
+        FieldError: If they are not a mapping, or name a file.
     """
     if not isinstance(value, Mapping):
         raise FieldError(f"{name} must be a mapping of fields to values, got {shown(value)}")

@@ -179,7 +179,7 @@ def read_texts(data: bytes, name: str) -> tuple[list[str], int]:
         name: Its name, for errors.
 
     Raises:
-        FieldError: If it is no journal.
+        FieldError: If it is not a journal.
     """
     texts: list[str] = []
     at, is_ours = len(MCAP0_MAGIC), False

@@ -43,7 +43,7 @@ def from_json(values: Any) -> StepLooks | Entry:
     """Return the record of `to_json`.
 
     Raises:
-        ValueError: If it is none.
+        ValueError: If it is not a record.
     """
     try:
         if values["kind"] != STEP:
@@ -58,7 +58,7 @@ def from_json(values: Any) -> StepLooks | Entry:
         )
     except (AttributeError, KeyError, OverflowError, TypeError, ValueError):
         kind = values.get("kind") if isinstance(values, dict) else values
-        raise ValueError(f"no record of a live search: {kind!r}") from None
+        raise ValueError(f"record must be of a live search, got {kind!r}") from None
 
 
 def to_text(records: list[StepLooks | Entry]) -> str:

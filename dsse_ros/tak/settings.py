@@ -108,7 +108,7 @@ def _is_allowed(url: str) -> bool:
     """Return whether a receiver is on this machine or is reached over TLS.
 
     Raises:
-        ValueError: If it is no URL.
+        ValueError: If it is not a URL.
     """
     parts = urlsplit(url)
     host, port = parts.hostname or "", parts.port
