@@ -72,23 +72,23 @@ class FleetAirspace:
 
     def reason_to_wait(self, i: int, plan: FlightPlan) -> str:
         """Return the vehicle that must take off first; empty for none."""
-        fleet, alt_m = self._fleet, plan.frames[i].alt_m
+        fleet, alt_m = self._fleet, plan.layers[i].frame.alt_m
         for j in fleet.holding_up:
             if j != i:
                 blocked = self._followers[j].blocked or "not ready"
                 return f"waiting for {self._names[j]}: {blocked}"
         for j in fleet.climbing if self._as_mission else ():
             # Vehicles in higher layers climb first.
-            if plan.frames[j].alt_m > alt_m:
+            if plan.layers[j].frame.alt_m > alt_m:
                 return f"waiting for {self._names[j]}, which takes off first"
         return ""
 
     def way_home(self, i: int, plan: FlightPlan) -> GoTo | None:
         """Return the way home that does not cross the layers of others; None if there is none."""
         others = self._fleet.flying - {i}
-        return (
-            plan.way_home(i, self._vehicles[i].state) if others and not self._as_mission else None
-        )
+        if not others or self._as_mission:
+            return None
+        return plan.layers[i].way_home(self._vehicles[i].state)
 
     def admit(self, i: int, plan: FlightPlan, order: Order) -> Order | str:
         """Return the order to give instead of the wanted one, or why that has to wait."""
@@ -137,7 +137,7 @@ class FleetAirspace:
         if self._airspace is None:
             drones = [i for i in self._fleet.avoided if self._vehicles[i].state.has_position]
             states = [self._vehicles[i].state for i in drones]
-            places = places_of(plan.frames[0], [(one.lat_deg, one.lon_deg) for one in states])
+            places = places_of(plan.layers[0].frame, [(one.lat_deg, one.lon_deg) for one in states])
             self._airspace = Airspace(
                 {i: self._flyer(i, plan, place) for i, place in zip(drones, places, strict=True)}
             )
@@ -147,10 +147,10 @@ class FleetAirspace:
         follower, mission = self._followers[i], self.missions.get(i)
         flies = mission is not None and (follower.mission_under_way or follower.takes_off)
         spaces = mission.spaces if mission is not None and flies else ()
-        state = self._vehicles[i].state
+        state, frame = self._vehicles[i].state, plan.layers[i].frame
         if place is None:
-            (place,) = places_of(plan.frames[i], [(state.lat_deg, state.lon_deg)])
+            (place,) = places_of(frame, [(state.lat_deg, state.lon_deg)])
         return Flyer(
-            self._names[i], state, place, follower.under_way, plan.frames[i], plan.datum_m, spaces,
+            self._names[i], state, place, follower.under_way, frame, plan.datum_m, spaces,
             known=i not in self._fleet.unknown,
         )  # fmt: skip

@@ -14,7 +14,6 @@ from typing import TYPE_CHECKING, Any, Literal, TypeVar
 
 from numpy.typing import NDArray
 
-from dsse_ros.autopilots import AUTOPILOTS
 from dsse_ros.bridge.custody import MAY_ORDER, Custody
 from dsse_ros.bridge.fleet_airspace import FleetAirspace
 from dsse_ros.bridge.flight_plan import FlightPlan
@@ -209,8 +208,7 @@ class FleetController:
         search = (info.run_id, info.mission)
         self._first = self._first or search
         for i, follower in enumerate(self.followers):
-            top_m = plan.top_amsl_m(i)
-            follower.begin(search, top_m, plan.fence(i), first=search == self._first)
+            follower.begin(search, plan.layers[i], first=search == self._first)
         self._log("info", f"mission {info.mission} of run {info.run_id} is followed")
 
     def _follow(self) -> None:
@@ -219,8 +217,8 @@ class FleetController:
         legs = self.search.legs
         if self._as_mission or self.plan is None or not legs:
             return
-        for i, (follower, leg) in enumerate(zip(self.followers, legs, strict=True)):
-            follower.follow(leg, self.plan.leg_task(i, leg))
+        for follower, layer, leg in zip(self.followers, self.plan.layers, legs, strict=True):
+            follower.follow(leg, layer.leg_task(leg))
 
     def _plan_missions(self, plan: FlightPlan) -> None:
         """Make the vehicles fly the whole search, once all of them have reported their homes."""
@@ -449,8 +447,7 @@ class FleetController:
         """Return why a vehicle that returns by itself would leave its layer; empty if it stays."""
         if self.plan is None or len(self._vehicles) == 1:
             return ""
-        autopilot = AUTOPILOTS[self._settings.autopilot]
-        return reason_to_leave(self._vehicles[i].state, self.plan.top_amsl_m(i), autopilot)
+        return reason_to_leave(self._vehicles[i].state, self.plan.layers[i])
 
     def _log_news(self, i: int, before: Custody) -> None:
         name, follower = self.names[i], self.followers[i]

@@ -4,22 +4,22 @@
 
 from __future__ import annotations
 
-from dsse_ros.autopilots import Autopilot
+from dsse_ros.bridge.layer import Layer
 from dsse_ros.flight.vehicle_state import VehicleState
 
 _LOWER_M = 1.0
 """How far below its layer a vehicle still counts as in it."""
 
 
-def reason_to_leave(state: VehicleState, top_amsl_m: float, autopilot: Autopilot) -> str:
+def reason_to_leave(state: VehicleState, layer: Layer) -> str:
     """Return why a vehicle that returns by itself would leave its layer; empty if it stays.
 
     Args:
         state: What it reports.
-        top_amsl_m: Altitude of its layer above mean sea level.
-        autopilot: Its autopilot.
+        layer: Its layer.
     """
-    alt_m = top_amsl_m - (state.alt_amsl_m - state.alt_m)
+    autopilot = layer.autopilot
+    alt_m = layer.top_amsl_m - (state.alt_amsl_m - state.alt_m)
     reasons = []
     if alt_m < state.return_alt_m:
         names = " or ".join(autopilot.return_altitudes)

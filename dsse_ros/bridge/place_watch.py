@@ -7,8 +7,10 @@ from __future__ import annotations
 import math
 from enum import Enum, auto
 
+from dsse_ros.autopilots import Autopilot
 from dsse_ros.bridge.fence import Fence, check_horizontal
-from dsse_ros.flight.orders import GoTo
+from dsse_ros.flight.orders import FlyMission, GoTo
+from dsse_ros.flight.vehicle_controller import Order
 from dsse_ros.flight.vehicle_state import VehicleState
 from dsse_ros.scenario.geodesy import offset_m
 
@@ -16,6 +18,7 @@ AWAY_S = 2.0
 """How long a vehicle may be out of its place, or of the fence: a fault of the GPS ends sooner."""
 AWAY_M = 5.0
 """How far out of its place, or beyond a limit of altitude, a vehicle may be."""
+_OVER_HOME_M = 15.0
 _CLIMBS_MPS = 0.3
 """Speed above which a vehicle is certain to climb."""
 
@@ -93,6 +96,24 @@ class PlaceWatch:
     def is_outside(self) -> bool:
         """Whether it was outside the fence when it was looked at last."""
         return self._outside_since_s < math.inf
+
+
+def waits_over_home(order: Order | None, state: VehicleState, autopilot: Autopilot) -> bool:
+    """Return whether a vehicle has flown its mission except for the landing.
+
+    Args:
+        order: The order of its task that is due.
+        state: What it reports.
+        autopilot: Autopilot of the vehicle.
+    """
+    if not isinstance(order, FlyMission) or order.hold_item < 0 or not state.has_position:
+        return False
+    if state.mode != autopilot.mission_mode:
+        # The item stays the current one if a person ends the mission.
+        return False
+    item = order.items[order.hold_item]
+    away = offset_m((state.lat_deg, state.lon_deg), (item.lat_deg, item.lon_deg))
+    return state.item_current == order.hold_item and math.hypot(*away) <= _OVER_HOME_M
 
 
 def _since(since_s: float, now_s: float, *, when: bool) -> float:

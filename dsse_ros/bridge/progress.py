@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from dsse_ros.bridge.tasks import Task
+from dsse_ros.bridge.layer import Task
 from dsse_ros.flight.orders import FlyMission
 from dsse_ros.flight.vehicle_controller import Order, Outcome
 from dsse_ros.mission_items.track_missions import Leg

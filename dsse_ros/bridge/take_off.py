@@ -4,7 +4,8 @@
 
 from __future__ import annotations
 
-from dsse_ros.bridge.fence import Fence, check_take_off
+from dsse_ros.bridge.fence import check_take_off
+from dsse_ros.bridge.layer import Layer
 from dsse_ros.flight.vehicle_state import VehicleState
 from dsse_ros.result import Rejected
 
@@ -34,17 +35,14 @@ def unready(state: VehicleState) -> str:
     return f": {state.unready}" if state.unready else ""
 
 
-def reason_to_stay(
-    state: VehicleState, top_amsl_m: float, fence: Fence, min_altitude: float
-) -> str:
+def reason_to_stay(state: VehicleState, layer: Layer) -> str:
     """Return why a vehicle must not take off from its position; empty if it may.
 
     Args:
         state: What it reports, with its position.
-        top_amsl_m: Altitude above mean sea level to take off to.
-        fence: Where it may be.
-        min_altitude: Lowest altitude above its home at which it may fly, in metres.
+        layer: The layer to take off to.
     """
+    top_amsl_m, fence, min_altitude = layer.top_amsl_m, layer.fence, layer.settings.min_altitude
     checked = check_take_off(state.lat_deg, state.lon_deg, top_amsl_m, fence)
     if isinstance(checked, Rejected):
         return checked.reason

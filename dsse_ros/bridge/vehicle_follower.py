@@ -15,14 +15,13 @@ from typing import cast
 
 from dsse_ros.autopilots import AUTOPILOTS
 from dsse_ros.bridge.custody import MAY_ORDER, Custody, Event
-from dsse_ros.bridge.fence import Fence
 from dsse_ros.bridge.flight_record import FlightRecord, SearchId
 from dsse_ros.bridge.foreign_acts import RISEN_M
-from dsse_ros.bridge.place_watch import Low, PlaceWatch
+from dsse_ros.bridge.layer import Layer, Task
+from dsse_ros.bridge.place_watch import Low, PlaceWatch, waits_over_home
 from dsse_ros.bridge.progress import GivenOrder, LegProgress
 from dsse_ros.bridge.settings import BridgeSettings
 from dsse_ros.bridge.take_off import lacks, reason_to_stay, unready
-from dsse_ros.bridge.tasks import Task, waits_over_home
 from dsse_ros.bridge.vehicle_custody import Arm, VehicleCustody
 from dsse_ros.flight.orders import (
     FlyMission,
@@ -84,9 +83,8 @@ class VehicleFollower:
         self._settings = settings
         self._autopilot = AUTOPILOTS[settings.autopilot]
         self._as_mission = settings.mode == "mission"
-        self._top_amsl_m = 0.0
         self._place_watch = PlaceWatch(self._autopilot.circle_m)
-        self._fence: Fence | None = None
+        self._layer: Layer | None = None
         self.leaves_layer = ""
         self._forget_search()
         self.custody = VehicleCustody(
@@ -112,21 +110,18 @@ class VehicleFollower:
 
     # The search
 
-    def begin(
-        self, search: SearchId, top_amsl_m: float, fence: Fence, *, first: bool = False
-    ) -> None:
+    def begin(self, search: SearchId, layer: Layer, *, first: bool = False) -> None:
         """Follow a search.
 
         Args:
             search: The search.
-            top_amsl_m: Altitude above mean sea level to take off to.
-            fence: Where the vehicle may be, and take off.
+            layer: Where the vehicle flies.
             first: Whether it is the first search of this program, for which the parameter `arm`
                 may clear the vehicle.
         """
         self._forget_search()
-        self._top_amsl_m, self._fence = top_amsl_m, fence
-        self.custody.begin(search, top_amsl_m, first=first)
+        self._layer = layer
+        self.custody.begin(search, layer.top_amsl_m, first=first)
 
     def leave(self) -> None:
         """Follow no search: a search that cannot be flown is over."""
@@ -285,7 +280,7 @@ class VehicleFollower:
     def _watch(self, state: VehicleState, now_s: float, trouble: str) -> None:
         """Recognise whether the vehicle cannot follow its drone any further, or need not."""
         custody = self.custody
-        self.risen |= state.has_position and state.alt_amsl_m > self._top_amsl_m - RISEN_M
+        self.risen |= state.has_position and state.alt_amsl_m > custody.top_amsl_m - RISEN_M
         if self.mission_under_way and waits_over_home(self.progress.due, state, self._autopilot):
             self.progress.arrived = custody.over = True
         if custody.over and custody.record.search == custody.search:
@@ -306,20 +301,20 @@ class VehicleFollower:
 
     def _watch_place(self, state: VehicleState, now_s: float) -> None:
         """Recognise whether it has left its place, the fence or the air without an order."""
-        custody, fence, watch = self.custody, self._fence, self._place_watch
+        custody, layer, watch = self.custody, self._layer, self._place_watch
         progress, task = self.progress, self.progress.due
         stays = progress.arrived and custody.state is Custody.FOLLOWING
         if watch.has_left(task if stays and isinstance(task, GoTo) else None, state, now_s):
             # It is ordered there again.
             progress.arrived, self._given.wanted = False, None
-        if fence is None or not custody.airborne:
+        if layer is None or not custody.airborne:
             return
-        if watch.falls(state, now_s, fence, self._low_reason(state)):
+        if watch.falls(state, now_s, layer.fence, self._low_reason(state)):
             custody.fall(f"fell to {state.alt_m:.0f} m above home without an order")
             progress.arrived = False
         elif not self._as_mission:
             # A mission goes on without the bridge, and all of it is checked before.
-            outside = watch.outside(state, now_s, fence)
+            outside = watch.outside(state, now_s, layer.fence)
             if outside and custody.state is Custody.FOLLOWING:
                 custody.drop_out(f"outside the fence: {outside}")
 
@@ -391,10 +386,8 @@ class VehicleFollower:
             return "no home position", because
         if self.custody.state is not Custody.CLEARED or state.armed:
             return "", ""
-        assert self._fence is not None
-        self.no_take_off = reason_to_stay(
-            state, self._top_amsl_m, self._fence, self._settings.min_altitude
-        )
+        assert self._layer is not None
+        self.no_take_off = reason_to_stay(state, self._layer)
         if self.no_take_off:
             return "no take-off", f": {self.no_take_off}"
         # Readiness may depend on the mode, which `MakeReady` sets.
@@ -471,7 +464,7 @@ class VehicleFollower:
             # This also cancels a take-off that has not begun.
             return MakeReady(arm, modes)
         if not self._as_mission:
-            return TakeOff(self._top_amsl_m, arm, modes)
+            return TakeOff(self.custody.top_amsl_m, arm, modes)
         mission = self.progress.due
         if isinstance(mission, FlyMission):
             return replace(mission, arm=arm, from_modes=modes)

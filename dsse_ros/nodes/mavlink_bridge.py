@@ -177,7 +177,7 @@ class BridgeNode(AlarmNode):
         for i, vehicle in enumerate(self.fleet if plan is not None else ()):
             assert plan is not None
             stamp = self.get_clock().now().to_msg()
-            self.publishers_.publish_place(i, vehicle, plan.frames[i], plan.datum_m, stamp)
+            self.publishers_.publish_place(i, vehicle, plan.layers[i].frame, plan.datum_m, stamp)
 
     def _publish_diagnostics(self) -> None:
         controller = self.controller

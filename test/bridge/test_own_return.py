@@ -8,11 +8,16 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from dsse_ros.autopilots import AUTOPILOTS
+from dsse_ros.bridge.fence import Fence
+from dsse_ros.bridge.layer import Layer
 from dsse_ros.bridge.own_return import reason_to_leave
+from dsse_ros.bridge.settings import BridgeSettings
 from dsse_ros.flight.vehicle_state import VehicleState, observe
 from dsse_ros.mavlink.messages import ParamValue
+from dsse_ros.scenario.frames import GridFrame
 
-HOME_M, LAYER_M = 5.0, 120.0
+HOME_M = 5.0
+FENCE = Fence(GridFrame(10, 130.0, -24.0, -46.0, 0.0, 120.0), 500.0, 10.0, 150.0)
 
 
 @pytest.mark.parametrize(
@@ -41,5 +46,5 @@ def test_a_return_out_of_the_layer_is_named_with_its_parameter(
     one = AUTOPILOTS[autopilot]
     message = ParamValue(name.encode(), value, mavlink.MAV_PARAM_TYPE_REAL32, 2, 0)
     state = observe(VehicleState(alt_amsl_m=HOME_M, alt_m=0.0), message, 1.0, one)
-    named = reason_to_leave(state, LAYER_M, one)
+    named = reason_to_leave(state, Layer(FENCE, BridgeSettings(autopilot=autopilot), 13.0))
     assert reason in named and bool(named) == bool(reason)

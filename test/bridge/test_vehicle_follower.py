@@ -12,13 +12,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dsse_ros.autopilots import PX4
 from dsse_ros.bridge.custody import MAY_ORDER, Custody
 from dsse_ros.bridge.fence import Fence
 from dsse_ros.bridge.flight_record import FlightRecord, inherited
+from dsse_ros.bridge.layer import Layer
 from dsse_ros.bridge.progress import RETRY_S, TRIES, LegProgress
 from dsse_ros.bridge.settings import BridgeSettings
-from dsse_ros.bridge.tasks import leg_task, mission_task
 from dsse_ros.bridge.vehicle_custody import FAILSAFE_S
 from dsse_ros.bridge.vehicle_follower import Permissions, VehicleFollower
 from dsse_ros.bridge.vehicle_missions import search_missions
@@ -44,7 +43,7 @@ from dsse_ros.scenario.geodesy import cell_to_geodetic
 
 FRAME = GridFrame(10, 130.0, -24.0, -46.0, 0.0, 120.0)
 SETTINGS = BridgeSettings()
-FENCE = Fence(FRAME, 500.0, 10.0, 150.0)
+LAYER = Layer(Fence(FRAME, 500.0, 10.0, 150.0), SETTINGS, 13.0)
 SEARCH, NEXT_SEARCH = (7, 1), (7, 2)
 ON_GROUND = VehicleState(
     identity=Identity(uid=""), connected=True, ready=True, mode="GUIDED", lat_deg=-23.999,
@@ -119,7 +118,7 @@ def follower(**changes: Any) -> VehicleFollower:
     search, record = changes.pop("search", SEARCH), changes.pop("record", None)
     options = {"join_timeout": 100.0, "lost_timeout": 30.0, "arm": "true"}
     led = VehicleFollower(BridgeSettings(**(options | changes)), record)
-    led.begin(search, 120.0, FENCE, first=True)
+    led.begin(search, LAYER, first=True)
     return led
 
 
@@ -130,7 +129,7 @@ def in_the_air(led: VehicleFollower | None = None, **changes: Any) -> Vehicle:
 
 def follow(led: VehicleFollower, stamp: int, *cell: int, **changes: Any) -> None:
     leg = Leg(stamp, (cell[0], cell[1]), **changes)
-    led.follow(leg, leg_task(leg, FRAME, SETTINGS, FENCE, 0.0))
+    led.follow(leg, LAYER.leg_task(leg))
 
 
 def place(*cell: int) -> tuple[float, float]:
@@ -374,7 +373,8 @@ def fly_mission(led: VehicleFollower, *, holds: bool = False) -> FlyMission:
     track = (st_array([(0, 9), (1, 9)]), st_array([0, 0], bool))
     hold_s = 600.0 if holds else 0.0
     (mission,) = search_missions([FRAME], [track], SETTINGS, [home], hold_s, 0.0)
-    task = mission_task(mission, FENCE, PX4, holds_over_home=holds)
+    layer = replace(LAYER, settings=BridgeSettings(autopilot="px4"))
+    task = layer.mission_task(mission, holds_over_home=holds)
     led.follow(Leg(13, (1, 9), over=True), task)
     assert isinstance(task, Accepted)
     (order,) = task.value
@@ -449,9 +449,9 @@ def test_without_a_persons_word_nothing_takes_off_for_a_second_search(
         BridgeSettings(arm="true"), record if same_program else inherited(record, fresh=True)
     )
     if same_program:
-        led.begin(SEARCH, 120.0, FENCE, first=True)
+        led.begin(SEARCH, LAYER, first=True)
         led.advance(VehicleState(), Outcome(), 0.0)
-    led.begin(NEXT_SEARCH, 120.0, FENCE, first=not same_program)
+    led.begin(NEXT_SEARCH, LAYER, first=not same_program)
     vehicle = Vehicle(led, ON_GROUND if landed else FLYING)
     follow(led, 13, 1, 1)
     for _ in range(4):
@@ -485,7 +485,7 @@ def test_a_person_clears_what_has_landed_for_one_search() -> None:
     vehicle.obey()
     vehicle.obey()
     assert led.custody.state is Custody.GROUNDED and not led.lost
-    led.begin((7, 3), 120.0, FENCE)
+    led.begin((7, 3), LAYER)
     follow(led, 39, 1, 1)
     assert [vehicle.turn() for _ in range(3)] == [None] * 3
 
@@ -497,7 +497,7 @@ def test_a_clearance_after_the_search_is_for_the_next_one() -> None:
     vehicle.turn()
     assert isinstance(led.custody.clear(vehicle.now_s), Accepted)
     assert [vehicle.turn() for _ in range(3)] == [None] * 3
-    led.begin(NEXT_SEARCH, 120.0, FENCE)
+    led.begin(NEXT_SEARCH, LAYER)
     follow(led, 13, 1, 1)
     vehicle.take_off()
 
@@ -531,7 +531,7 @@ def test_what_a_pilot_has_taken_over_gets_no_order_any_more() -> None:
     vehicle.state = FLYING
     assert [vehicle.turn() for _ in range(3)] == [None] * 3
     assert led.custody.state is Custody.RELEASED
-    led.begin(NEXT_SEARCH, 120.0, FENCE)
+    led.begin(NEXT_SEARCH, LAYER)
     follow(led, 39, 4, 4)
     assert vehicle.turn() is None and not led.lost
     assert led.blocked == "nobody controls it, in GUIDED: drone<i>/arm clears it to fly"
@@ -552,7 +552,7 @@ def test_a_mode_that_is_set_at_disarming_releases_nothing() -> None:
         vehicle.state = replace(ON_GROUND, mode=mode)
         vehicle.turn()
     assert led.custody.state is Custody.TAKEN
-    led.begin(NEXT_SEARCH, 120.0, FENCE)
+    led.begin(NEXT_SEARCH, LAYER)
     follow(led, 39, 4, 4)
     assert [vehicle.turn() for _ in range(3)] == [None] * 3
 
@@ -630,7 +630,7 @@ def test_an_operator_is_obeyed_whatever_the_search_does_until_a_clearance(what: 
     for stamp, over in ((26, False), (39, True)):
         follow(led, stamp, 1, 2, over=over)
         assert vehicle.turn() is None
-    led.begin(NEXT_SEARCH, 120.0, FENCE)
+    led.begin(NEXT_SEARCH, LAYER)
     follow(led, 0, 3, 3)
     assert vehicle.turn() in (None, OPERATIONS[what])
     if what == "hold":
@@ -650,11 +650,11 @@ def test_on_the_ground_an_operator_keeps_it_there_also_with_arm_always() -> None
         assert isinstance(vehicle.turn(), TakeOff)
         assert act(led.custody) == Accepted("kept on the ground")
         assert led.lost == "kept on the ground by the operator"
-        led.begin(NEXT_SEARCH, 120.0, FENCE)
+        led.begin(NEXT_SEARCH, LAYER)
         follow(led, 0, 1, 1)
         assert [vehicle.turn() for _ in range(3)] == [None] * 3
         assert isinstance(led.custody.clear(vehicle.now_s), Accepted)
-        led.begin((7, 3), 120.0, FENCE)
+        led.begin((7, 3), LAYER)
         follow(led, 0, 1, 1)
         vehicle.take_off()
 
@@ -792,14 +792,14 @@ def test_a_vehicle_takes_off_once_for_each_clearance_whatever_happens(
             record, leg = led.custody.record, led.progress.leg
             settings = BridgeSettings(arm="false")
             led = vehicle.follower = VehicleFollower(settings, inherited(record, fresh=True))
-            led.begin((7, mission), 120.0, FENCE, first=True)
+            led.begin((7, mission), LAYER, first=True)
             consents += 1
             vehicle.outcome = Outcome()
             if leg is not None:
-                led.follow(leg, leg_task(leg, FRAME, SETTINGS, FENCE, 0.0))
+                led.follow(leg, LAYER.leg_task(leg))
         elif event == "reset":
             mission, over = mission + 1, False
-            led.begin((7, mission), 120.0, FENCE)
+            led.begin((7, mission), LAYER)
         elif event == "clear":
             led.custody.clear(vehicle.now_s)
             consents += 1
@@ -963,9 +963,9 @@ def test_a_held_vehicle_goes_on_with_the_next_step() -> None:
 def test_a_leg_out_of_the_fence_is_refused_and_the_vehicle_holds(
     cell: tuple[int, int], changes: dict[str, float], code: str
 ) -> None:
-    frame = replace(FRAME, alt_m=changes.get("altitude", 120.0))
+    fence = replace(LAYER.fence, frame=replace(FRAME, alt_m=changes.get("altitude", 120.0)))
     leg = Leg(13, cell)
-    task = leg_task(leg, frame, SETTINGS, FENCE, 0.0)
+    task = replace(LAYER, fence=fence).leg_task(leg)
     assert isinstance(task, Rejected) and task.code == code
     vehicle = in_the_air()
     led = vehicle.follower
@@ -977,10 +977,10 @@ def test_a_leg_out_of_the_fence_is_refused_and_the_vehicle_holds(
 
 
 def test_a_search_below_the_fence_is_refused() -> None:
-    settings = replace(SETTINGS, search_altitude=5.0)
-    task = leg_task(Leg(13, (5, 5), searched=True), FRAME, settings, FENCE, 0.0)
+    layer = replace(LAYER, settings=replace(SETTINGS, search_altitude=5.0))
+    task = layer.leg_task(Leg(13, (5, 5), searched=True))
     assert isinstance(task, Rejected) and task.code == "altitude"
-    assert isinstance(leg_task(Leg(13, (5, 5)), FRAME, settings, FENCE, 0.0), Accepted)
+    assert isinstance(layer.leg_task(Leg(13, (5, 5))), Accepted)
 
 
 def test_nothing_takes_off_that_stands_elsewhere_or_does_not_know_where() -> None:

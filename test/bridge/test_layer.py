@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 
 from dsse_ros.bridge.airspace import Flyer
 from dsse_ros.bridge.fence import Fence, check_place
-from dsse_ros.bridge.tasks import way_task
-from dsse_ros.bridge.vehicle_missions import FlightSettings
+from dsse_ros.bridge.layer import Layer
+from dsse_ros.bridge.settings import BridgeSettings
 from dsse_ros.flight.orders import FlyTrack
 from dsse_ros.flight.vehicle_state import VehicleState
 from dsse_ros.mission_items.separation import place_of
@@ -32,7 +32,8 @@ def track_to(x_m: float, y_m: float, heading: float, fence: Fence, *, circles: b
     """Return the order of a leg that ends at a place of the map frame."""
     start = x_m - 130.0 * math.sin(heading), y_m - 130.0 * math.cos(heading)
     leg = Leg(0, (0, 0), False, False, False, (start, (x_m, y_m)))
-    task = way_task(leg, FRAME, FlightSettings(), fence, 40.0, STEP_S, circles=circles)
+    settings = BridgeSettings(autopilot="arduplane" if circles else "ardupilot")
+    task = Layer(fence, settings, STEP_S).leg_task(leg)
     assert isinstance(task, Accepted), task
     (order,) = task.value
     assert isinstance(order, FlyTrack)
