@@ -10,9 +10,7 @@ from __future__ import annotations
 
 import traceback
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Any, Literal, TypeVar
-
-from numpy.typing import NDArray
+from typing import TYPE_CHECKING, Literal, TypeVar
 
 from dsse_ros.bridge.custody import MAY_ORDER, Custody
 from dsse_ros.bridge.fleet_airspace import FleetAirspace
@@ -62,7 +60,7 @@ class FleetController:
         names: Names of the drones.
         followers: One for each vehicle.
         plan: Flight plan of the search; None before the first.
-        search: The followed search.
+        search: The followed search, which takes the messages; then call `handle_news`.
         holding: Whether the vehicles hold because no steps come.
     """
 
@@ -98,12 +96,11 @@ class FleetController:
         self._center = settings.fence_center
         self._first: SearchId | None = None
         self._publishers = 0
-        # When the controller started, the first search began, and the last report came. Drain the
-        # latched reports before following one.
+        # When the controller started, and the first search began. Drain the latched reports before
+        # following one.
         self._now_s = 0.0
         self._start_s: float | None = None
         self._begun_s: float | None = None
-        self._report_s = 0.0
         self._drained = False
         self._idle_s: float | None = None
         self._record_trouble = ""
@@ -124,27 +121,6 @@ class FleetController:
         return list(zip(self.names, self.followers, self._vehicles, strict=True))
 
     # The search
-
-    def take_agents(self, info: AgentsInfo, now_s: float) -> None:
-        """Take an `agents` message: the mission and its drones."""
-        self.search.take_agents(info)
-        self.handle_news(now_s)
-
-    def take_report(self, stamp_ns: int, report: NDArray[Any], now_s: float) -> None:
-        """Take the report (N,) of a step, with its stamp."""
-        self._report_s = now_s
-        self.search.take_report(stamp_ns, report)
-        self.handle_news(now_s)
-
-    def take_tasks(self, tasks: NDArray[Any], now_s: float) -> None:
-        """Take the tasks (N,) of the vehicles, `vehicle_tasks`."""
-        self.search.take_tasks(tasks)
-        self.handle_news(now_s)
-
-    def take_mission_report(self, stamp_ns: int, report: NDArray[Any], now_s: float) -> None:
-        """Take the report (steps + 1, N) of a finished mission, with its stamp."""
-        self.search.take_mission_report(stamp_ns, report)
-        self.handle_news(now_s)
 
     def set_publishers(self, count: int) -> bool:
         """Take the number of nodes that publish `step_report`; returns whether it has changed.
@@ -304,7 +280,7 @@ class FleetController:
         self._airspace.look_again()
         self.handle_news(now_s)
         if self._begun_s is not None and not self._drained:
-            quiet = now_s - max(self._begun_s, self._report_s) >= QUIET_S
+            quiet = now_s - max(self._begun_s, self.search.report_s) >= QUIET_S
             self._drained = quiet or now_s - self._begun_s >= _DRAINED_S
             if self._drained:
                 self._follow()

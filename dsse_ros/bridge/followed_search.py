@@ -67,6 +67,7 @@ class FollowedSearch:
         tracks: (steps + 1, N) report of the whole mission; None if it has not come, or without
             `as_mission`.
         foreign: Why the search of the latest `agents` is not followed; empty if it is.
+        report_s: Time of the last step report, of any search.
         confirmed: Whether `agents` of this mission have come since simulations last came or went.
     """
 
@@ -86,6 +87,7 @@ class FollowedSearch:
         self.tracks: NDArray[Any] | None = None
         self.foreign = ""
         self.confirmed = False
+        self.report_s = 0.0
         self._unflyable = ""
         self._followed_step: int | None = None
         self._over_since_s: float | None = None
@@ -105,8 +107,9 @@ class FollowedSearch:
         else:
             self._other = info
 
-    def take_report(self, stamp_ns: int, report: NDArray[Any]) -> None:
-        """Take the report (N,) of a step, with its stamp."""
+    def take_report(self, stamp_ns: int, report: NDArray[Any], now_s: float) -> None:
+        """Take the report (N,) of a step, with its stamp, at a time on the clock of `trouble`."""
+        self.report_s = now_s
         self._look_at_step |= _keep(self._reports, stamp_ns, report)
 
     def take_tasks(self, tasks: NDArray[Any]) -> None:

@@ -7,10 +7,11 @@ from __future__ import annotations
 import re
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
+from typing import Any
 
-from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import String
 
 from dsse_ros.autopilots import AUTOPILOTS
@@ -61,13 +62,8 @@ class BridgeNode(AlarmNode):
         diagnostics = NodeDiagnostics(self, endpoints)
         self.publishers_ = BridgePublishers(endpoints, diagnostics, names)
         self._agents, *_ = [
-            endpoints.subscription(topic, read)
-            for topic, read in (
-                ("agents", self._on_agents),
-                ("step_report", self._on_report),
-                ("vehicle_tasks", self._on_tasks),
-                ("mission_report", self._on_mission_report),
-            )
+            endpoints.subscription(topic, partial(self._take, take))
+            for topic, take in self._takers().items()
         ]
         endpoints.check_all_used()
         bridge_services.serve(self, self.controller)
@@ -119,23 +115,25 @@ class BridgeNode(AlarmNode):
 
     # The search
 
-    def _on_agents(self, message: String) -> None:
-        info = agents_from_json(message.data, with_definition=False)
-        self.controller.take_agents(info, time.monotonic())
+    def _takers(self) -> dict[str, Callable[[Any], None]]:
+        """Return what the followed search does with a message, by its topic."""
+        search = self.controller.search
+        return {
+            "agents": lambda one: search.take_agents(
+                agents_from_json(one.data, with_definition=False)
+            ),
+            "step_report": lambda one: search.take_report(
+                to_nanoseconds(one.header.stamp), step_report_from_message(one), time.monotonic()
+            ),
+            "vehicle_tasks": lambda one: search.take_tasks(vehicle_tasks_from_message(one)),
+            "mission_report": lambda one: search.take_mission_report(
+                to_nanoseconds(one.header.stamp), mission_report_from_message(one)
+            ),
+        }
 
-    def _on_report(self, message: PointCloud2) -> None:
-        report = step_report_from_message(message)
-        stamp_ns = to_nanoseconds(message.header.stamp)
-        self.controller.take_report(stamp_ns, report, time.monotonic())
-
-    def _on_tasks(self, message: PointCloud2) -> None:
-        tasks = vehicle_tasks_from_message(message)
-        self.controller.take_tasks(tasks, time.monotonic())
-
-    def _on_mission_report(self, message: PointCloud2) -> None:
-        report = mission_report_from_message(message)
-        stamp_ns = to_nanoseconds(message.header.stamp)
-        self.controller.take_mission_report(stamp_ns, report, time.monotonic())
+    def _take(self, take: Callable[[Any], None], message: Any) -> None:
+        take(message)
+        self.controller.handle_news(time.monotonic())
 
     def _look_for_simulations(self) -> None:
         count = self.count_publishers(self.resolve_topic_name("step_report"))

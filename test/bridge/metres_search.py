@@ -121,7 +121,8 @@ class MetresSearch:
         """Publish report and tasks."""
         fleet.publish(self)  # type: ignore[arg-type]
         tasks = self.steps.tasks.points(self.frame, self.run_id)
-        fleet.controller.take_tasks(tasks, fleet.now)
+        fleet.controller.search.take_tasks(tasks)
+        fleet.controller.handle_news(fleet.now)
 
     def hear(self, fleet: VirtualFleet) -> None:
         """Take the positions, clocks and progress that the bridge publishes of the vehicles."""

@@ -444,7 +444,8 @@ def test_latched_reports_are_drained_before_one_is_followed() -> None:
     # A thousand steps that were kept, a few in each turn.
     for step in range(300):
         search.advance()
-        controller.take_report(search.stamp_ns, search.last, fleet.now)
+        controller.search.take_report(search.stamp_ns, search.last, fleet.now)
+        controller.handle_news(fleet.now)
         if step % 3 == 0:
             fleet.step()
     fleet.log.clear()

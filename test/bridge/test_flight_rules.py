@@ -615,7 +615,8 @@ def test_messages_of_a_search_in_any_order_and_number_of_drones_end_no_turn(
     for k in order:
         info = search.agents()
         info = replace(info, agents=tuple(f"drone{i}" for i in range(counts[k])))
-        fleet.controller.take_agents(info, fleet.now)
+        fleet.controller.search.take_agents(info)
+        fleet.controller.handle_news(fleet.now)
         fleet.wait(1.0)
     fleet.publish(search)
     fleet.until(lambda: fleet.arrived(search))

@@ -77,7 +77,7 @@ def followed(*, as_mission: bool = False) -> FollowedSearch:
 
 def test_a_step_is_followed_once_it_is_known_whose_it_is() -> None:
     search = FollowedSearch(2, as_mission=False)
-    search.take_report(13, report(1))
+    search.take_report(13, report(1), 0.0)
     assert news(search) == [] and search.legs == []
     search.take_agents(agents())
     assert news(search) == [News.BEGUN, News.STEP]
@@ -99,7 +99,7 @@ def test_vehicles_follow_their_tasks_and_end_with_their_drones(first: str) -> No
     if first == "tasks":
         search.take_tasks(task)
         assert news(search) == []
-    search.take_report(13, report(1, over=(False, True)))
+    search.take_report(13, report(1, over=(False, True)), 0.0)
     search.take_tasks(task)
     assert News.STEP in news(search)
     assert search.legs == [Leg(3, (2, 2)), Leg(4, (5, 5), searched=True, over=True)]
@@ -117,7 +117,7 @@ def test_tasks_of_another_search_or_number_of_drones_are_not_followed(
     other: NDArray[np.void],
 ) -> None:
     search = followed()
-    search.take_report(13, report(1))
+    search.take_report(13, report(1), 0.0)
     search.take_tasks(other)
     assert news(search) == [News.STEP]
     assert [leg.cell for leg in search.legs] == [AHEAD, (5, 5)]
@@ -128,7 +128,7 @@ def in_metres(search: FollowedSearch) -> None:
     made = np.zeros(2, step_report_dtype(0, path_points=3))
     made["run_id"], made["mission"], made["step"] = 7, 1, 1
     made["path"] = [[0.0, 0.0, 100.0, 0.0, 200.0, 50.0], [300.0, 800.0] * 3]
-    search.take_report(13, made)
+    search.take_report(13, made, 0.0)
 
 
 def test_in_metres_a_leg_has_the_points_of_its_way_in_the_map_frame() -> None:
@@ -162,7 +162,7 @@ def test_the_order_in_which_messages_come_does_not_matter(order: Sequence[str]) 
         if kind == "agents":
             search.take_agents(agents())
         elif kind == "report":
-            search.take_report(40, report(3, over=(True, True)))
+            search.take_report(40, report(3, over=(True, True)), 0.0)
         else:
             search.take_mission_report(40, whole(3))
         seen += news(search)
@@ -174,7 +174,7 @@ def test_the_order_in_which_messages_come_does_not_matter(order: Sequence[str]) 
 @pytest.mark.parametrize("other", [{"run_id": 8}, {"mission": 2}])
 def test_what_belongs_to_another_search_is_not_followed(other: dict[str, int]) -> None:
     search = followed(as_mission=True)
-    search.take_report(13, report(1, **other))  # type: ignore[arg-type]
+    search.take_report(13, report(1, **other), 0.0)  # type: ignore[arg-type]
     search.take_mission_report(13, whole(1, **other))
     assert news(search) == [] and search.legs == [] and search.tracks is None
     search.take_agents(agents(**other))
@@ -186,7 +186,7 @@ def test_agents_in_another_number_are_named_and_the_search_goes_on() -> None:
     search.take_agents(agents(run_id=9, count=3))
     assert news(search) == [] and search.info == agents()
     assert search.trouble(0.0) == "2 vehicles for 3 drones: nothing is flown"
-    search.take_report(13, report(1))
+    search.take_report(13, report(1), 0.0)
     assert news(search) == [News.STEP]
     search.require_agents()
     assert search.trouble(0.0) == ""
@@ -201,8 +201,8 @@ def test_another_simulation_is_followed_only_once_that_is_allowed(other: dict[st
     assert news(search) == [News.BEGUN]
     kept[0] = "drone0 is in the air"
     search.take_agents(agents(**other))
-    search.take_report(26, report(0, **other))  # type: ignore[arg-type]
-    search.take_report(13, report(1))
+    search.take_report(26, report(0, **other), 0.0)  # type: ignore[arg-type]
+    search.take_report(13, report(1), 0.0)
     assert news(search) == [News.STEP]
     assert search.trouble(0.0) == "drone0 is in the air" and search.info == agents()
     kept[0] = ""
@@ -230,13 +230,13 @@ def test_a_simulation_that_is_gone_is_not_followed_later() -> None:
 def test_somebody_plans_the_search_once_its_drones_were_commanded() -> None:
     search = FollowedSearch(2, as_mission=False)
     search.take_agents(replace(agents(), commanded=False))
-    search.take_report(0, report(0))
+    search.take_report(0, report(0), 0.0)
     assert news(search) == [News.BEGUN, News.STEP] and not search.commanded
     search.take_agents(agents())
     assert news(search) == [News.STEP] and search.commanded
     other = FollowedSearch(2, as_mission=False)
     other.take_agents(replace(agents(), commanded=False))
-    other.take_report(13, report(1))
+    other.take_report(13, report(1), 0.0)
     assert news(other) == [News.BEGUN, News.STEP] and other.commanded
 
 
@@ -246,7 +246,7 @@ def test_a_mission_that_is_described_anew_is_another_one(refused: str) -> None:
     reasons = iter(["", *[refused] * 9])
     search = FollowedSearch(2, as_mission=False, refuse=lambda info: next(reasons))
     search.take_agents(agents())
-    search.take_report(13, report(1))
+    search.take_report(13, report(1), 0.0)
     assert news(search) == [News.BEGUN, News.STEP]
     moved = replace(agents(), frame=replace(agents().frame, origin_lat_deg=10.0))
     search.take_agents(moved)
@@ -263,24 +263,24 @@ def test_a_mission_whose_drones_change_in_number_leaves_those_that_are_followed(
     search = FollowedSearch(2, as_mission=False)
     for count in counts:
         search.take_agents(agents(count=count))
-        search.take_report(13, report(1))
+        search.take_report(13, report(1), 0.0)
         news(search)
         assert search.info is not None and len(search.info.agents) == 2 == len(search.legs)
 
 
 def test_the_same_mission_from_its_start_is_another_one() -> None:
     search = followed(as_mission=True)
-    search.take_report(40, report(5))
+    search.take_report(40, report(5), 0.0)
     search.take_mission_report(40, whole(5))
     assert news(search) == [News.STEP, News.TRACKS]
-    search.take_report(1, report(0))
+    search.take_report(1, report(0), 0.0)
     assert news(search) == [News.BEGUN, News.STEP]
     assert search.tracks is None
 
 
 def test_a_search_that_cannot_be_flown_is_followed_no_further() -> None:
     search = FollowedSearch(2, as_mission=True)
-    search.take_report(13, report(1))
+    search.take_report(13, report(1), 0.0)
     search.take_agents(agents())
     assert search.next_news(0.0) is News.BEGUN
     assert search.fail("no room") and not search.fail("no room")
@@ -293,10 +293,10 @@ def test_a_search_that_cannot_be_flown_is_followed_no_further() -> None:
 
 def test_a_mission_report_that_does_not_come_is_missed_after_a_while() -> None:
     search = followed(as_mission=True)
-    search.take_report(13, report(4, over=(True, True)))
+    search.take_report(13, report(4, over=(True, True)), 0.0)
     assert news(search, 10.0) == [News.STEP]
     # A step that is published again does not put it off.
-    search.take_report(13, report(4, over=(True, True)))
+    search.take_report(13, report(4, over=(True, True)), 0.0)
     assert news(search, 14.0) == [News.STEP]
     assert search.trouble(10.0 + MISSION_REPORT_S) == ""
     assert "mission_report" in search.trouble(10.1 + MISSION_REPORT_S)
@@ -307,7 +307,7 @@ def test_a_mission_report_that_does_not_come_is_missed_after_a_while() -> None:
 
 def test_who_follows_steps_wants_no_tracks() -> None:
     search = followed()
-    search.take_report(13, report(1, over=(True, True)))
+    search.take_report(13, report(1, over=(True, True)), 0.0)
     search.take_mission_report(13, whole(1))
     assert news(search) == [News.STEP]
     assert search.tracks is None and search.trouble(1e6) == ""
@@ -325,15 +325,15 @@ def test_tracks_have_the_cells_and_where_they_were_searched() -> None:
 
 def test_reports_of_another_number_of_drones_and_empty_ones_are_left_alone() -> None:
     search = followed(as_mission=True)
-    search.take_report(13, report(1, cells=[(0, 0)], over=(False,)))
+    search.take_report(13, report(1, cells=[(0, 0)], over=(False,)), 0.0)
     search.take_mission_report(13, whole(1, count=3))
-    search.take_report(13, report(1)[:0])
+    search.take_report(13, report(1)[:0], 0.0)
     search.take_mission_report(13, whole(1)[:0])
     assert news(search) == [] and search.legs == [] and search.tracks is None
 
 
 def test_drones_that_end_in_one_cell_have_crashed() -> None:
     search = followed()
-    search.take_report(13, report(2, cells=[(4, 4), (4, 4)], over=(True, True), action=SEARCH))
+    search.take_report(13, report(2, cells=[(4, 4), (4, 4)], over=(True, True), action=SEARCH), 0.0)
     assert news(search) == [News.STEP]
     assert all(leg.crashed and leg.over and leg.searched for leg in search.legs)

@@ -316,11 +316,14 @@ class VirtualFleet:
 
     def publish(self, search: VirtualSearch) -> None:
         """Publish all that a late listener gets of a simulation."""
-        controller, now_s = self.controller, self.now
-        controller.take_agents(search.agents(), now_s)
-        controller.take_report(search.stamp_ns, search.last, now_s)
+        now_s, takes = self.now, self.controller.search
+        takes.take_agents(search.agents())
+        self.controller.handle_news(now_s)
+        takes.take_report(search.stamp_ns, search.last, now_s)
+        self.controller.handle_news(now_s)
         if search.over:
-            controller.take_mission_report(search.stamp_ns, search.mission_report(), now_s)
+            takes.take_mission_report(search.stamp_ns, search.mission_report())
+            self.controller.handle_news(now_s)
 
     # Time
 
@@ -340,7 +343,8 @@ class VirtualFleet:
             if changed:
                 # A new subscription gets them some time later.
                 for search in self.searches:
-                    self.controller.take_agents(search.agents(), self.now)
+                    self.controller.search.take_agents(search.agents())
+                    self.controller.handle_news(self.now)
             self._simulate()
 
     def _simulate(self) -> None:
