@@ -142,15 +142,11 @@ class Airspace:
         self._layers_m = np.repeat([one.frame.alt_m for one in flyers], counts)
         self._known = np.repeat(np.array([one.known for one in flyers], dtype=bool), counts)
 
-    def update(self, i: int, flyer: Flyer) -> None:
-        """Add a vehicle, or replace it because it has been given an order."""
-        self._flyers[i], self._spaces[i] = flyer, rows_of(flyer.spaces(flyer.order))
-        self._gather()
-
     def admit(self, i: int, flyer: Flyer, order: Order) -> Order | str:
         """Return the order to give instead of the wanted one, or why that has to wait.
 
-        A vehicle searches without descending above another vehicle that stays there.
+        From now on the others keep clear of the returned order. A vehicle searches without
+        descending above another vehicle that stays there.
 
         Args:
             i: Number of the drone.
@@ -159,6 +155,9 @@ class Airspace:
         """
         blocking = self._blocking(i, flyer, order, only_unknown=False)
         if blocking is None:
+            self._flyers[i] = replace(flyer, order=order)
+            self._spaces[i] = rows_of(flyer.spaces(order))
+            self._gather()
             return order
         stays = blocking.known and blocking.order is None and not blocking.mission
         if isinstance(order, Search) and stays:

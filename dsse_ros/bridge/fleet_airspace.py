@@ -5,12 +5,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
+from functools import partial
 from typing import TYPE_CHECKING
 
 from dsse_ros.bridge.airspace import Airspace, Flyer
 from dsse_ros.bridge.flight_plan import FlightPlan, MissionPlan
-from dsse_ros.bridge.vehicle_follower import VehicleFollower
+from dsse_ros.bridge.layer import Layer
+from dsse_ros.bridge.vehicle_follower import Permissions, VehicleFollower
 from dsse_ros.flight.orders import GoTo
 from dsse_ros.flight.vehicle_controller import Order
 from dsse_ros.mission_items.separation import Point, places_of
@@ -40,7 +42,7 @@ class _Fleet:
 
 
 class FleetAirspace:
-    """What each vehicle must know of all others.
+    """What each vehicle may do beside all others.
 
     Args:
         names: Names of the drones.
@@ -49,6 +51,7 @@ class FleetAirspace:
         as_mission: Whether the vehicles fly searches as missions.
 
     Attributes:
+        plan: Flight plan of the search; None before the first.
         missions: The missions that they fly, by the number of the drone.
     """
 
@@ -62,6 +65,7 @@ class FleetAirspace:
     ) -> None:
         self._names, self._vehicles, self._followers = names, vehicles, followers
         self._as_mission = as_mission
+        self.plan: FlightPlan | None = None
         self.missions: Mapping[int, MissionPlan] = {}
         self.look_again()
 
@@ -70,42 +74,61 @@ class FleetAirspace:
         self._airspace: Airspace | None = None
         self._seen: _Fleet | None = None
 
-    def reason_to_wait(self, i: int, plan: FlightPlan) -> str:
-        """Return the vehicle that must take off first; empty for none."""
-        fleet, alt_m = self._fleet, plan.layers[i].frame.alt_m
+    def permissions(self, i: int, *, search_alive: bool, commanded: bool) -> Permissions:
+        """Return what the other vehicles and the search allow a vehicle to do.
+
+        Args:
+            i: Number of the drone.
+            search_alive: Whether the search is running.
+            commanded: Whether a planner has commanded the drones.
+        """
+        if self.plan is None:
+            return Permissions(search_alive)
+        waits = ""
+        if self._followers[i].is_awaited:
+            planner = "" if commanded or self._as_mission else "the first commands of a planner"
+            waits = planner or self._first_to_take_off(i)
+        return Permissions(
+            search_alive,
+            f"waiting for {waits}" if waits else "",
+            self._way_home(i),
+            partial(self._admit, i),
+            partial(self._intruder, i),
+        )
+
+    def _first_to_take_off(self, i: int) -> str:
+        """Return the vehicle that must take off first, and why; empty for none."""
+        fleet, alt_m = self._fleet, self._layer(i).frame.alt_m
         for j in fleet.holding_up:
             if j != i:
-                blocked = self._followers[j].blocked or "not ready"
-                return f"waiting for {self._names[j]}: {blocked}"
+                return f"{self._names[j]}: {self._followers[j].blocked or 'not ready'}"
         for j in fleet.climbing if self._as_mission else ():
             # Vehicles in higher layers climb first.
-            if plan.layers[j].frame.alt_m > alt_m:
-                return f"waiting for {self._names[j]}, which takes off first"
+            if self._layer(j).frame.alt_m > alt_m:
+                return f"{self._names[j]}, which takes off first"
         return ""
 
-    def way_home(self, i: int, plan: FlightPlan) -> GoTo | None:
+    def _way_home(self, i: int) -> GoTo | None:
         """Return the way home that does not cross the layers of others; None if there is none."""
         others = self._fleet.flying - {i}
         if not others or self._as_mission:
             return None
-        return plan.layers[i].way_home(self._vehicles[i].state)
+        return self._layer(i).way_home(self._vehicles[i].state)
 
-    def admit(self, i: int, plan: FlightPlan, order: Order) -> Order | str:
-        """Return the order to give instead of the wanted one, or why that has to wait."""
+    def _admit(self, i: int, order: Order) -> Order | str:
         if not self._vehicles[i].state.has_position:
             return order
-        airspace, flyer = self._look_around(plan), self._flyer(i, plan)
-        admitted = airspace.admit(i, flyer, order)
-        if not isinstance(admitted, str):
-            airspace.update(i, replace(flyer, order=admitted))
-        return admitted
+        return self._look_around().admit(i, self._flyer(i), order)
 
-    def intruder(self, i: int, plan: FlightPlan, order: Order | None) -> str:
-        """Return why an order under way has to be interrupted; empty if it goes on."""
+    def _intruder(self, i: int, order: Order | None) -> str:
         unknown = self._fleet.unknown - {i}
         if not unknown or not self._vehicles[i].state.has_position:
             return ""
-        return self._look_around(plan).intruder(i, self._flyer(i, plan), order)
+        return self._look_around().intruder(i, self._flyer(i), order)
+
+    def _layer(self, i: int) -> Layer:
+        assert self.plan is not None
+        return self.plan.layers[i]
 
     @property
     def _fleet(self) -> _Fleet:
@@ -132,25 +155,25 @@ class FleetAirspace:
                 fleet.climbing.append(i)
         return fleet
 
-    def _look_around(self, plan: FlightPlan) -> Airspace:
+    def _look_around(self) -> Airspace:
         """Return the space that the vehicles take."""
         if self._airspace is None:
             drones = [i for i in self._fleet.avoided if self._vehicles[i].state.has_position]
             states = [self._vehicles[i].state for i in drones]
-            places = places_of(plan.layers[0].frame, [(one.lat_deg, one.lon_deg) for one in states])
+            places = places_of(self._layer(0).frame, [(one.lat_deg, one.lon_deg) for one in states])
             self._airspace = Airspace(
-                {i: self._flyer(i, plan, place) for i, place in zip(drones, places, strict=True)}
+                {i: self._flyer(i, place) for i, place in zip(drones, places, strict=True)}
             )
         return self._airspace
 
-    def _flyer(self, i: int, plan: FlightPlan, place: Point | None = None) -> Flyer:
-        follower, mission = self._followers[i], self.missions.get(i)
+    def _flyer(self, i: int, place: Point | None = None) -> Flyer:
+        follower, mission, layer = self._followers[i], self.missions.get(i), self._layer(i)
         flies = mission is not None and (follower.mission_under_way or follower.takes_off)
         spaces = mission.spaces if mission is not None and flies else ()
-        state, frame = self._vehicles[i].state, plan.layers[i].frame
+        state = self._vehicles[i].state
         if place is None:
-            (place,) = places_of(frame, [(state.lat_deg, state.lon_deg)])
+            (place,) = places_of(layer.frame, [(state.lat_deg, state.lon_deg)])
         return Flyer(
-            self._names[i], state, place, follower.under_way, frame, plan.datum_m, spaces,
-            known=i not in self._fleet.unknown,
+            self._names[i], state, place, follower.given.under_way, layer.frame,
+            layer.settings.datum_altitude, spaces, known=i not in self._fleet.unknown,
         )  # fmt: skip

@@ -21,7 +21,7 @@ from dsse_ros.bridge.followed_search import FollowedSearch, News
 from dsse_ros.bridge.own_return import reason_to_leave
 from dsse_ros.bridge.settings import BridgeSettings
 from dsse_ros.bridge.vehicle_custody import VehicleCustody
-from dsse_ros.bridge.vehicle_follower import Permissions, VehicleFollower
+from dsse_ros.bridge.vehicle_follower import VehicleFollower
 from dsse_ros.defects import Defects, describe
 from dsse_ros.flight.orders import FlyMission, Hold
 from dsse_ros.flight.vehicle_controller import Order
@@ -180,7 +180,8 @@ class FleetController:
             for follower in self.followers:
                 follower.leave()
             return
-        self.plan, self._center = plan, plan.center
+        self.plan = self._airspace.plan = plan
+        self._center = plan.center
         search = (info.run_id, info.mission)
         self._first = self._first or search
         for i, follower in enumerate(self.followers):
@@ -267,7 +268,7 @@ class FleetController:
         ends = ("under_way", "silent") if custody is Custody.GROUNDED else _NOT_ENDED
         # Without a link the vehicle cannot get the next order, and would first go on with this one.
         void = not MAY_ORDER[custody] or (
-            outcome.order != follower.given and not vehicle.state.connected
+            outcome.order != follower.given.order and not vehicle.state.connected
         )
         leaves = isinstance(outcome.order, Hold) and outcome.status in ("under_way", "silent")
         if void and not leaves and outcome.order is not None and outcome.status in ends:
@@ -339,32 +340,16 @@ class FleetController:
         if state.connected and state.identity.uid is None:
             follower.await_identity(state, now_s, trouble)
             return None
-        return follower.advance(state, outcome, now_s, trouble, self._permissions(i))
+        permissions = self._airspace.permissions(
+            i, search_alive=self._search_alive, commanded=self.search.commanded
+        )
+        return follower.advance(state, outcome, now_s, trouble, permissions)
 
     @property
     def _search_alive(self) -> bool:
         """Whether the followed search is running, and no other one disturbs it."""
         disturbed = self.search.foreign or self._contested
         return self.search.confirmed and not disturbed and self._publishers > 0
-
-    def _permissions(self, i: int) -> Permissions:
-        """Return what the other vehicles and the search allow a vehicle to do."""
-        plan, alive = self.plan, self._search_alive
-        if plan is None:
-            return Permissions(search_alive=alive)
-        return Permissions(
-            search_alive=alive,
-            take_off=self._reason_to_wait(i, plan) if self.followers[i].is_awaited else "",
-            home=self._airspace.way_home(i, plan),
-            admit=lambda order: self._airspace.admit(i, plan, order),
-            intruder=lambda order: self._airspace.intruder(i, plan, order),
-        )
-
-    def _reason_to_wait(self, i: int, plan: FlightPlan) -> str:
-        """Return what the take-off of a vehicle waits for; empty for nothing."""
-        if not self._as_mission and not self.search.commanded:
-            return "waiting for the first commands of a planner"
-        return self._airspace.reason_to_wait(i, plan)
 
     def _keep_record(self, i: int) -> None:
         """Write the record of a vehicle for a restarted bridge."""
@@ -399,7 +384,7 @@ class FleetController:
             self.holding = True
             self._log("warning", f"no step within {timeout_s:g} s: the vehicles hold")
             for follower in going:
-                follower.hold()
+                follower.progress.holding = True
 
     def close(self) -> None:
         """Record, as the program ends, that the vehicles are ordered to hold."""

@@ -71,6 +71,7 @@ class VehicleFollower:
     Attributes:
         custody: Who controls it.
         progress: How far it is with the current leg.
+        given: Its last order.
         no_take_off: Why it must not take off from where it stands; empty if it may.
         blocked: What keeps it from doing what it should; empty if nothing does.
         ready: Whether it could take off now if the other vehicles allow it.
@@ -106,7 +107,7 @@ class VehicleFollower:
         self._forget_order()
 
     def _forget_order(self) -> None:
-        self._given = GivenOrder()
+        self.given = GivenOrder()
 
     # The search
 
@@ -136,10 +137,6 @@ class VehicleFollower:
             task: The task, or why the vehicle may not do it; None if it is not known yet.
         """
         self.progress.follow(leg, task, self.custody.record.looked)
-
-    def hold(self) -> None:
-        """Hold until the next leg."""
-        self.progress.holding = True
 
     def replace_vehicle(self, record: FlightRecord) -> None:
         """Follow with another vehicle that has turned out to be connected.
@@ -199,18 +196,8 @@ class VehicleFollower:
     @property
     def takes_off(self) -> bool:
         """Whether it was ordered to take off, and is on the ground."""
-        ordered = isinstance(self._given.order, TakeOff | FlyMission)
+        ordered = isinstance(self.given.order, TakeOff | FlyMission)
         return ordered and self.custody.state is Custody.CLEARED
-
-    @property
-    def given(self) -> Order | None:
-        """The last order; None if there is none, or it is void."""
-        return self._given.order
-
-    @property
-    def under_way(self) -> Order | None:
-        """The order that it is carrying out; None if it has done it, or has none."""
-        return self._given.under_way
 
     @property
     def is_awaited(self) -> bool:
@@ -254,7 +241,7 @@ class VehicleFollower:
 
     def _look(self, outcome: Outcome, now_s: float) -> None:
         """Handle the outcome of the order."""
-        given, due = self._given, self.progress.due
+        given, due = self.given, self.progress.due
         fails = given.look(outcome, now_s)
         if given.done and due is not None and given.wanted == self._stamped(due):
             if isinstance(due, Search):
@@ -306,7 +293,7 @@ class VehicleFollower:
         stays = progress.arrived and custody.state is Custody.FOLLOWING
         if watch.has_left(task if stays and isinstance(task, GoTo) else None, state, now_s):
             # It is ordered there again.
-            progress.arrived, self._given.wanted = False, None
+            progress.arrived, self.given.wanted = False, None
         if layer is None or not custody.airborne:
             return
         if watch.falls(state, now_s, layer.fence, self._low_reason(state)):
@@ -321,21 +308,21 @@ class VehicleFollower:
     def _low_reason(self, state: VehicleState) -> Low:
         """Return why it may be below the lowest altitude."""
         custody = self.custody
-        ordered = custody.state is Custody.RECALLED or isinstance(self._given.order, Return | Land)
+        ordered = custody.state is Custody.RECALLED or isinstance(self.given.order, Return | Land)
         if self._as_mission:
             # The last item brings it down.
             last = custody.record.items - 1 + self._autopilot.first_item
             ordered |= not custody.record.items or state.item_current >= last
         if ordered or state.mode in self._autopilot.descent_modes:
             return Low.ORDERED
-        climbs = isinstance(self._given.under_way, TakeOff)
+        climbs = isinstance(self.given.under_way, TakeOff)
         return Low.CLIMBING if climbs else Low.RISEN if self.risen else Low.UNKNOWN
 
     def _is_finished(self, state: VehicleState) -> bool:
         if self.progress.leg is None:
             return False
         if self.custody.airborne and state.connected:
-            at_rest = self._given.done and self._given.order == _ENDS[self._settings.at_end]
+            at_rest = self.given.done and self.given.order == _ENDS[self._settings.at_end]
             return self.custody.state is Custody.ENDING and at_rest
         return self.custody.is_out
 
@@ -391,9 +378,9 @@ class VehicleFollower:
         if self.no_take_off:
             return "no take-off", f": {self.no_take_off}"
         # Readiness may depend on the mode, which `MakeReady` sets.
-        prepared = not isinstance(self._given.under_way, MakeReady)
+        prepared = not isinstance(self.given.under_way, MakeReady)
         if not (state.ready and prepared):
-            waits = self._given.order is not None and outcome.reason
+            waits = self.given.order is not None and outcome.reason
             return "not ready", f": {outcome.reason}" if waits else because
         return "", ""
 
@@ -405,7 +392,7 @@ class VehicleFollower:
         wanted = self._wanted(state, permissions)
         if wanted is None or not isinstance(wanted, MAY_ORDER[self.custody.state]):
             return None
-        given, stamped = self._given, self._stamped(wanted)
+        given, stamped = self.given, self._stamped(wanted)
         # A vehicle that has dropped out, or was recalled, does not wait for others.
         waits = not self.lost and self.custody.state is not Custody.RECALLED
         if stamped == given.wanted:
@@ -431,7 +418,7 @@ class VehicleFollower:
         return hovers and Hold in MAY_ORDER[self.custody.state]
 
     def _give(self, order: Order, stamped: tuple[Order, int]) -> Order:
-        self._given.give(order, stamped)
+        self.given.give(order, stamped)
         self.custody.record_order(order)
         return order
 
@@ -475,7 +462,7 @@ class VehicleFollower:
         if self._as_mission or progress.leg is None or custody.record.search != custody.search:
             # A mission ends by itself, and goes on without the bridge.
             return None
-        climb = self._given.under_way
+        climb = self.given.under_way
         if isinstance(climb, TakeOff):
             # An order to fly somewhere would end the climb.
             return climb
@@ -486,6 +473,6 @@ class VehicleFollower:
     def _wanted_at_the_end(self, state: VehicleState, permissions: Permissions) -> Order | None:
         end, home = _ENDS["return" if self._as_mission else self._settings.at_end], permissions.home
         # An earlier program may have begun the end.
-        begun = self._given.was_given_for(end) or state.mode in self._autopilot.descent_modes
-        there = home is not None and self._given.done and self._given.was_given_for(home)
+        begun = self.given.was_given_for(end) or state.mode in self._autopilot.descent_modes
+        there = home is not None and self.given.done and self.given.was_given_for(home)
         return end if home is None or end == Hold() or self.lost or begun or there else home

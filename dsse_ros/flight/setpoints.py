@@ -96,13 +96,7 @@ class SetpointStreamer:
     def fly_to(self, lat_deg: float, lon_deg: float, alt_amsl_m: float) -> None:
         """Have the vehicle fly to a place, at an altitude above mean sea level."""
         self._leave_track()
-        self._set_target(self._target_at((lat_deg, lon_deg), alt_amsl_m))
-
-    def _target_at(self, place: Place, alt_amsl_m: float) -> SetPositionTarget:
-        return SetPositionTarget(
-            self._situation.target, *place, float(alt_amsl_m),
-            repositions=self._autopilot.repositions,
-        )  # fmt: skip
+        self._aim((lat_deg, lon_deg), alt_amsl_m)
 
     def _leave_track(self) -> None:
         if self._on_track and self._paced is not None:
@@ -110,16 +104,23 @@ class SetpointStreamer:
         if self._on_track:
             self._on_track, self._paced = False, None
 
-    def _set_target(self, target: SetPositionTarget) -> None:
+    def _aim(self, place: Place, alt_amsl_m: float) -> SetPositionTarget:
+        """Set the target, and return it; one that is the same stays as it is."""
         now = self._situation.now
+        target = SetPositionTarget(
+            self._situation.target, *place, float(alt_amsl_m),
+            repositions=self._autopilot.repositions,
+        )  # fmt: skip
         if self.target is None:
             self._streaming_since_s = now
         self._stands = False
-        if target != self.target:
-            self.target = target
-            self._set_s = self._due_s = now
-            self._tries = 0
-            self._was_confirmed, self._foreign_reports = False, 0
+        if target == self.target:
+            return self.target
+        self.target = target
+        self._set_s = self._due_s = now
+        self._tries = 0
+        self._was_confirmed, self._foreign_reports = False, 0
+        return target
 
     def follow(
         self, places: Sequence[Place], beyond: Place, alt_amsl_m: float, speed_mps: float
@@ -132,11 +133,11 @@ class SetpointStreamer:
             alt_amsl_m: Altitude above mean sea level.
             speed_mps: Speed over ground, more than 0.
         """
-        target = self._target_at(beyond, alt_amsl_m)
-        if self._on_track and target == self.target:
+        before = self.target
+        target = self._aim(beyond, alt_amsl_m)
+        if self._on_track and target is before:
             return
         self._leave_track()
-        self._set_target(target)
         now, boot_s = self._situation.now, self._situation.state.boot_s
         goes_on = now - self._left_s <= _BETWEEN_TRACKS_S
         last = self._left_place if goes_on else None

@@ -24,7 +24,6 @@ from dsse_ros.flight.orders import Hold
 from dsse_ros.flight.vehicle_controller import (
     Order,
     Outcome,
-    Status,
     VehicleController,
     log_new,
 )
@@ -152,7 +151,8 @@ class Vehicle:
             self._controller.modes.adopt(mode)
             return []
 
-        self._call(adopted)
+        self._calls.put(adopted)
+        self._wake()
 
     def give(self, order: Order, authority: int = 0) -> int:
         """Give an order in place of any other; returns its number, from 1.
@@ -161,9 +161,7 @@ class Vehicle:
             order: The order.
             authority: See `VehicleController.give`.
         """
-        return self._put(
-            order, "under_way", "given", lambda now: self._controller.give(order, now, authority)
-        )
+        return self._put(order, lambda now: self._controller.give(order, now, authority))
 
     def release(self) -> int:
         """Drop the order; a vehicle in the air goes on by itself, or holds if it needs setpoints.
@@ -171,25 +169,16 @@ class Vehicle:
         Returns:
             A number as `give`.
         """
-        return self._put(None, "idle", "", lambda now: self._controller.release(Hold(), now))
+        return self._put(None, lambda now: self._controller.release(Hold(), now))
 
-    def _put(
-        self,
-        order: Order | None,
-        status: Status,
-        reason: str,
-        call: Callable[[float], list[Outgoing]],
-    ) -> int:
+    def _put(self, order: Order | None, call: Callable[[float], list[Outgoing]]) -> int:
+        """Have the thread call a function with our time, and send what it returns."""
         with self._giving:
-            given = Outcome(order, self._given.number + 1, status, reason)
-            self._call(call)
+            given = Outcome.of_given(order, self._given.number + 1)
+            self._calls.put(call)
+            self._wake()
             self._given = given
         return given.number
-
-    def _call(self, call: Callable[[float], list[Outgoing]]) -> None:
-        """Have the thread call a function with our time, and send what it returns."""
-        self._calls.put(call)
-        self._wake()
 
     @property
     def system_id(self) -> int:

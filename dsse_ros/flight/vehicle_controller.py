@@ -97,6 +97,11 @@ class Outcome:
     reason: str = ""
     final: bool = False
 
+    @classmethod
+    def of_given(cls, order: Order | None, number: int) -> Outcome:
+        """Return the outcome of an order that has just been given, or has been dropped."""
+        return cls(None, number) if order is None else cls(order, number, "under_way", "given")
+
 
 class VehicleController:
     """Flies one vehicle, one order at a time; a new order replaces the last one.
@@ -163,50 +168,43 @@ class VehicleController:
             self._due_s, self.setpoints.deadline, math.inf if transfer_s is None else transfer_s
         )
 
-    def give(self, order: Order, now: float, authority: int = 0) -> list[Outgoing]:
+    def give(self, order: Order | None, now: float, authority: int = 0) -> list[Outgoing]:
         """Take an order in place of any other; returns what to send.
 
         Args:
-            order: The order.
+            order: The order; None for none, so that a vehicle in the air goes on by itself.
             now: Our time in seconds.
             authority: Number of the consent that the order goes back to. Once somebody else has
                 the vehicle, only an order with a greater one is carried out.
         """
         before = self._outcome
-        self._outcome = Outcome(order, before.number + 1, "under_way", "given")
+        self._outcome = Outcome.of_given(order, before.number + 1)
         self._steps = None
         return self._guarded(now, lambda: self._begin(order, authority, before))
 
-    def _begin(self, order: Order, authority: int, before: Outcome) -> None:
-        if authority <= self._lost_authority:
-            lost = before.status if before.status in ("taken_over", "failsafe") else "taken_over"
-            self._outcome = replace(self._outcome, status=lost, reason=self._elsewhere())
+    def _begin(self, order: Order | None, authority: int, before: Outcome) -> None:
+        if order is not None:
+            if authority <= self._lost_authority:
+                lost = (
+                    before.status if before.status in ("taken_over", "failsafe") else "taken_over"
+                )
+                self._outcome = replace(self._outcome, status=lost, reason=self._elsewhere())
+                return
+            self._authority = authority
+            if self.modes.given_up:
+                self.modes.resume()
+        self.commands.begin()
+        self.situation.begin_progress()
+        if self.exchange is not None and self.exchange.result is None:
+            self.situation.out += self.exchange.cancel(self.situation.now)
+        if order is None:
+            self.setpoints.stop()
             return
-        self._authority = authority
-        if self.modes.given_up:
-            self.modes.resume()
-        self._drop_order()
         to_setpoints = order.flies_to_setpoints
         self.modes.expect_failsafe(to_setpoints=to_setpoints)
         self.situation.state = self._with_setpoint_loss(self.state)
         self.setpoints.begin(to_setpoints=to_setpoints)
         self._steps = order.carry_out(self)
-
-    def cancel(self, now: float) -> list[Outgoing]:
-        """Drop the order; returns what to send. A vehicle in the air goes on by itself."""
-        self._outcome = Outcome(None, self._outcome.number + 1, "idle", "")
-        return self._guarded(now, self._cancel)
-
-    def _cancel(self) -> None:
-        self._drop_order()
-        self.setpoints.stop()
-
-    def _drop_order(self) -> None:
-        self._steps = None
-        self.commands.begin()
-        self.situation.begin_progress()
-        if self.exchange is not None and self.exchange.result is None:
-            self.situation.out += self.exchange.cancel(self.situation.now)
 
     def receive(self, message: Incoming, now: float) -> list[Outgoing]:
         """Take a message of the vehicle; returns what to send."""
@@ -316,7 +314,7 @@ class VehicleController:
             sent = self.hand_over(hold, now)
             if self._handing_over:
                 return sent
-        return self.cancel(now)
+        return self.give(None, now)
 
     @property
     def handing_over(self) -> bool:

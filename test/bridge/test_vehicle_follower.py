@@ -949,7 +949,7 @@ def test_a_held_vehicle_goes_on_with_the_next_step() -> None:
     follow(led, 13, 1, 1)
     vehicle.turn()
     vehicle.obey()
-    led.hold()
+    led.progress.holding = True
     assert vehicle.turn() == Hold()
     assert led.waiting and led.progress.arrived
     follow(led, 26, 1, 2)
