@@ -150,6 +150,9 @@ MAY_ORDER: Mapping[Custody, tuple[type[Order], ...]] = {
 """The orders that a state allows. If there are none, the bridge sends heartbeats and requests
 only."""
 
+ENDS: Mapping[str, Order] = {"return": Return(), "land": Land(), "hold": Hold()}
+"""What the parameter `at_end` and the services of an operator order."""
+
 AIRBORNE = frozenset({Custody.FOLLOWING, Custody.HELD, Custody.RECALLED, Custody.ENDING})
 """States in which the bridge flies the vehicle."""
 

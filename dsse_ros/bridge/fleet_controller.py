@@ -9,8 +9,9 @@ records and log lines.
 from __future__ import annotations
 
 import traceback
-from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Literal, TypeVar
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Literal
 
 from dsse_ros.bridge.custody import MAY_ORDER, Custody
 from dsse_ros.bridge.fleet_airspace import FleetAirspace
@@ -44,7 +45,6 @@ _NEWS: tuple[tuple[Level, str], ...] = (
 _NOT_ENDED = ("under_way", "silent", "done", "failed")
 
 Log = Callable[[Level, str], None]
-T = TypeVar("T")
 
 
 class FleetController:
@@ -294,16 +294,21 @@ class FleetController:
     def _serve(self, i: int, now_s: float) -> None:
         """Give a vehicle the order that is due, if there is one."""
         follower, vehicle = self.followers[i], self._vehicles[i]
-        before = follower.custody.state
-        self._isolated(i, self._identify, i)
-        order = self._isolated(i, self._next_order, i, now_s)
-        self._isolated(i, self._call_off, follower, vehicle)
+        before, order = follower.custody.state, None
+        with self._isolated(i):
+            self._identify(i)
+        with self._isolated(i):
+            order = self._next_order(i, now_s)
+        with self._isolated(i):
+            self._call_off(follower, vehicle)
         follower.leaves_layer = self._leaves_layer(i)
         self._log_news(i, before)
         # Record the change before any message shows it, so that a restarted bridge knows it.
         self._keep_record(i)
         if order is not None:
-            self._isolated(i, self._give, i, vehicle, order)
+            with self._isolated(i):
+                number = vehicle.give(order, follower.custody.authority)
+                self._log("info", f"{self.names[i]}: order {number}: {shown_order(order)}")
 
     def _identify(self, i: int) -> None:
         """Recognise that another vehicle is connected than the one whose record is known."""
@@ -319,17 +324,17 @@ class FleetController:
             follower.replace_vehicle(record)
             self._adopt(i)
 
-    def _isolated(self, i: int, act: Callable[..., T], *arguments: object) -> T | None:
-        """Call a function for one vehicle; if it raises, only that vehicle drops out."""
+    @contextmanager
+    def _isolated(self, i: int) -> Iterator[None]:
+        """Act for one vehicle; if that raises, only that vehicle drops out."""
         try:
-            return act(*arguments)
+            yield
         except Exception as error:
             why = f"defect: {describe(error)}"
             if self._defects[i].is_new(error):
                 self._log("error", f"{self.names[i]}: {why}")
                 self._log("debug", traceback.format_exc())
             self.followers[i].custody.drop_out(why)
-            return None
 
     def _next_order(self, i: int, now_s: float) -> Order | None:
         """Return the order that is due for a vehicle."""
@@ -365,10 +370,6 @@ class FleetController:
                 self._record_trouble = trouble
                 who = "a restarted bridge would not know who controls the vehicles"
                 self._log("warning", f"{trouble}; {who}")
-
-    def _give(self, i: int, vehicle: Vehicle, order: Order) -> None:
-        number = vehicle.give(order, self.followers[i].custody.authority)
-        self._log("info", f"{self.names[i]}: order {number}: {shown_order(order)}")
 
     def _watch_planner(self, now_s: float) -> None:
         """Make the vehicles hold if they have waited too long for the next step."""

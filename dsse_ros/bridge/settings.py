@@ -7,6 +7,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from dsse_ros.bridge.custody import ENDS
 from dsse_ros.bridge.vehicle_missions import FlightSettings
 from dsse_ros.scenario.fields import FieldError, check_all, field
 
@@ -85,7 +86,7 @@ class BridgeSettings(FlightSettings):
     )  # fmt: skip
     at_end: str = field(
         "str", "What a vehicle does when its drone's search is over.", "return",
-        choices=("return", "land", "hold"),
+        choices=tuple(ENDS),
     )  # fmt: skip
     planner_timeout: float = field(
         "float", "Wall time after which vehicles hold if all of them wait for a step; 0 for "

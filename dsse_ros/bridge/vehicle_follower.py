@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 from typing import cast
 
 from dsse_ros.autopilots import AUTOPILOTS
-from dsse_ros.bridge.custody import MAY_ORDER, Custody, Event
+from dsse_ros.bridge.custody import ENDS, MAY_ORDER, Custody, Event
 from dsse_ros.bridge.flight_record import FlightRecord, SearchId
 from dsse_ros.bridge.foreign_acts import RISEN_M
 from dsse_ros.bridge.layer import Layer, Task
@@ -37,8 +37,6 @@ from dsse_ros.flight.vehicle_controller import Order, Outcome
 from dsse_ros.flight.vehicle_state import VehicleState
 from dsse_ros.mission_items.track_missions import Leg
 from dsse_ros.result import Result
-
-_ENDS: dict[str, Order] = {"return": Return(), "land": Land(), "hold": Hold()}
 
 
 @dataclass(frozen=True)
@@ -322,7 +320,7 @@ class VehicleFollower:
         if self.progress.leg is None:
             return False
         if self.custody.airborne and state.connected:
-            at_rest = self.given.done and self.given.order == _ENDS[self._settings.at_end]
+            at_rest = self.given.done and self.given.order == ENDS[self._settings.at_end]
             return self.custody.state is Custody.ENDING and at_rest
         return self.custody.is_out
 
@@ -389,38 +387,35 @@ class VehicleFollower:
     def _next_order(
         self, state: VehicleState, now_s: float, permissions: Permissions
     ) -> Order | None:
+        """Return the order to give now, if custody allows it, and the other vehicles do."""
         wanted = self._wanted(state, permissions)
         if wanted is None or not isinstance(wanted, MAY_ORDER[self.custody.state]):
             return None
-        given, stamped = self.given, self._stamped(wanted)
+        given, stamped, intruder = self.given, self._stamped(wanted), ""
         # A vehicle that has dropped out, or was recalled, does not wait for others.
         waits = not self.lost and self.custody.state is not Custody.RECALLED
         if stamped == given.wanted:
-            intruder = permissions.intruder(given.order) if waits and not given.done else ""
-            if intruder and self._may_stop:
-                self.blocked = intruder
-                return self._give(Hold(), (Hold(), 0))
-            if not given.is_due_again(now_s):
+            if waits and self._may_stop and not given.done:
+                intruder = permissions.intruder(given.order)
+            if not (intruder or given.is_due_again(now_s)):
                 return None
-        order = wanted
-        if waits:
+        admitted: Order | str = wanted
+        if intruder:
+            admitted, stamped, self.blocked = Hold(), (Hold(), 0), intruder
+        elif waits:
             admitted = permissions.admit(wanted)
-            if isinstance(admitted, str):
-                self.blocked = admitted
-                return None
-            order = admitted
-        return self._give(order, stamped)
+        if isinstance(admitted, str):
+            self.blocked = admitted
+            return None
+        given.give(admitted, stamped)
+        self.custody.record_order(admitted)
+        return admitted
 
     @property
     def _may_stop(self) -> bool:
         """Whether it may be ordered to hold where it is; one that circles would stay near."""
         hovers = not (self._as_mission or self._autopilot.circles)
         return hovers and Hold in MAY_ORDER[self.custody.state]
-
-    def _give(self, order: Order, stamped: tuple[Order, int]) -> Order:
-        self.given.give(order, stamped)
-        self.custody.record_order(order)
-        return order
 
     def _stamped(self, order: Order) -> tuple[Order, int]:
         return order, self.progress.number if isinstance(order, Search) else 0
@@ -471,7 +466,7 @@ class VehicleFollower:
         return Hold() if progress.holding else progress.due or Hold()
 
     def _wanted_at_the_end(self, state: VehicleState, permissions: Permissions) -> Order | None:
-        end, home = _ENDS["return" if self._as_mission else self._settings.at_end], permissions.home
+        end, home = ENDS["return" if self._as_mission else self._settings.at_end], permissions.home
         # An earlier program may have begun the end.
         begun = self.given.was_given_for(end) or state.mode in self._autopilot.descent_modes
         there = home is not None and self.given.done and self.given.was_given_for(home)
