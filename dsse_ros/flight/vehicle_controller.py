@@ -8,7 +8,8 @@ import logging
 import math
 from abc import ABC, abstractmethod
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from typing import ClassVar, Literal, get_args
 
@@ -180,87 +181,83 @@ class VehicleController:
         before = self._outcome
         self._outcome = Outcome.of_given(order, before.number + 1)
         self._steps = None
-        return self._guarded(now, lambda: self._begin(order, authority, before))
-
-    def _begin(self, order: Order | None, authority: int, before: Outcome) -> None:
-        if order is not None:
-            if authority <= self._lost_authority:
-                lost = (
-                    before.status if before.status in ("taken_over", "failsafe") else "taken_over"
-                )
-                self._outcome = replace(self._outcome, status=lost, reason=self._elsewhere())
-                return
-            self._authority = authority
-            if self.modes.given_up:
-                self.modes.resume()
-        self.commands.begin()
-        self.situation.begin_progress()
-        if self.exchange is not None and self.exchange.result is None:
-            self.situation.out += self.exchange.cancel(self.situation.now)
-        if order is None:
-            self.setpoints.stop()
-            return
-        to_setpoints = order.flies_to_setpoints
-        self.modes.expect_failsafe(to_setpoints=to_setpoints)
-        self.situation.state = self._with_setpoint_loss(self.state)
-        self.setpoints.begin(to_setpoints=to_setpoints)
-        self._steps = order.carry_out(self)
+        with self._event(now) as sent:
+            if order is not None:
+                if authority <= self._lost_authority:
+                    lost: Status = "failsafe" if before.status == "failsafe" else "taken_over"
+                    self._outcome = replace(self._outcome, status=lost, reason=self._elsewhere())
+                    return sent
+                self._authority = authority
+                if self.modes.given_up:
+                    self.modes.resume()
+            self.commands.begin()
+            self.situation.begin_progress()
+            if self.exchange is not None and self.exchange.result is None:
+                self.situation.out += self.exchange.cancel(now)
+            if order is None:
+                self.setpoints.stop()
+                return sent
+            to_setpoints = order.flies_to_setpoints
+            self.modes.expect_failsafe(to_setpoints=to_setpoints)
+            self.situation.state = self._with_setpoint_loss(self.state)
+            self.setpoints.begin(to_setpoints=to_setpoints)
+            self._steps = order.carry_out(self)
+        return sent
 
     def receive(self, message: Incoming, now: float) -> list[Outgoing]:
         """Take a message of the vehicle; returns what to send."""
-        return self._guarded(now, lambda: self._receive(message, now))
-
-    def _receive(self, message: Incoming, now: float) -> None:
-        situation, before, was_silent = self.situation, self.state, self._silent
-        state = observe(before, message, now, situation.autopilot)
-        heartbeat = isinstance(message, Heartbeat)
-        if state.identity.restarts > before.identity.restarts:
-            self._requests.forget()
-        situation.state = self._with_setpoint_loss(state, heartbeat=heartbeat)
-        self._requests.receive(message, now)
-        if situation.state.failsafe not in ("", "offboard", before.failsafe):
-            self.modes.require_confirmation()
-        match message:
-            case Heartbeat():
-                if was_silent:
-                    self.counts["link_found"] += 1
-                    self.modes.require_confirmation()
-                    situation.restart_stall_timer()
-                self.commands.watch_arming()
-                self.modes.watch(before)
-            case PositionTarget() if self._may_act:
-                self.setpoints.watch_reports()
-            case GlobalPosition() if self._may_act:
-                self.setpoints.watch_position(under_way=self._steps is not None)
-            case StatusText(severity, text) if severity <= _CONCERNING:
-                situation.note_text(text)
-            case CommandAck(target_system=system, target_component=component):
-                if system in (0, self.source.system) and component in (0, self.source.component):
-                    self.commands.acknowledged(message)
-            case message if isinstance(message, _MISSION_MESSAGES) and self.exchange is not None:
-                situation.out += self.exchange.receive(message, situation.target, now)
-        named = situation.state.failsafe not in ("", "critical")
-        if named and before.failsafe == "critical" and self._outcome.status == "failsafe":
-            # The status text with the cause comes after the heartbeat with the effect.
-            self._outcome = replace(
-                self._outcome, reason=self._elsewhere() + situation.recent_texts()
-            )
+        with self._event(now) as sent:
+            situation, before, was_silent = self.situation, self.state, self._silent
+            state = observe(before, message, now, situation.autopilot)
+            heartbeat = isinstance(message, Heartbeat)
+            if state.identity.restarts > before.identity.restarts:
+                self._requests.forget()
+            situation.state = self._with_setpoint_loss(state, heartbeat=heartbeat)
+            self._requests.receive(message, now)
+            if situation.state.failsafe not in ("", "offboard", before.failsafe):
+                self.modes.require_confirmation()
+            match message:
+                case Heartbeat():
+                    if was_silent:
+                        self.counts["link_found"] += 1
+                        self.modes.require_confirmation()
+                        situation.restart_stall_timer()
+                    self.commands.watch_arming()
+                    self.modes.watch(before)
+                case PositionTarget() if self._may_act:
+                    self.setpoints.watch_reports()
+                case GlobalPosition() if self._may_act:
+                    self.setpoints.watch_position(under_way=self._steps is not None)
+                case StatusText(severity, text) if severity <= _CONCERNING:
+                    situation.note_text(text)
+                case CommandAck(target_system=system, target_component=component):
+                    own = self.source
+                    if (system or own.system, component or own.component) == own:
+                        self.commands.acknowledged(message)
+                case _ if self.exchange is not None and isinstance(message, _MISSION_MESSAGES):
+                    situation.out += self.exchange.receive(message, situation.target, now)
+            named = situation.state.failsafe not in ("", "critical")
+            if named and before.failsafe == "critical" and self._outcome.status == "failsafe":
+                # The status text with the cause comes after the heartbeat with the effect.
+                self._outcome = replace(
+                    self._outcome, reason=self._elsewhere() + situation.recent_texts()
+                )
+        return sent
 
     def tick(self, now: float) -> list[Outgoing]:
         """Let time pass; returns what to send."""
         self._due_s = now + _TICK_S
-        return self._guarded(now, lambda: self._tick(now)) + self._due_requests(now)
-
-    def _tick(self, now: float) -> None:
         situation = self.situation
         timeout_s = situation.settings.link_timeout_s
-        if situation.state.connected and now - situation.state.heard_s > timeout_s:
-            situation.state = without_link(situation.state)
-            self._requests.forget()
-            self.modes.end_setpoint_loss()
-            self.counts["link_lost"] += 1
-        if self._may_act and self.exchange is not None:
-            situation.out += self.exchange.tick(now)
+        with self._event(now) as sent:
+            if situation.state.connected and now - situation.state.heard_s > timeout_s:
+                situation.state = without_link(situation.state)
+                self._requests.forget()
+                self.modes.end_setpoint_loss()
+                self.counts["link_lost"] += 1
+            if self._may_act and self.exchange is not None:
+                situation.out += self.exchange.tick(now)
+        return sent + self._due_requests(now)
 
     def _due_requests(self, now: float) -> list[Outgoing]:
         """Return the requests for messages that are due.
@@ -334,11 +331,13 @@ class VehicleController:
     def _silent(self) -> bool:
         return bool(self.state.mode) and not self.state.connected
 
-    def _guarded(self, now: float, handle: Callable[[], None]) -> list[Outgoing]:
-        """Handle an event, continue the order, and return what to send."""
+    @contextmanager
+    def _event(self, now: float) -> Iterator[list[Outgoing]]:
+        """Handle an event, then continue the order; the list has what to send afterwards."""
         self.situation.now = now
+        out: list[Outgoing] = []
         try:
-            handle()
+            yield out
             if self._may_act:
                 self._advance()
         except OrderFailedError as error:
@@ -354,12 +353,11 @@ class VehicleController:
                 self._end("failed", describe(error))
         sent, self.situation.out[:] = [*self.situation.out], []
         if self._may_act:
-            return sent
-        if self.state.connected and not self.state.problem and self.modes.streams_unconfirmed:
+            out += sent
+        elif self.state.connected and not self.state.problem and self.modes.streams_unconfirmed:
             self.setpoints.send(under_way=self._steps is not None)
             sent, self.situation.out[:] = [*self.situation.out], []
-            return [one for one in sent if isinstance(one, SetPositionTarget)]
-        return []
+            out += [one for one in sent if isinstance(one, SetPositionTarget)]
 
     def _advance(self) -> None:
         if self.modes.lacks_setpoints:
