@@ -4,6 +4,10 @@
 
 Inputs are messages of searches, calls of operators and the time. Outputs are orders to vehicles,
 records and log lines.
+
+On its way to an order a leg passes three decisions: its vehicle's `Layer` has the altitude and the
+fence (`leg_task`), its custody the orders that it may get (`MAY_ORDER`), and `FleetAirspace` the
+separation from others (`Permissions.admit`).
 """
 
 from __future__ import annotations
