@@ -7,47 +7,42 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
-from typing import TYPE_CHECKING
 
 from dsse_ros.bridge.airspace import Airspace, Flyer
+from dsse_ros.bridge.fleet_vehicle import FleetVehicle
 from dsse_ros.bridge.flight_plan import FlightPlan, MissionPlan
 from dsse_ros.bridge.layer import Layer
-from dsse_ros.bridge.vehicle_follower import Permissions, VehicleFollower
+from dsse_ros.bridge.vehicle_follower import Permissions
 from dsse_ros.flight.orders import GoTo
 from dsse_ros.flight.vehicle_controller import Order
 from dsse_ros.mission_items.separation import Point, places_of
 
-if TYPE_CHECKING:
-    from dsse_ros.flight.vehicle import Vehicle
-
 
 @dataclass
 class _Fleet:
-    """Numbers of the drones whose vehicles matter to others.
+    """Vehicles that matter to others.
 
     Attributes:
-        flying: In the air.
+        flying: Numbers of those in the air.
         avoided: In the air, or about to take off.
-        unknown: Of these, those whose intent is not known: somebody else controls them, or their
-            link is lost.
+        unknown: Numbers of those of these whose intent is not known: somebody else controls them,
+            or their link is lost.
         holding_up: To take off, but not ready.
         climbing: On the ground or in the climb.
     """
 
     flying: set[int] = field(default_factory=set)
-    avoided: list[int] = field(default_factory=list)
+    avoided: list[FleetVehicle] = field(default_factory=list)
     unknown: set[int] = field(default_factory=set)
-    holding_up: list[int] = field(default_factory=list)
-    climbing: list[int] = field(default_factory=list)
+    holding_up: list[FleetVehicle] = field(default_factory=list)
+    climbing: list[FleetVehicle] = field(default_factory=list)
 
 
 class FleetAirspace:
     """What each vehicle may do beside all others.
 
     Args:
-        names: Names of the drones.
-        vehicles: Their vehicles.
-        followers: Their followers.
+        members: The vehicles of the fleet.
         as_mission: Whether the vehicles fly searches as missions.
 
     Attributes:
@@ -55,15 +50,8 @@ class FleetAirspace:
         missions: The missions that they fly, by the number of the drone.
     """
 
-    def __init__(
-        self,
-        names: Sequence[str],
-        vehicles: Sequence[Vehicle],
-        followers: Sequence[VehicleFollower],
-        *,
-        as_mission: bool,
-    ) -> None:
-        self._names, self._vehicles, self._followers = names, vehicles, followers
+    def __init__(self, members: Sequence[FleetVehicle], *, as_mission: bool) -> None:
+        self._members = members
         self._as_mission = as_mission
         self.plan: FlightPlan | None = None
         self.missions: Mapping[int, MissionPlan] = {}
@@ -74,61 +62,63 @@ class FleetAirspace:
         self._airspace: Airspace | None = None
         self._seen: _Fleet | None = None
 
-    def permissions(self, i: int, *, search_alive: bool, commanded: bool) -> Permissions:
+    def permissions(
+        self, member: FleetVehicle, *, search_alive: bool, commanded: bool
+    ) -> Permissions:
         """Return what the other vehicles and the search allow a vehicle to do.
 
         Args:
-            i: Number of the drone.
+            member: The vehicle.
             search_alive: Whether the search is running.
             commanded: Whether a planner has commanded the drones.
         """
         if self.plan is None:
             return Permissions(search_alive)
         waits = ""
-        if self._followers[i].is_awaited:
+        if member.follower.is_awaited:
             planner = "" if commanded or self._as_mission else "the first commands of a planner"
-            waits = planner or self._first_to_take_off(i)
+            waits = planner or self._first_to_take_off(member)
         return Permissions(
             search_alive,
             f"waiting for {waits}" if waits else "",
-            self._way_home(i),
-            partial(self._admit, i),
-            partial(self._intruder, i),
+            self._way_home(member),
+            partial(self._admit, member),
+            partial(self._intruder, member),
         )
 
-    def _first_to_take_off(self, i: int) -> str:
+    def _first_to_take_off(self, member: FleetVehicle) -> str:
         """Return the vehicle that must take off first, and why; empty for none."""
-        fleet, alt_m = self._fleet, self._layer(i).frame.alt_m
-        for j in fleet.holding_up:
-            if j != i:
-                return f"{self._names[j]}: {self._followers[j].blocked or 'not ready'}"
-        for j in fleet.climbing if self._as_mission else ():
+        fleet, alt_m = self._fleet, self._layer(member).frame.alt_m
+        for other in fleet.holding_up:
+            if other is not member:
+                return f"{other.name}: {other.follower.blocked or 'not ready'}"
+        for other in fleet.climbing if self._as_mission else ():
             # Vehicles in higher layers climb first.
-            if self._layer(j).frame.alt_m > alt_m:
-                return f"{self._names[j]}, which takes off first"
+            if self._layer(other).frame.alt_m > alt_m:
+                return f"{other.name}, which takes off first"
         return ""
 
-    def _way_home(self, i: int) -> GoTo | None:
+    def _way_home(self, member: FleetVehicle) -> GoTo | None:
         """Return the way home that does not cross the layers of others; None if there is none."""
-        others = self._fleet.flying - {i}
+        others = self._fleet.flying - {member.number}
         if not others or self._as_mission:
             return None
-        return self._layer(i).way_home(self._vehicles[i].state)
+        return self._layer(member).way_home(member.vehicle.state)
 
-    def _admit(self, i: int, order: Order) -> Order | str:
-        if not self._vehicles[i].state.has_position:
+    def _admit(self, member: FleetVehicle, order: Order) -> Order | str:
+        if not member.vehicle.state.has_position:
             return order
-        return self._look_around().admit(i, self._flyer(i), order)
+        return self._look_around().admit(member.number, self._flyer(member), order)
 
-    def _intruder(self, i: int, order: Order | None) -> str:
-        unknown = self._fleet.unknown - {i}
-        if not unknown or not self._vehicles[i].state.has_position:
+    def _intruder(self, member: FleetVehicle, order: Order | None) -> str:
+        unknown = self._fleet.unknown - {member.number}
+        if not unknown or not member.vehicle.state.has_position:
             return ""
-        return self._look_around().intruder(i, self._flyer(i), order)
+        return self._look_around().intruder(member.number, self._flyer(member), order)
 
-    def _layer(self, i: int) -> Layer:
+    def _layer(self, member: FleetVehicle) -> Layer:
         assert self.plan is not None
-        return self.plan.layers[i]
+        return self.plan.layers[member.number]
 
     @property
     def _fleet(self) -> _Fleet:
@@ -138,42 +128,46 @@ class FleetAirspace:
 
     def _look_at_fleet(self) -> _Fleet:
         fleet = _Fleet()
-        for i, (follower, vehicle) in enumerate(zip(self._followers, self._vehicles, strict=True)):
-            state = vehicle.state
+        for member in self._members:
+            state, follower = member.vehicle.state, member.follower
             led = follower.custody.airborne or follower.takes_off
             if state.flying:
-                fleet.flying.add(i)
+                fleet.flying.add(member.number)
             if state.flying or led:
-                fleet.avoided.append(i)
+                fleet.avoided.append(member)
                 if not (led and state.connected):
-                    fleet.unknown.add(i)
+                    fleet.unknown.add(member.number)
             if follower.holds_up:
-                fleet.holding_up.append(i)
+                fleet.holding_up.append(member)
             # In a mission a vehicle cannot wait on its way up.
             climbs = follower.mission_under_way and not follower.risen
             if climbs or follower.takes_off or follower.is_awaited:
-                fleet.climbing.append(i)
+                fleet.climbing.append(member)
         return fleet
 
     def _look_around(self) -> Airspace:
         """Return the space that the vehicles take."""
         if self._airspace is None:
-            drones = [i for i in self._fleet.avoided if self._vehicles[i].state.has_position]
-            states = [self._vehicles[i].state for i in drones]
-            places = places_of(self._layer(0).frame, [(one.lat_deg, one.lon_deg) for one in states])
+            avoided = [one for one in self._fleet.avoided if one.vehicle.state.has_position]
+            states = [one.vehicle.state for one in avoided]
+            frame = self._layer(self._members[0]).frame
+            places = places_of(frame, [(one.lat_deg, one.lon_deg) for one in states])
             self._airspace = Airspace(
-                {i: self._flyer(i, place) for i, place in zip(drones, places, strict=True)}
+                {
+                    member.number: self._flyer(member, place)
+                    for member, place in zip(avoided, places, strict=True)
+                }
             )
         return self._airspace
 
-    def _flyer(self, i: int, place: Point | None = None) -> Flyer:
-        follower, mission, layer = self._followers[i], self.missions.get(i), self._layer(i)
+    def _flyer(self, member: FleetVehicle, place: Point | None = None) -> Flyer:
+        follower, layer, state = member.follower, self._layer(member), member.vehicle.state
+        mission = self.missions.get(member.number)
         flies = mission is not None and (follower.mission_under_way or follower.takes_off)
         spaces = mission.spaces if mission is not None and flies else ()
-        state = self._vehicles[i].state
         if place is None:
             (place,) = places_of(layer.frame, [(state.lat_deg, state.lon_deg)])
         return Flyer(
-            self._names[i], state, place, follower.given.under_way, layer.frame,
-            layer.settings.datum_altitude, spaces, known=i not in self._fleet.unknown,
+            member.name, state, place, follower.given.under_way, layer.frame,
+            layer.settings.datum_altitude, spaces, known=member.number not in self._fleet.unknown,
         )  # fmt: skip

@@ -12,23 +12,19 @@ separation from others (`Permissions.admit`).
 
 from __future__ import annotations
 
-import traceback
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
-from typing import TYPE_CHECKING, Literal
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING
 
-from dsse_ros.bridge.custody import MAY_ORDER, Custody
 from dsse_ros.bridge.fleet_airspace import FleetAirspace
+from dsse_ros.bridge.fleet_vehicle import FleetVehicle, Log
 from dsse_ros.bridge.flight_plan import FlightPlan
-from dsse_ros.bridge.flight_record import FlightRecord, SearchId
+from dsse_ros.bridge.flight_record import SearchId
 from dsse_ros.bridge.flight_records import FlightRecords
 from dsse_ros.bridge.followed_search import FollowedSearch, News
 from dsse_ros.bridge.own_return import reason_to_leave
 from dsse_ros.bridge.settings import BridgeSettings
 from dsse_ros.bridge.vehicle_custody import VehicleCustody
 from dsse_ros.bridge.vehicle_follower import VehicleFollower
-from dsse_ros.defects import Defects, describe
-from dsse_ros.flight.orders import FlyMission, Hold
 from dsse_ros.flight.vehicle_controller import Order
 from dsse_ros.result import Rejected, Result
 from dsse_ros.scenario.agents import AgentsInfo
@@ -37,18 +33,10 @@ from dsse_ros.scenario.fields import FieldError
 if TYPE_CHECKING:
     from dsse_ros.flight.vehicle import Vehicle
 
-Level = Literal["debug", "info", "warning", "error"]
 QUIET_S = 0.5
 """Wall time without a report after which the last one counts: latched reports come in a burst."""
 _DRAINED_S = 10.0
 """Wall time after which the last report counts even if more come."""
-_NEWS: tuple[tuple[Level, str], ...] = (
-    ("error", " is lost"), ("warning", ""), ("info", " waits"), ("warning", "")
-)  # fmt: skip
-"""How news of a vehicle are logged: why it is lost, refused, blocked, and where it returns."""
-_NOT_ENDED = ("under_way", "silent", "done", "failed")
-
-Log = Callable[[Level, str], None]
 
 
 class FleetController:
@@ -76,22 +64,18 @@ class FleetController:
         log: Log,
     ) -> None:
         self._settings = settings
-        self._vehicles = vehicles
         self._records = records
         self._log = log
         self._as_mission = settings.mode == "mission"
-        self.names = [f"drone{i}" for i in range(len(vehicles))]
-        self.followers = [
-            VehicleFollower(settings, None if records is None else records[i])
-            for i in range(len(vehicles))
+        self._fleet = [
+            FleetVehicle(
+                i, vehicle, VehicleFollower(settings, None if records is None else records[i]), log
+            )
+            for i, vehicle in enumerate(vehicles)
         ]
-        # The id with which each vehicle has been identified.
-        self._uids: list[str | None] = [None] * len(vehicles)
-        self._airspace = FleetAirspace(
-            self.names, vehicles, self.followers, as_mission=self._as_mission
-        )
-        for i in range(len(vehicles)):
-            self._adopt(i)
+        self.names = [member.name for member in self._fleet]
+        self.followers = [member.follower for member in self._fleet]
+        self._airspace = FleetAirspace(self._fleet, as_mission=self._as_mission)
         self.plan: FlightPlan | None = None
         self.search = FollowedSearch(
             len(vehicles), as_mission=self._as_mission, refuse=self._refuse
@@ -108,21 +92,6 @@ class FleetController:
         self._drained = False
         self._idle_s: float | None = None
         self._record_trouble = ""
-        self._defects = [Defects() for _ in self.names]
-        # For each vehicle, the last logged reasons: see `_NEWS`.
-        self._logged = [("",) * len(_NEWS)] * len(vehicles)
-        for name, follower, _ in self._each():
-            if follower.custody.state is not Custody.FREE:
-                log("warning", f"{name}: {_shown(follower)}, from an earlier flight")
-
-    def _adopt(self, i: int) -> None:
-        """Count the modes that an earlier program has set as those of the bridge."""
-        record, vehicle = self.followers[i].custody.record, self._vehicles[i]
-        for mode in filter(None, (record.mode, *record.ordered)):
-            vehicle.adopt(mode)
-
-    def _each(self) -> list[tuple[str, VehicleFollower, Vehicle]]:
-        return list(zip(self.names, self.followers, self._vehicles, strict=True))
 
     # The search
 
@@ -150,13 +119,15 @@ class FleetController:
             return self._contested
         now_s = self._now_s
         self._start_s = now_s if self._start_s is None else self._start_s
-        for name, follower, vehicle in self._each():
-            custody, heard_s = follower.custody, max(vehicle.state.heard_s, self._start_s)
+        for member in self._fleet:
+            custody = member.follower.custody
+            heard_s = max(member.vehicle.state.heard_s, self._start_s)
             silent = now_s - heard_s >= self._settings.lost_timeout
             run_id = custody.record.search[0] if custody.record.search else info.run_id
             changed = self.search.info is not None and self.search.info.run_id == info.run_id
             if custody.airborne and not silent and (run_id != info.run_id or changed):
-                return f"{name} is in the air for run {run_id}: another one waits until it is down"
+                flies = f"{member.name} is in the air for run {run_id}"
+                return f"{flies}: another one waits until it is down"
         return ""
 
     def handle_news(self, now_s: float) -> None:
@@ -166,8 +137,8 @@ class FleetController:
             assert search.info is not None
             if news is News.BEGUN:
                 self._begin(search.info, now_s)
-                for _, follower, vehicle in self._each():
-                    self._call_off(follower, vehicle)
+                for member in self._fleet:
+                    member.call_off()
             elif news is News.STEP and self._drained:
                 self._follow()
 
@@ -204,9 +175,9 @@ class FleetController:
     def _plan_missions(self, plan: FlightPlan) -> None:
         """Make the vehicles fly the whole search, once all of them have reported their homes."""
         search = self.search
-        homes = {i: one.state.home for i, one in enumerate(self._vehicles)}
-        going = [i for i, follower in enumerate(self.followers) if not follower.lost]
-        known = {i: home for i in going if (home := homes[i]) is not None}
+        going = [member.number for member in self._fleet if not member.follower.lost]
+        homes = {i: self._fleet[i].vehicle.state.home for i in going}
+        known = {i: home for i, home in homes.items() if home is not None}
         if len(known) == len(going):
             self._airspace.missions = plan.missions({i: search.track(i) for i in going}, known)
         missions = self._airspace.missions
@@ -253,30 +224,17 @@ class FleetController:
         done: dict[str, list[str]] = {}
         refused = []
         self._airspace.look_again()
-        for i, (name, follower, _) in enumerate(self._each()):
-            if drone in (None, i):
-                result = act(follower.custody)
+        for member in self._fleet:
+            if drone in (None, member.number):
+                result = act(member.follower.custody)
                 if isinstance(result, Rejected):
-                    refused.append(f"{name}: {result.reason}")
+                    refused.append(f"{member.name}: {result.reason}")
                 else:
-                    done.setdefault(result.value, []).append(name)
-                self._serve(i, self._now_s)
+                    done.setdefault(result.value, []).append(member.name)
+                self._serve(member, self._now_s)
         text = "; ".join([*(f"{did}: {', '.join(names)}" for did, names in done.items()), *refused])
         self._log("warning", f"operator: {text}")
         return bool(done), text
-
-    def _call_off(self, follower: VehicleFollower, vehicle: Vehicle) -> None:
-        """Cancel an order that is no longer allowed."""
-        custody, outcome = follower.custody.state, vehicle.outcome
-        # A completed order may continue as a stream of setpoints, except on the ground.
-        ends = ("under_way", "silent") if custody is Custody.GROUNDED else _NOT_ENDED
-        # Without a link the vehicle cannot get the next order, and would first go on with this one.
-        void = not MAY_ORDER[custody] or (
-            outcome.order != follower.given.order and not vehicle.state.connected
-        )
-        leaves = isinstance(outcome.order, Hold) and outcome.status in ("under_way", "silent")
-        if void and not leaves and outcome.order is not None and outcome.status in ends:
-            vehicle.release()
 
     # Time
 
@@ -291,58 +249,30 @@ class FleetController:
                 self._follow()
         if self.search.tracks is not None and self.plan is not None and not self._airspace.missions:
             self._plan_missions(self.plan)
-        for i in range(len(self.followers)):
-            self._serve(i, now_s)
+        for member in self._fleet:
+            self._serve(member, now_s)
         self._watch_planner(now_s)
 
-    def _serve(self, i: int, now_s: float) -> None:
+    def _serve(self, member: FleetVehicle, now_s: float) -> None:
         """Give a vehicle the order that is due, if there is one."""
-        follower, vehicle = self.followers[i], self._vehicles[i]
-        before, order = follower.custody.state, None
-        with self._isolated(i):
-            self._identify(i)
-        with self._isolated(i):
-            order = self._next_order(i, now_s)
-        with self._isolated(i):
-            self._call_off(follower, vehicle)
-        follower.leaves_layer = self._leaves_layer(i)
-        self._log_news(i, before)
+        before, order = member.follower.custody.state, None
+        with member.isolated():
+            member.identify(self._records)
+        with member.isolated():
+            order = self._next_order(member, now_s)
+        with member.isolated():
+            member.call_off()
+        member.follower.leaves_layer = self._leaves_layer(member)
+        member.log_news(before)
         # Record the change before any message shows it, so that a restarted bridge knows it.
-        self._keep_record(i)
+        self._keep_record(member)
         if order is not None:
-            with self._isolated(i):
-                number = vehicle.give(order, follower.custody.authority)
-                self._log("info", f"{self.names[i]}: order {number}: {shown_order(order)}")
+            with member.isolated():
+                member.give(order)
 
-    def _identify(self, i: int) -> None:
-        """Recognise that another vehicle is connected than the one whose record is known."""
-        state, follower = self._vehicles[i].state, self.followers[i]
-        uid = state.identity.uid
-        if uid is None or uid == self._uids[i]:
-            return
-        first, self._uids[i] = self._uids[i] is None, uid
-        known = follower.custody.record
-        record = FlightRecord() if self._records is None else self._records.identify(i, uid)
-        if record != known and not (first and self._records is None):
-            self._log("warning", f"{self.names[i]}: another vehicle is connected")
-            follower.replace_vehicle(record)
-            self._adopt(i)
-
-    @contextmanager
-    def _isolated(self, i: int) -> Iterator[None]:
-        """Act for one vehicle; if that raises, only that vehicle drops out."""
-        try:
-            yield
-        except Exception as error:
-            why = f"defect: {describe(error)}"
-            if self._defects[i].is_new(error):
-                self._log("error", f"{self.names[i]}: {why}")
-                self._log("debug", traceback.format_exc())
-            self.followers[i].custody.drop_out(why)
-
-    def _next_order(self, i: int, now_s: float) -> Order | None:
+    def _next_order(self, member: FleetVehicle, now_s: float) -> Order | None:
         """Return the order that is due for a vehicle."""
-        follower, vehicle = self.followers[i], self._vehicles[i]
+        follower, vehicle = member.follower, member.vehicle
         state, outcome, trouble = vehicle.state, vehicle.outcome, vehicle.trouble
         if not (trouble or state.connected):
             trouble = f"nothing from system {vehicle.system_id} on {vehicle.connection}"
@@ -350,7 +280,7 @@ class FleetController:
             follower.await_identity(state, now_s, trouble)
             return None
         permissions = self._airspace.permissions(
-            i, search_alive=self._search_alive, commanded=self.search.commanded
+            member, search_alive=self._search_alive, commanded=self.search.commanded
         )
         return follower.advance(state, outcome, now_s, trouble, permissions)
 
@@ -360,12 +290,12 @@ class FleetController:
         disturbed = self.search.foreign or self._contested
         return self.search.confirmed and not disturbed and self._publishers > 0
 
-    def _keep_record(self, i: int) -> None:
+    def _keep_record(self, member: FleetVehicle) -> None:
         """Write the record of a vehicle for a restarted bridge."""
         if self._records is None:
             return
         try:
-            self._records.update(i, self.followers[i].custody.record)
+            self._records.update(member.number, member.follower.custody.record)
             self._records.keep_alive()
             self._record_trouble = ""
         except OSError as error:
@@ -394,9 +324,9 @@ class FleetController:
     def close(self) -> None:
         """Record, as the program ends, that the vehicles are ordered to hold."""
         if not self._as_mission:
-            for i, follower in enumerate(self.followers):
-                follower.custody.rest()
-                self._keep_record(i)
+            for member in self._fleet:
+                member.follower.custody.rest()
+                self._keep_record(member)
 
     # What people should know
 
@@ -409,36 +339,8 @@ class FleetController:
         """Whether nothing is left to do in the search."""
         return bool(self.followers) and all(follower.finished for follower in self.followers)
 
-    def _leaves_layer(self, i: int) -> str:
+    def _leaves_layer(self, member: FleetVehicle) -> str:
         """Return why a vehicle that returns by itself would leave its layer; empty if it stays."""
-        if self.plan is None or len(self._vehicles) == 1:
+        if self.plan is None or len(self._fleet) == 1:
             return ""
-        return reason_to_leave(self._vehicles[i].state, self.plan.layers[i])
-
-    def _log_news(self, i: int, before: Custody) -> None:
-        name, follower = self.names[i], self.followers[i]
-        if follower.custody.state is not before:
-            self._log("info", f"{name}: {before.value} -> {_shown(follower)}")
-        reasons = (follower.lost, follower.refused, follower.blocked, follower.leaves_layer)
-        for (level, what), reason, logged in zip(_NEWS, reasons, self._logged[i], strict=True):
-            if reason and reason != logged:
-                self._log(level, f"{name}{what}: {reason}")
-        self._logged[i] = reasons
-        for text in self._vehicles[i].take_texts():
-            self._log("info", f"{name}: STATUSTEXT {text.text}")
-
-
-def _shown(follower: VehicleFollower) -> str:
-    record = follower.custody.record
-    if record.lost and record.custody in (Custody.TAKEN, Custody.FAILSAFE):
-        return record.lost  # such as "taken over: in LOITER"
-    return f"{record.custody.value}: {record.lost}" if record.lost else record.custody.value
-
-
-def shown_order(order: Order | None) -> str:
-    """Return an order as one line, with the number of items for a mission."""
-    if order is None:
-        return ""
-    return (
-        f"FlyMission of {len(order.items)} items" if isinstance(order, FlyMission) else repr(order)
-    )
+        return reason_to_leave(member.vehicle.state, self.plan.layers[member.number])

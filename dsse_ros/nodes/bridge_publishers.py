@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticStatus
 
-from dsse_ros.bridge.fleet_controller import shown_order
+from dsse_ros.bridge.fleet_vehicle import shown_order
 from dsse_ros.bridge.health import fleet_health, vehicle_health
 from dsse_ros.bridge.vehicle_follower import VehicleFollower
 from dsse_ros.flight.vehicle import Vehicle
