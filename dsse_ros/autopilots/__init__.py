@@ -13,6 +13,6 @@ from dsse_ros.autopilots.px4 import PX4, PX4_PLANE
 __all__ = ["ARDUPILOT", "ARDUPLANE", "AUTOPILOTS", "PX4", "PX4_PLANE", "Autopilot"]
 
 AUTOPILOTS: Mapping[str, Autopilot] = {
-    one.name: one for one in (ARDUPILOT, ARDUPLANE, PX4, PX4_PLANE)
+    autopilot.name: autopilot for autopilot in (ARDUPILOT, ARDUPLANE, PX4, PX4_PLANE)
 }
 """By the names that the parameter `autopilot` has."""

@@ -181,7 +181,9 @@ class Autopilot:
             autopilot: HEARTBEAT.autopilot.
         """
         if autopilot != self.number:
-            wanted, name = (enum_name("MAV_AUTOPILOT", one) for one in (self.number, autopilot))
+            wanted, name = (
+                enum_name("MAV_AUTOPILOT", number) for number in (self.number, autopilot)
+            )
             return f"HEARTBEAT.autopilot must be {wanted} with autopilot:={self.name}, got {name}"
         if kind not in self.kinds:
             return f"HEARTBEAT.type must be {self.kind}, got {enum_name('MAV_TYPE', kind)}"

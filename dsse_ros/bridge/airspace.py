@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from dsse_ros.flight.orders import FlyMission, FlyTrack, GoTo, Land, Return, Search, TakeOff
+from dsse_ros.flight.orders import FlyMission, FlyTrack, GoTo, Land, Return, SearchPlace, TakeOff
 from dsse_ros.flight.vehicle_controller import Order
 from dsse_ros.flight.vehicle_state import VehicleState
 from dsse_ros.mission_items.separation import (
@@ -37,7 +37,7 @@ UNKNOWN_FACTOR = 2.0
 
 
 @dataclass(frozen=True)
-class Flyer:
+class AirborneVehicle:
     """A vehicle in the air, or about to be.
 
     Attributes:
@@ -86,11 +86,11 @@ class Flyer:
             case TakeOff(alt_amsl_m=top_amsl_m):
                 low_m = height_m if self.state.flying else self.home_m
                 return [spot(here, low_m, top_amsl_m - self.datum_m, home=True)]
-            case GoTo(lat_deg, lon_deg, level_amsl_m) | Search(lat_deg, lon_deg, level_amsl_m):
+            case GoTo(lat_deg, lon_deg, level_amsl_m) | SearchPlace(lat_deg, lon_deg, level_amsl_m):
                 there = place_of(self.frame, lat_deg, lon_deg)
                 level_m = level_amsl_m - self.datum_m
                 spaces = [spot(here, height_m, level_m), leg(here, there, level_m)]
-                if isinstance(order, Search):
+                if isinstance(order, SearchPlace):
                     spaces.append(spot(there, order.search_amsl_m - self.datum_m, level_m))
                 return spaces
             case FlyTrack(places, beyond, level_amsl_m):
@@ -116,7 +116,9 @@ class Flyer:
         """Height above the datum to which it may climb before it returns; -inf if not known."""
         state = self.state
         heights_m = (self.home_m + state.return_alt_m, self.height_m + state.return_climb_m)
-        return max((one for one in heights_m if math.isfinite(one)), default=-math.inf)
+        return max(
+            (height_m for height_m in heights_m if math.isfinite(height_m)), default=-math.inf
+        )
 
 
 class Airspace:
@@ -126,9 +128,9 @@ class Airspace:
         flyers: By the number of the drone.
     """
 
-    def __init__(self, flyers: Mapping[int, Flyer]) -> None:
+    def __init__(self, flyers: Mapping[int, AirborneVehicle]) -> None:
         self._flyers = dict(flyers)
-        self._spaces = {i: rows_of(one.spaces(one.order)) for i, one in flyers.items()}
+        self._spaces = {i: rows_of(flyer.spaces(flyer.order)) for i, flyer in flyers.items()}
         self._gather()
 
     def _gather(self) -> None:
@@ -138,11 +140,13 @@ class Airspace:
         flyers = [self._flyers[i] for i in order]
         self._rows = np.concatenate([self._spaces[i] for i in order] or [rows_of(())])
         self._owners = np.repeat(np.array(order, dtype=np.int64), counts)
-        self._homes = np.repeat(np.array([one.home for one in flyers]).reshape(-1, 2), counts, 0)
-        self._layers_m = np.repeat([one.frame.alt_m for one in flyers], counts)
-        self._known = np.repeat(np.array([one.known for one in flyers], dtype=bool), counts)
+        self._homes = np.repeat(
+            np.array([flyer.home for flyer in flyers]).reshape(-1, 2), counts, 0
+        )
+        self._layers_m = np.repeat([flyer.frame.alt_m for flyer in flyers], counts)
+        self._known = np.repeat(np.array([flyer.known for flyer in flyers], dtype=bool), counts)
 
-    def admit(self, i: int, flyer: Flyer, order: Order) -> Order | str:
+    def admit(self, i: int, flyer: AirborneVehicle, order: Order) -> Order | str:
         """Return the order to give instead of the wanted one, or why that has to wait.
 
         From now on the others keep clear of the returned order. A vehicle searches without
@@ -160,12 +164,12 @@ class Airspace:
             self._gather()
             return order
         stays = blocking.known and blocking.order is None and not blocking.mission
-        if isinstance(order, Search) and stays:
+        if isinstance(order, SearchPlace) and stays:
             level = replace(order, search_amsl_m=order.alt_amsl_m)
             return self.admit(i, flyer, level) if level != order else _waits(blocking)
         return _waits(blocking)
 
-    def intruder(self, i: int, flyer: Flyer, order: Order | None) -> str:
+    def intruder(self, i: int, flyer: AirborneVehicle, order: Order | None) -> str:
         """Return why an order under way has to be interrupted; empty if it goes on.
 
         Args:
@@ -177,8 +181,8 @@ class Airspace:
         return "" if blocking is None else _waits(blocking)
 
     def _blocking(
-        self, i: int, flyer: Flyer, order: Order | None, *, only_unknown: bool
-    ) -> Flyer | None:
+        self, i: int, flyer: AirborneVehicle, order: Order | None, *, only_unknown: bool
+    ) -> AirborneVehicle | None:
         chosen = ~self._known
         if not only_unknown:
             # The settings may put two at one altitude, so that layers cannot keep them apart.
@@ -193,5 +197,5 @@ class Airspace:
         return self._flyers[int(owners[meet][0])] if meet.any() else None
 
 
-def _waits(other: Flyer) -> str:
+def _waits(other: AirborneVehicle) -> str:
     return f"waiting for {other.name} to be out of the way"

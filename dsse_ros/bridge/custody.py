@@ -22,7 +22,7 @@ from dsse_ros.flight.orders import (
     Land,
     MakeReady,
     Return,
-    Search,
+    SearchPlace,
     TakeOff,
 )
 from dsse_ros.flight.vehicle_controller import Order
@@ -138,7 +138,7 @@ NEXT: Mapping[Custody, Mapping[Event, Custody]] = {
 MAY_ORDER: Mapping[Custody, tuple[type[Order], ...]] = {
     Custody.FREE: (),
     Custody.CLEARED: (MakeReady, TakeOff, FlyMission),
-    Custody.FOLLOWING: (TakeOff, GoTo, Search, FlyTrack, Hold, FlyMission),
+    Custody.FOLLOWING: (TakeOff, GoTo, SearchPlace, FlyTrack, Hold, FlyMission),
     Custody.HELD: (Hold,),
     Custody.RECALLED: (Return, Land),
     Custody.ENDING: (GoTo, Hold, Return, Land),

@@ -198,8 +198,8 @@ def check_horizontal(lat_deg: float, lon_deg: float, fence: Fence) -> Rejected |
 def _in_circle(lat_deg: float, lon_deg: float, fence: Fence) -> bool:
     frame = fence.frame
     place, middle = (
-        geodetic_to_map(frame, *one, frame.origin_alt_m)[:2]
-        for one in ((lat_deg, lon_deg), fence.center or (lat_deg, lon_deg))
+        geodetic_to_map(frame, *lat_lon, frame.origin_alt_m)[:2]
+        for lat_lon in ((lat_deg, lon_deg), fence.center or (lat_deg, lon_deg))
     )
     return math.dist(place, middle) <= fence.radius_m
 

@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 
-from dsse_ros.bridge.airspace import Airspace, Flyer
+from dsse_ros.bridge.airspace import AirborneVehicle, Airspace
 from dsse_ros.bridge.fleet_vehicle import FleetVehicle
 from dsse_ros.bridge.flight_plan import FlightPlan, MissionPlan
 from dsse_ros.bridge.layer import Layer
@@ -148,10 +148,10 @@ class FleetAirspace:
     def _look_around(self) -> Airspace:
         """Return the space that the vehicles take."""
         if self._airspace is None:
-            avoided = [one for one in self._fleet.avoided if one.vehicle.state.has_position]
-            states = [one.vehicle.state for one in avoided]
+            avoided = [state for state in self._fleet.avoided if state.vehicle.state.has_position]
+            states = [state.vehicle.state for state in avoided]
             frame = self._layer(self._members[0]).frame
-            places = places_of(frame, [(one.lat_deg, one.lon_deg) for one in states])
+            places = places_of(frame, [(state.lat_deg, state.lon_deg) for state in states])
             self._airspace = Airspace(
                 {
                     member.number: self._flyer(member, place)
@@ -160,14 +160,14 @@ class FleetAirspace:
             )
         return self._airspace
 
-    def _flyer(self, member: FleetVehicle, place: Point | None = None) -> Flyer:
+    def _flyer(self, member: FleetVehicle, place: Point | None = None) -> AirborneVehicle:
         follower, layer, state = member.follower, self._layer(member), member.vehicle.state
         mission = self.missions.get(member.number)
         flies = mission is not None and (follower.mission_under_way or follower.takes_off)
         spaces = mission.spaces if mission is not None and flies else ()
         if place is None:
             (place,) = places_of(layer.frame, [(state.lat_deg, state.lon_deg)])
-        return Flyer(
-            member.name, state, place, follower.given.under_way, layer.frame,
+        return AirborneVehicle(
+            member.name, state, place, follower.given_order.under_way, layer.frame,
             layer.settings.datum_altitude, spaces, known=member.number not in self._fleet.unknown,
         )  # fmt: skip

@@ -97,7 +97,7 @@ class FleetVehicle:
         ends = ("under_way", "silent") if custody is Custody.GROUNDED else _NOT_ENDED
         # Without a link the vehicle cannot get the next order, and would first go on with this one.
         void = not MAY_ORDER[custody] or (
-            outcome.order != self.follower.given.order and not self.vehicle.state.connected
+            outcome.order != self.follower.given_order.order and not self.vehicle.state.connected
         )
         leaves = isinstance(outcome.order, Hold) and outcome.status in ("under_way", "silent")
         if void and not leaves and outcome.order is not None and outcome.status in ends:

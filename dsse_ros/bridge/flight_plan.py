@@ -97,7 +97,7 @@ class FlightPlan:
         flown = list(tracks)
         several = len(flown) > 1
         flown_layers = [self.layers[i] for i in flown]
-        frames, places = [one.frame for one in flown_layers], [Home(*homes[i]) for i in flown]
+        frames, places = [layer.frame for layer in flown_layers], [Home(*homes[i]) for i in flown]
         missions = search_missions(
             frames, [tracks[i] for i in flown], self._settings, places,
             HOME_HOLD_S if several else 0.0, self.datum_m,

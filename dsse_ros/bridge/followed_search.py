@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dsse_ros.mission_items.track_missions import Leg, Way
+from dsse_ros.mission_items.track_missions import VehicleLeg, Way
 from dsse_ros.scenario.agents import AgentsInfo
 from dsse_ros.scenario.agents_inbox import Latest
 from dsse_ros.scenario.frames import GridFrame
@@ -82,8 +82,8 @@ class FollowedSearch:
         self._as_mission = as_mission
         self._refuse = refuse
         self.info: AgentsInfo | None = None
-        self.legs: list[Leg] = []
-        self.final_legs: list[Leg] = []
+        self.legs: list[VehicleLeg] = []
+        self.final_legs: list[VehicleLeg] = []
         self.tracks: NDArray[Any] | None = None
         self.foreign = ""
         self.confirmed = False
@@ -256,7 +256,7 @@ def _search_action(info: AgentsInfo) -> int:
     return info.actions.index(SEARCH) if SEARCH in info.actions else -1
 
 
-def _legs(stamp_ns: int, report: NDArray[Any], search: int, frame: GridFrame) -> list[Leg]:
+def _legs(stamp_ns: int, report: NDArray[Any], search: int, frame: GridFrame) -> list[VehicleLeg]:
     """Return the legs of a step, one for each drone."""
     over = (report["terminated"] | report["truncated"]).astype(bool)
     cells = list(zip(report["col"].tolist(), report["row"].tolist(), strict=True))
@@ -268,7 +268,7 @@ def _legs(stamp_ns: int, report: NDArray[Any], search: int, frame: GridFrame) ->
         # From the north-west corner to the map frame.
         ways = [_way_of((0.0, frame.side_m) + path * (1, -1)) for path in path_of(report)]
     return [
-        Leg(stamp_ns, cell, bool(searched[i]), bool(over[i]), crashed[i], ways[i])
+        VehicleLeg(stamp_ns, cell, bool(searched[i]), bool(over[i]), crashed[i], ways[i])
         for i, cell in enumerate(cells)
     ]
 
@@ -279,7 +279,7 @@ def _way_of(points: NDArray[np.floating[Any]]) -> Way:
     return tuple(place for place, _ in itertools.groupby(places))
 
 
-def _legs_of_tasks(legs: list[Leg], tasks: NDArray[Any], search: int) -> list[Leg]:
+def _legs_of_tasks(legs: list[VehicleLeg], tasks: NDArray[Any], search: int) -> list[VehicleLeg]:
     """Return the legs of the tasks (P, N), which end as those of the last step."""
     ends = tasks[-1]
     cells = zip(ends["col"].tolist(), ends["row"].tolist(), strict=True)

@@ -8,7 +8,16 @@ import math
 
 from dsse_ros.autopilots import Autopilot
 from dsse_ros.bridge.flight_record import FlightRecord
-from dsse_ros.flight.orders import FlyMission, FlyTrack, GoTo, Hold, Land, Return, Search, TakeOff
+from dsse_ros.flight.orders import (
+    FlyMission,
+    FlyTrack,
+    GoTo,
+    Hold,
+    Land,
+    Return,
+    SearchPlace,
+    TakeOff,
+)
 from dsse_ros.flight.vehicle_controller import Order
 from dsse_ros.flight.vehicle_state import VehicleState
 from dsse_ros.scenario.geodesy import offset_m
@@ -28,7 +37,7 @@ def modes_of(order: Order, autopilot: Autopilot) -> tuple[str, ...]:
         case TakeOff():
             # In the air it flies to a setpoint.
             return (autopilot.take_off_mode or autopilot.guided_mode, autopilot.guided_mode)
-        case GoTo() | Search() | FlyTrack():
+        case GoTo() | SearchPlace() | FlyTrack():
             return (autopilot.guided_mode,)
         case Hold():
             return (autopilot.resting_mode,)

@@ -14,12 +14,12 @@ import numpy as np
 from dsse_ros.autopilots import AUTOPILOTS, Autopilot
 from dsse_ros.bridge.fence import Fence, check_mission, check_place, check_take_off
 from dsse_ros.bridge.settings import BridgeSettings
-from dsse_ros.flight.orders import FlyMission, FlyTrack, GoTo, Search
+from dsse_ros.flight.orders import FlyMission, FlyTrack, GoTo, SearchPlace
 from dsse_ros.flight.paced_setpoint import AHEAD_M, BRAKING_MPS2, Place
 from dsse_ros.flight.vehicle_controller import Order
 from dsse_ros.flight.vehicle_state import VehicleState
 from dsse_ros.mission_items.items import NAV_WAYPOINT, VehicleMission
-from dsse_ros.mission_items.track_missions import Leg, acceptance_radius_m
+from dsse_ros.mission_items.track_missions import VehicleLeg, acceptance_radius_m
 from dsse_ros.result import Accepted, Rejected, Result
 from dsse_ros.scenario.frames import GridFrame
 from dsse_ros.scenario.geodesy import between, cell_to_geodetic, map_to_geodetic, offset_m
@@ -64,14 +64,14 @@ class Layer:
         """Autopilot of the vehicle."""
         return AUTOPILOTS[self.settings.autopilot]
 
-    def leg_task(self, leg: Leg) -> Result[Task]:
+    def leg_task(self, leg: VehicleLeg) -> Result[Task]:
         """Return the task of the vehicle for a leg, or why the vehicle may not fly it.
 
         Its last order is to be at the end of the leg, at the altitude of the layer.
         """
         return self._track_task(leg.way) if leg.way else self._cell_task(leg)
 
-    def _cell_task(self, leg: Leg) -> Result[Task]:
+    def _cell_task(self, leg: VehicleLeg) -> Result[Task]:
         frame, settings, top_m = self.frame, self.settings, self.top_amsl_m
         lat_deg, lon_deg, _ = cell_to_geodetic(frame, *leg.cell, frame.alt_m)
         low_m = settings.datum_altitude + min(settings.search_altitude, frame.alt_m)
@@ -83,7 +83,7 @@ class Layer:
         there = GoTo(lat_deg, lon_deg, top_m, radius_m)
         if not leg.searched:
             return Accepted((there,))
-        search = Search(lat_deg, lon_deg, top_m, low_m, settings.search_hold, radius_m)
+        search = SearchPlace(lat_deg, lon_deg, top_m, low_m, settings.search_hold, radius_m)
         return Accepted((search, there))
 
     def _track_task(self, way: Sequence[tuple[float, float]]) -> Result[Task]:
@@ -122,7 +122,8 @@ class Layer:
         if not autopilot.keeps_item_radius:
             # It has one radius for all waypoints, and reads items back with a radius of 0.
             items = [
-                replace(one, param2=0.0) if one.command == NAV_WAYPOINT else one for one in items
+                replace(item, param2=0.0) if item.command == NAV_WAYPOINT else item
+                for item in items
             ]
         hold_item = len(items) - 2 if holds_over_home else -1
         return Accepted((FlyMission(tuple(items), hold_item=hold_item),))

@@ -7,7 +7,7 @@ from __future__ import annotations
 from dsse_ros.bridge.layer import Task
 from dsse_ros.flight.orders import FlyMission
 from dsse_ros.flight.vehicle_controller import Order, Outcome
-from dsse_ros.mission_items.track_missions import Leg
+from dsse_ros.mission_items.track_missions import VehicleLeg
 from dsse_ros.result import Accepted, Rejected, Result
 
 TRIES = 3
@@ -28,7 +28,7 @@ class LegProgress:
     """
 
     def __init__(self) -> None:
-        self.leg: Leg | None = None
+        self.leg: VehicleLeg | None = None
         self.task: Task = ()
         self.refused = ""
         self.arrived = False
@@ -36,7 +36,7 @@ class LegProgress:
         self.late = False
         self._stage = 0
 
-    def follow(self, leg: Leg, task: Result[Task] | None, looked: int) -> None:
+    def follow(self, leg: VehicleLeg, task: Result[Task] | None, looked: int) -> None:
         """Replace the leg and its task.
 
         Args:

@@ -126,9 +126,9 @@ class BridgeSettings(FlightSettings):
         check_all(self)
         count = self.vehicles
         for name, each in (("connections", True), ("system_ids", True), ("altitudes", False)):
-            given = len(getattr(self, name))
-            if given not in ({0, count} if each else {0, 1, count}):
-                raise FieldError(f"{name} must be one for each of {count} vehicles, got {given}")
+            length = len(getattr(self, name))
+            if length not in ({0, count} if each else {0, 1, count}):
+                raise FieldError(f"{name} must be one for each of {count} vehicles, got {length}")
         for system_id in self.system_ids:
             # The records of the vehicles are kept by system id.
             if (number := self.system_ids.count(system_id)) > 1:

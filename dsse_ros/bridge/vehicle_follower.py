@@ -30,12 +30,12 @@ from dsse_ros.flight.orders import (
     Land,
     MakeReady,
     Return,
-    Search,
+    SearchPlace,
     TakeOff,
 )
 from dsse_ros.flight.vehicle_controller import Order, Outcome
 from dsse_ros.flight.vehicle_state import VehicleState
-from dsse_ros.mission_items.track_missions import Leg
+from dsse_ros.mission_items.track_missions import VehicleLeg
 from dsse_ros.result import Result
 
 
@@ -69,7 +69,7 @@ class VehicleFollower:
     Attributes:
         custody: Who controls it.
         progress: How far it is with the current leg.
-        given: Its last order.
+        given_order: Its last order.
         no_take_off: Why it must not take off from where it stands; empty if it may.
         blocked: What keeps it from doing what it should; empty if nothing does.
         ready: Whether it could take off now if the other vehicles allow it.
@@ -105,7 +105,7 @@ class VehicleFollower:
         self._forget_order()
 
     def _forget_order(self) -> None:
-        self.given = GivenOrder()
+        self.given_order = GivenOrder()
 
     # The search
 
@@ -127,7 +127,7 @@ class VehicleFollower:
         self._forget_search()
         self.custody.leave()
 
-    def follow(self, leg: Leg, task: Result[Task] | None) -> None:
+    def follow(self, leg: VehicleLeg, task: Result[Task] | None) -> None:
         """Replace the leg and its task.
 
         Args:
@@ -194,7 +194,7 @@ class VehicleFollower:
     @property
     def takes_off(self) -> bool:
         """Whether it was ordered to take off, and is on the ground."""
-        ordered = isinstance(self.given.order, TakeOff | FlyMission)
+        ordered = isinstance(self.given_order.order, TakeOff | FlyMission)
         return ordered and self.custody.state is Custody.CLEARED
 
     @property
@@ -239,10 +239,10 @@ class VehicleFollower:
 
     def _look(self, outcome: Outcome, now_s: float) -> None:
         """Handle the outcome of the order."""
-        given, due = self.given, self.progress.due
-        fails = given.look(outcome, now_s)
-        if given.done and due is not None and given.wanted == self._stamped(due):
-            if isinstance(due, Search):
+        last, due = self.given_order, self.progress.due
+        fails = last.look(outcome, now_s)
+        if last.done and due is not None and last.wanted == self._stamped(due):
+            if isinstance(due, SearchPlace):
                 self.custody.look_done(self.progress.number)
             self.progress.advance()
         if fails and not self.lost:
@@ -291,7 +291,7 @@ class VehicleFollower:
         stays = progress.arrived and custody.state is Custody.FOLLOWING
         if watch.has_left(task if stays and isinstance(task, GoTo) else None, state, now_s):
             # It is ordered there again.
-            progress.arrived, self.given.wanted = False, None
+            progress.arrived, self.given_order.wanted = False, None
         if layer is None or not custody.airborne:
             return
         if watch.falls(state, now_s, layer.fence, self._low_reason(state)):
@@ -306,21 +306,25 @@ class VehicleFollower:
     def _low_reason(self, state: VehicleState) -> Low:
         """Return why it may be below the lowest altitude."""
         custody = self.custody
-        ordered = custody.state is Custody.RECALLED or isinstance(self.given.order, Return | Land)
+        ordered = custody.state is Custody.RECALLED or isinstance(
+            self.given_order.order, Return | Land
+        )
         if self._as_mission:
             # The last item brings it down.
             last = custody.record.items - 1 + self._autopilot.first_item
             ordered |= not custody.record.items or state.item_current >= last
         if ordered or state.mode in self._autopilot.descent_modes:
             return Low.ORDERED
-        climbs = isinstance(self.given.under_way, TakeOff)
+        climbs = isinstance(self.given_order.under_way, TakeOff)
         return Low.CLIMBING if climbs else Low.RISEN if self.risen else Low.UNKNOWN
 
     def _is_finished(self, state: VehicleState) -> bool:
         if self.progress.leg is None:
             return False
         if self.custody.airborne and state.connected:
-            at_rest = self.given.done and self.given.order == ENDS[self._settings.at_end]
+            at_rest = (
+                self.given_order.done and self.given_order.order == ENDS[self._settings.at_end]
+            )
             return self.custody.state is Custody.ENDING and at_rest
         return self.custody.is_out
 
@@ -376,9 +380,9 @@ class VehicleFollower:
         if self.no_take_off:
             return "no take-off", f": {self.no_take_off}"
         # Readiness may depend on the mode, which `MakeReady` sets.
-        prepared = not isinstance(self.given.under_way, MakeReady)
+        prepared = not isinstance(self.given_order.under_way, MakeReady)
         if not (state.ready and prepared):
-            waits = self.given.order is not None and outcome.reason
+            waits = self.given_order.order is not None and outcome.reason
             return "not ready", f": {outcome.reason}" if waits else because
         return "", ""
 
@@ -391,13 +395,13 @@ class VehicleFollower:
         wanted = self._wanted(state, permissions)
         if wanted is None or not isinstance(wanted, MAY_ORDER[self.custody.state]):
             return None
-        given, stamped, intruder = self.given, self._stamped(wanted), ""
+        last, stamped, intruder = self.given_order, self._stamped(wanted), ""
         # A vehicle that has dropped out, or was recalled, does not wait for others.
         waits = not self.lost and self.custody.state is not Custody.RECALLED
-        if stamped == given.wanted:
-            if waits and self._may_stop and not given.done:
-                intruder = permissions.intruder(given.order)
-            if not (intruder or given.is_due_again(now_s)):
+        if stamped == last.wanted:
+            if waits and self._may_stop and not last.done:
+                intruder = permissions.intruder(last.order)
+            if not (intruder or last.is_due_again(now_s)):
                 return None
         admitted: Order | str = wanted
         if intruder:
@@ -407,7 +411,7 @@ class VehicleFollower:
         if isinstance(admitted, str):
             self.blocked = admitted
             return None
-        given.give(admitted, stamped)
+        last.give(admitted, stamped)
         self.custody.record_order(admitted)
         return admitted
 
@@ -418,7 +422,7 @@ class VehicleFollower:
         return hovers and Hold in MAY_ORDER[self.custody.state]
 
     def _stamped(self, order: Order) -> tuple[Order, int]:
-        return order, self.progress.number if isinstance(order, Search) else 0
+        return order, self.progress.number if isinstance(order, SearchPlace) else 0
 
     def _wanted(self, state: VehicleState, permissions: Permissions) -> Order | None:
         """Return what the vehicle should be doing, None where no order is needed."""
@@ -457,7 +461,7 @@ class VehicleFollower:
         if self._as_mission or progress.leg is None or custody.record.search != custody.search:
             # A mission ends by itself, and goes on without the bridge.
             return None
-        climb = self.given.under_way
+        climb = self.given_order.under_way
         if isinstance(climb, TakeOff):
             # An order to fly somewhere would end the climb.
             return climb
@@ -468,6 +472,6 @@ class VehicleFollower:
     def _wanted_at_the_end(self, state: VehicleState, permissions: Permissions) -> Order | None:
         end, home = ENDS["return" if self._as_mission else self._settings.at_end], permissions.home
         # An earlier program may have begun the end.
-        begun = self.given.was_given_for(end) or state.mode in self._autopilot.descent_modes
-        there = home is not None and self.given.done and self.given.was_given_for(home)
+        begun = self.given_order.was_given_for(end) or state.mode in self._autopilot.descent_modes
+        there = home is not None and self.given_order.done and self.given_order.was_given_for(home)
         return end if home is None or end == Hold() or self.lost or begun or there else home

@@ -146,13 +146,13 @@ def write_missions(
     Raises:
         OSError: If a file cannot be written.
     """
-    one = AUTOPILOTS[autopilot]
+    chosen = AUTOPILOTS[autopilot]
     directory.mkdir(parents=True, exist_ok=True)
     written = []
     for name, mission in missions.items():
         for suffix, text in (
-            (".waypoints", qgc_wpl(mission.numbered(home_first=one.home_first))),
-            (".plan", plan_text(mission, one.number, one.kinds[0])),
+            (".waypoints", qgc_wpl(mission.numbered(home_first=chosen.home_first))),
+            (".plan", plan_text(mission, chosen.number, chosen.kinds[0])),
         ):
             path = directory / f"{name}{suffix}"
             path.write_text(text, encoding="utf-8")

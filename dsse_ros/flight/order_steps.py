@@ -216,11 +216,11 @@ def follow_mission(controller: VehicleController, items: tuple[MissionItem, ...]
 
 
 def mission_modes(
-    controller: VehicleController, items: tuple[MissionItem, ...], *, whole: bool = False
+    controller: VehicleController, items: tuple[MissionItem, ...], *, all_items: bool = False
 ) -> frozenset[str]:
     """Return the modes that the mission sets now, or on its whole way."""
     autopilot, state = controller.situation.autopilot, controller.state
-    first, count = (0, len(items)) if whole else (max(state.item_current, 0), 2)
+    first, count = (0, len(items)) if all_items else (max(state.item_current, 0), 2)
     modes = {autopilot.mission_mode}
     if state.failsafe in ("", "offboard"):
         commands = {item.command for item in items[first : first + count]}

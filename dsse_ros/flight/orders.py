@@ -215,7 +215,7 @@ class FlyTrack(Order):
 
 
 @dataclass(frozen=True)
-class Search(Order):
+class SearchPlace(Order):
     """Fly to a place, descend and hold; a vehicle already over the place begins with the descent.
 
     Attributes:
@@ -365,7 +365,7 @@ class FlyMission(Order):
             if controller.state.flying:
                 waiting = modes.change(mission_mode)
                 modes.allow(
-                    controller.state.mode, *mission_modes(controller, self.items, whole=True)
+                    controller.state.mode, *mission_modes(controller, self.items, all_items=True)
                 )
                 yield waiting
                 continue

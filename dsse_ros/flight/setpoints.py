@@ -296,10 +296,10 @@ class SetpointStreamer:
 
 
 def _are_near(
-    one: tuple[float, float, float] | None, other: tuple[float, float, float] | None
+    target: tuple[float, float, float] | None, other: tuple[float, float, float] | None
 ) -> bool:
     """Return whether two targets are the same, but for the rounding of messages."""
-    if one is None or other is None:
-        return one is other
+    if target is None or other is None:
+        return target is other
     limits = (_TARGET_DEG, _TARGET_DEG, _TARGET_ALT_M)
-    return all(abs(a - b) < limit for a, b, limit in zip(one, other, limits, strict=True))
+    return all(abs(a - b) < limit for a, b, limit in zip(target, other, limits, strict=True))

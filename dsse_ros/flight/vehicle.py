@@ -174,11 +174,11 @@ class Vehicle:
     def _put(self, order: Order | None, call: Callable[[float], list[Outgoing]]) -> int:
         """Have the thread call a function with our time, and send what it returns."""
         with self._giving:
-            given = Outcome.of_given(order, self._given.number + 1)
+            latest = Outcome.of_given(order, self._given.number + 1)
             self._calls.put(call)
             self._wake()
-            self._given = given
-        return given.number
+            self._given = latest
+        return latest.number
 
     @property
     def system_id(self) -> int:
@@ -203,8 +203,8 @@ class Vehicle:
     @property
     def outcome(self) -> Outcome:
         """Outcome of the latest order."""
-        outcome, given = self._snapshot.outcome, self._given
-        return given if given.number > outcome.number else outcome
+        outcome, latest = self._snapshot.outcome, self._given
+        return latest if latest.number > outcome.number else outcome
 
     @property
     def trouble(self) -> str:
@@ -367,7 +367,7 @@ class Vehicle:
         self._outbox.clear()
 
 
-class Fleet(list[Vehicle]):
+class VehicleFleet(list[Vehicle]):
     """Vehicles, which start and close together; one that fails does not stop others.
 
     Args:
@@ -378,13 +378,13 @@ class Fleet(list[Vehicle]):
     """
 
     def __init__(self, settings: Sequence[VehicleSettings]) -> None:
-        links = Counter(parse_connection(one.connection).name for one in settings)
+        links = Counter(parse_connection(vehicle.connection).name for vehicle in settings)
         for connection, number in links.items():
             if number > 1:
                 raise ValueError(
                     f"connection must differ, got {connection!r} for {number} vehicles"
                 )
-        super().__init__(Vehicle(one) for one in settings)
+        super().__init__(Vehicle(vehicle) for vehicle in settings)
 
     def start(self) -> None:
         """Start them all."""

@@ -357,7 +357,7 @@ class VehicleController:
         elif self.state.connected and not self.state.problem and self.modes.streams_unconfirmed:
             self.setpoints.send(under_way=self._steps is not None)
             sent, self.situation.out[:] = [*self.situation.out], []
-            out += [one for one in sent if isinstance(one, SetPositionTarget)]
+            out += [message for message in sent if isinstance(message, SetPositionTarget)]
 
     def _advance(self) -> None:
         if self.modes.lacks_setpoints:
@@ -392,8 +392,8 @@ class VehicleController:
 
     def _with_setpoint_loss(self, state: VehicleState, *, heartbeat: bool = False) -> VehicleState:
         order = self._outcome.order
-        given = self._outcome.status in ("under_way", "done", "failed")
-        wanted = given and order is not None and order.flies_to_setpoints
+        has_order = self._outcome.status in ("under_way", "done", "failed")
+        wanted = has_order and order is not None and order.flies_to_setpoints
         return self.modes.with_setpoint_loss(state, wanted=wanted, heartbeat=heartbeat)
 
     def _restore_setpoints(self) -> None:

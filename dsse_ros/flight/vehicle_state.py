@@ -260,7 +260,7 @@ def _parameter(state: VehicleState, name: str, value: float, autopilot: Autopilo
         "return_climb_m": autopilot.return_climbs,
         "return_end_m": autopilot.return_ends,
     }
-    return _with(state, **{one: value * of[name] for one, of in units.items() if name in of})
+    return _with(state, **{to: value * unit[name] for to, unit in units.items() if name in unit})
 
 
 def without_link(state: VehicleState) -> VehicleState:
@@ -376,7 +376,7 @@ def _status_text(state: VehicleState, text: str, now: float, autopilot: Autopilo
     if lower.startswith(autopilot.check_texts):
         complaints = dict(state._complaints) | {text: now}
         since_s = now - autopilot.checks_s
-        latest = tuple((one, time_s) for one, time_s in complaints.items() if time_s > since_s)
+        latest = tuple((about, time_s) for about, time_s in complaints.items() if time_s > since_s)
         return replace(state, _complaints=latest)
     for name, signs in autopilot.failsafe_texts:
         if name in lower and any(sign in lower for sign in signs):
@@ -480,15 +480,15 @@ class MessageRequests:
                     command_long(self._target, mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, *parameters)
                 )
         again_s = _ASK_AGAIN_S if self._has_version else _REQUEST_AGAIN_S
-        for one, wanted, period_s in (
+        for message, wanted, period_s in (
             (HomePosition, not self._has_home, _REQUEST_AGAIN_S),
             (AutopilotVersion, True, again_s),
         ):
-            if wanted and now - self._requested_s[one] > period_s:
-                self._requested_s[one] = now
-                self._version_asks += one is AutopilotVersion
+            if wanted and now - self._requested_s[message] > period_s:
+                self._requested_s[message] = now
+                self._version_asks += message is AutopilotVersion
                 requests.append(
-                    command_long(self._target, mavlink.MAV_CMD_REQUEST_MESSAGE, float(one.id))
+                    command_long(self._target, mavlink.MAV_CMD_REQUEST_MESSAGE, float(message.id))
                 )
         if self._parameters and now - self._parameter_s > _ASK_AGAIN_S:
             self._parameter_s = now

@@ -43,10 +43,10 @@ class EventMessage(mavlink.MAVLink_message):
 
     def __init__(self, number: int, *others: Any, **named: Any) -> None:
         super().__init__(EventMessage.id, EventMessage.msgname)
-        given = dict(zip(self.fieldnames, (number, *others), strict=False)) | named
-        self._values = [given[name] for name in self.fieldnames]
-        self.id, self.log_levels = number, given["log_levels"]
-        self.arguments = self._values[-1] = bytes(given["arguments"])
+        values = dict(zip(self.fieldnames, (number, *others), strict=False)) | named
+        self._values = [values[name] for name in self.fieldnames]
+        self.id, self.log_levels = number, values["log_levels"]
+        self.arguments = self._values[-1] = bytes(values["arguments"])
 
     def pack(self, mav: Any, force_mavlink1: bool = False) -> bytes:
         """Return the frame."""

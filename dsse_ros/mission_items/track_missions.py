@@ -33,7 +33,7 @@ Way = tuple[tuple[float, float], ...]
 
 
 @dataclass(frozen=True)
-class Leg:
+class VehicleLeg:
     """The leg of one drone's vehicle.
 
     Attributes:
@@ -53,7 +53,7 @@ class Leg:
     crashed: bool = False
     way: Way = ()
 
-    def is_same(self, other: Leg) -> bool:
+    def is_same(self, other: VehicleLeg) -> bool:
         """Return whether another leg is this one, even if only one of them is over."""
         return (self.number, self.cell, self.searched) == (other.number, other.cell, other.searched)
 

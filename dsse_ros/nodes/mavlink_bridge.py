@@ -18,7 +18,7 @@ from dsse_ros.autopilots import AUTOPILOTS
 from dsse_ros.bridge.fleet_controller import FleetController
 from dsse_ros.bridge.flight_records import FlightRecords, default_directory
 from dsse_ros.bridge.settings import BridgeSettings
-from dsse_ros.flight.vehicle import Fleet, Vehicle, VehicleSettings
+from dsse_ros.flight.vehicle import Vehicle, VehicleFleet, VehicleSettings
 from dsse_ros.nodes import bridge_services
 from dsse_ros.nodes.bridge_publishers import BridgePublishers
 from dsse_ros.nodes.node_diagnostics import PERIOD_S, NodeDiagnostics
@@ -119,15 +119,17 @@ class BridgeNode(AlarmNode):
         """Return what the followed search does with a message, by its topic."""
         search = self.controller.search
         return {
-            "agents": lambda one: search.take_agents(
-                agents_from_json(one.data, with_definition=False)
+            "agents": lambda message: search.take_agents(
+                agents_from_json(message.data, with_definition=False)
             ),
-            "step_report": lambda one: search.take_report(
-                to_nanoseconds(one.header.stamp), step_report_from_message(one), time.monotonic()
+            "step_report": lambda message: search.take_report(
+                to_nanoseconds(message.header.stamp),
+                step_report_from_message(message),
+                time.monotonic(),
             ),
-            "vehicle_tasks": lambda one: search.take_tasks(vehicle_tasks_from_message(one)),
-            "mission_report": lambda one: search.take_mission_report(
-                to_nanoseconds(one.header.stamp), mission_report_from_message(one)
+            "vehicle_tasks": lambda message: search.take_tasks(vehicle_tasks_from_message(message)),
+            "mission_report": lambda message: search.take_mission_report(
+                to_nanoseconds(message.header.stamp), mission_report_from_message(message)
             ),
         }
 
@@ -195,7 +197,7 @@ class BridgeNode(AlarmNode):
         self.fleet.close()
 
 
-def _fleet(settings: BridgeSettings) -> Fleet:
+def _fleet(settings: BridgeSettings) -> VehicleFleet:
     """Return the vehicles.
 
     Raises:
@@ -205,7 +207,7 @@ def _fleet(settings: BridgeSettings) -> Fleet:
         settings.vehicles
     )
     try:
-        return Fleet(
+        return VehicleFleet(
             [
                 VehicleSettings(
                     connection=connection,

@@ -14,8 +14,8 @@ from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
 from virtual_fleet import FRAME, SEARCH, VirtualFleet, VirtualSearch
 
-from dsse_ros.bridge.airspace import Airspace, Flyer
-from dsse_ros.flight.orders import GoTo, Hold, Land, Order, Return, Search, TakeOff
+from dsse_ros.bridge.airspace import AirborneVehicle, Airspace
+from dsse_ros.flight.orders import GoTo, Hold, Land, Order, Return, SearchPlace, TakeOff
 from dsse_ros.flight.vehicle_state import VehicleState
 from dsse_ros.mission_items.separation import separation_m
 from dsse_ros.scenario.frames import GridFrame, cell_to_map
@@ -171,7 +171,7 @@ def flyer(
     *,
     layer_m: float = 0.0,
     flying: bool = True,
-) -> Flyer:
+) -> AirborneVehicle:
     lat_deg, lon_deg, _ = map_to_geodetic(FRAME, *place, 0.0)
     state = VehicleState(
         connected=True, flying=flying, armed=flying, lat_deg=lat_deg, lon_deg=lon_deg,
@@ -179,19 +179,19 @@ def flyer(
         home=(lat_deg + (0.0 if name == "drone0" else 0.01), lon_deg, DATUM_M),
     )  # fmt: skip
     frame = replace(FRAME, alt_m=layer_m or alt_m)
-    return Flyer(name, state, place, order, frame, DATUM_M)
+    return AirborneVehicle(name, state, place, order, frame, DATUM_M)
 
 
-def admit(order: Order, one: Flyer, others: list[Flyer]) -> Order | str:
+def admit(order: Order, one: AirborneVehicle, others: list[AirborneVehicle]) -> Order | str:
     airspace = Airspace({i + 1: other for i, other in enumerate(others)})
     return airspace.admit(0, one, order)
 
 
-def to(kind: type[GoTo] | type[Search], cell: tuple[int, int], alt_m: float) -> Order:
+def to(kind: type[GoTo] | type[SearchPlace], cell: tuple[int, int], alt_m: float) -> Order:
     lat_deg, lon_deg, _ = map_to_geodetic(FRAME, *cell_to_map(FRAME, *cell), 0.0)
     if kind is GoTo:
         return GoTo(lat_deg, lon_deg, DATUM_M + alt_m, 10.0)
-    return Search(lat_deg, lon_deg, DATUM_M + alt_m, DATUM_M + 15.0, 5.0, 10.0)
+    return SearchPlace(lat_deg, lon_deg, DATUM_M + alt_m, DATUM_M + 15.0, 5.0, 10.0)
 
 
 def at(*cell: int) -> tuple[float, float]:
@@ -200,19 +200,19 @@ def at(*cell: int) -> tuple[float, float]:
 
 def test_over_a_cell_where_a_lower_one_stays_it_is_searched_from_the_layer() -> None:
     high = flyer("drone0", at(1, 1), 60.0)
-    search = to(Search, (1, 1), 60.0)
+    search = to(SearchPlace, (1, 1), 60.0)
     low = flyer("drone1", at(1, 1), 55.0)
-    assert isinstance(search, Search)
+    assert isinstance(search, SearchPlace)
     level = replace(search, search_amsl_m=DATUM_M + 60.0)
     assert admit(search, high, [low]) == level
     assert admit(search, high, [flyer("drone1", at(2, 1), 55.0)]) == search
     # The lower one searches below.
-    below = to(Search, (1, 1), 55.0)
+    below = to(SearchPlace, (1, 1), 55.0)
     assert admit(below, low, [high]) == below
 
 
 def test_a_search_waits_for_one_that_passes_and_one_that_passes_for_a_search() -> None:
-    high, search = flyer("drone0", at(1, 1), 60.0), to(Search, (1, 1), 60.0)
+    high, search = flyer("drone0", at(1, 1), 60.0), to(SearchPlace, (1, 1), 60.0)
     passing = flyer("drone1", at(0, 1), 55.0, to(GoTo, (3, 1), 55.0))
     waits = "waiting for {} to be out of the way"
     assert admit(search, high, [passing]) == waits.format("drone1")
@@ -242,7 +242,7 @@ def test_nobody_takes_off_through_one_that_is_there() -> None:
 
 def test_at_one_altitude_nothing_keeps_vehicles_apart_and_nothing_waits() -> None:
     here, there = flyer("drone0", at(1, 1), 60.0), flyer("drone1", at(1, 1), 60.0)
-    for order in (to(Search, (1, 1), 60.0), Return(), Hold()):
+    for order in (to(SearchPlace, (1, 1), 60.0), Return(), Hold()):
         assert admit(order, here, [there]) == order
 
 
@@ -284,7 +284,7 @@ def test_all_at_once_is_the_same_as_one_after_the_other(
     others: list[tuple[int, int, float, int]], number: int
 ) -> None:
     orders: list[Order | None] = [
-        None, to(GoTo, (2, 2), 55.0), to(Search, (1, 3), 50.0), Return(), Land(), Hold(),
+        None, to(GoTo, (2, 2), 55.0), to(SearchPlace, (1, 3), 50.0), Return(), Land(), Hold(),
         TakeOff(DATUM_M + 60.0),
     ]  # fmt: skip
     flyers = {

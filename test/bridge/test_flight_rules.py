@@ -16,7 +16,7 @@ from virtual_fleet import FRAME, VirtualFleet, pilots_mode
 from virtual_flight import VirtualFlight
 
 from dsse_ros.bridge.airspace import UNKNOWN_FACTOR
-from dsse_ros.flight.orders import Search
+from dsse_ros.flight.orders import SearchPlace
 from dsse_ros.mavlink.messages import CommandLong, SetPositionTarget
 from dsse_ros.mission_items.separation import separation_m
 
@@ -398,7 +398,7 @@ def test_a_search_ends_although_the_bridge_is_restarted_every_twenty_seconds(
             restarted_s = fleet.now
         fleet.step()
         assert fleet.now - begun_s < 400.0, fleet.shown()
-    orders = [line for line in fleet.log if "Search(" in line]
+    orders = [line for line in fleet.log if "SearchPlace(" in line]
     assert orders and not fleet.controller.followers[0].lost
 
 
@@ -411,8 +411,8 @@ def test_a_look_that_is_done_is_not_done_again_by_a_restarted_bridge() -> None:
     fleet.log.clear()
     fleet.start()
     fleet.until(lambda: fleet.arrived(search))
-    assert not any("Search(" in line for line in fleet.log)
-    assert not isinstance(fleet.flights[0].outcome.order, Search)
+    assert not any("SearchPlace(" in line for line in fleet.log)
+    assert not isinstance(fleet.flights[0].outcome.order, SearchPlace)
 
 
 # Others in the air

@@ -13,7 +13,7 @@ import pytest
 from numpy.typing import NDArray
 
 from dsse_ros.bridge.followed_search import MISSION_REPORT_S, FollowedSearch, News
-from dsse_ros.mission_items.track_missions import Leg
+from dsse_ros.mission_items.track_missions import VehicleLeg
 from dsse_ros.scenario.agents import AgentsInfo
 from dsse_ros.scenario.frames import GridFrame
 from msg_adapters.mission_report import MISSION_REPORT_DTYPE
@@ -102,7 +102,7 @@ def test_vehicles_follow_their_tasks_and_end_with_their_drones(first: str) -> No
     search.take_report(13, report(1, over=(False, True)), 0.0)
     search.take_tasks(task)
     assert News.STEP in news(search)
-    assert search.legs == [Leg(3, (2, 2)), Leg(4, (5, 5), searched=True, over=True)]
+    assert search.legs == [VehicleLeg(3, (2, 2)), VehicleLeg(4, (5, 5), searched=True, over=True)]
 
 
 @pytest.mark.parametrize(

@@ -10,14 +10,14 @@ import numpy as np
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from dsse_ros.bridge.airspace import Flyer
+from dsse_ros.bridge.airspace import AirborneVehicle
 from dsse_ros.bridge.fence import Fence, check_place
 from dsse_ros.bridge.layer import Layer
 from dsse_ros.bridge.settings import BridgeSettings
 from dsse_ros.flight.orders import FlyTrack
 from dsse_ros.flight.vehicle_state import VehicleState
 from dsse_ros.mission_items.separation import place_of
-from dsse_ros.mission_items.track_missions import Leg
+from dsse_ros.mission_items.track_missions import VehicleLeg
 from dsse_ros.result import Accepted
 from dsse_ros.scenario.frames import GridFrame
 from dsse_ros.scenario.geodesy import geodetic_to_map
@@ -31,7 +31,7 @@ AHEAD_M = {False: 30.0, True: 250.0}
 def track_to(x_m: float, y_m: float, heading: float, fence: Fence, *, circles: bool) -> FlyTrack:
     """Return the order of a leg that ends at a place of the map frame."""
     start = x_m - 130.0 * math.sin(heading), y_m - 130.0 * math.cos(heading)
-    leg = Leg(0, (0, 0), False, False, False, (start, (x_m, y_m)))
+    leg = VehicleLeg(0, (0, 0), False, False, False, (start, (x_m, y_m)))
     settings = BridgeSettings(autopilot="arduplane" if circles else "ardupilot")
     task = Layer(fence, settings, STEP_S).leg_task(leg)
     assert isinstance(task, Accepted), task
@@ -64,6 +64,8 @@ def test_behind_its_end_a_track_ends_in_the_fence(
 @given(heading=st.floats(-math.pi, math.pi), circles=st.booleans())
 def test_others_are_kept_off_the_place_behind_the_end(heading: float, *, circles: bool) -> None:
     order = track_to(650.0, 650.0, heading, Fence(FRAME, 150.0, 0.0, 120.0), circles=circles)
-    flyer = Flyer("drone0", VehicleState(), place_of(FRAME, *order.places[0]), order, FRAME)
+    flyer = AirborneVehicle(
+        "drone0", VehicleState(), place_of(FRAME, *order.places[0]), order, FRAME
+    )
     last = flyer.spaces(order)[-1].end
     np.testing.assert_allclose(last, place_of(FRAME, *order.beyond), atol=1e-6)

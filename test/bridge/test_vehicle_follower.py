@@ -30,13 +30,13 @@ from dsse_ros.flight.orders import (
     MakeReady,
     Order,
     Return,
-    Search,
+    SearchPlace,
     TakeOff,
 )
 from dsse_ros.flight.vehicle_controller import Outcome
 from dsse_ros.flight.vehicle_state import VehicleState
 from dsse_ros.mission_items.items import Home
-from dsse_ros.mission_items.track_missions import Leg
+from dsse_ros.mission_items.track_missions import VehicleLeg
 from dsse_ros.result import Accepted, Rejected
 from dsse_ros.scenario.frames import GridFrame
 from dsse_ros.scenario.geodesy import cell_to_geodetic
@@ -83,7 +83,7 @@ class Vehicle:
             self.state = FLYING
         elif isinstance(order, Return | Land | FlyMission):
             self.state = ON_GROUND
-        elif isinstance(order, GoTo | Search):
+        elif isinstance(order, GoTo | SearchPlace):
             alt_m = order.alt_amsl_m if isinstance(order, GoTo) else order.search_amsl_m
             self.be_at(order.lat_deg, order.lon_deg, alt_m)
         self.turn(status="done")
@@ -128,7 +128,7 @@ def in_the_air(led: VehicleFollower | None = None, **changes: Any) -> Vehicle:
 
 
 def follow(led: VehicleFollower, stamp: int, *cell: int, **changes: Any) -> None:
-    leg = Leg(stamp, (cell[0], cell[1]), **changes)
+    leg = VehicleLeg(stamp, (cell[0], cell[1]), **changes)
     led.follow(leg, LAYER.leg_task(leg))
 
 
@@ -162,7 +162,7 @@ def test_a_search_is_done_once_for_each_step_that_has_one() -> None:
     for stamp in (13, 26):
         follow(vehicle.follower, stamp, 2, 2, searched=True)
         vehicle.turn()
-        assert vehicle.orders[-1] == Search(*place(2, 2), 120.0, 30.0, 5.0, 10.0)
+        assert vehicle.orders[-1] == SearchPlace(*place(2, 2), 120.0, 30.0, 5.0, 10.0)
         assert not vehicle.follower.progress.arrived
         vehicle.obey()
         assert vehicle.orders[-1] == GoTo(*place(2, 2), 120.0, 10.0)
@@ -190,10 +190,10 @@ def test_every_cell_is_flown_to_in_order_and_none_is_left_before_it_is_reached(
             vehicle.turn()
             vehicle.obey()
     flown = [
-        ((order.lat_deg, order.lon_deg), isinstance(order, Search))
+        ((order.lat_deg, order.lon_deg), isinstance(order, SearchPlace))
         for order, before in zip(vehicle.orders, [None, *vehicle.orders], strict=False)
         # After a search it climbs on the spot.
-        if isinstance(order, GoTo | Search) and not isinstance(before, Search)
+        if isinstance(order, GoTo | SearchPlace) and not isinstance(before, SearchPlace)
     ]
     without_repeats = [
         (there, searched)
@@ -212,7 +212,7 @@ def test_at_the_end_the_last_leg_is_flown_and_then_the_end(at_end: str, order: O
     follow(led, 0, 1, 1)
     vehicle.turn()
     follow(led, 13, 1, 1, searched=True, over=True)
-    assert isinstance(vehicle.turn(), Search)
+    assert isinstance(vehicle.turn(), SearchPlace)
     assert vehicle.turn() is None
     vehicle.obey()
     vehicle.obey()
@@ -254,7 +254,7 @@ def test_what_it_does_waits_for_others_and_the_reason_is_shown() -> None:
     follow(vehicle.follower, 13, 1, 1, searched=True)
     assert vehicle.turn() is None
     assert vehicle.follower.blocked == "waiting for drone1 to be out of the way"
-    level = Search(*place(1, 1), 120.0, 120.0, 5.0, 10.0)
+    level = SearchPlace(*place(1, 1), 120.0, 120.0, 5.0, 10.0)
     vehicle.permissions = Permissions(admit=lambda order: level)
     assert vehicle.turn() == level
     vehicle.permissions = Permissions()
@@ -306,7 +306,7 @@ def test_a_vehicle_has_looked_before_it_is_back_and_a_restarted_bridge_knows_it(
     vehicle = in_the_air()
     led = vehicle.follower
     follow(led, 13, 1, 1, searched=True)
-    assert isinstance(vehicle.turn(), Search)
+    assert isinstance(vehicle.turn(), SearchPlace)
     assert (led.looked_number, led.arrived_number) == (-1, -1)
     vehicle.obey()
     assert isinstance(led.progress.due, GoTo)
@@ -316,7 +316,9 @@ def test_a_vehicle_has_looked_before_it_is_back_and_a_restarted_bridge_knows_it(
     assert (led.looked_number, led.arrived_number) == (13, -1)
     again = LegProgress()
     again.follow(
-        Leg(13, (1, 1), searched=True), Accepted(led.progress.task), led.custody.record.looked
+        VehicleLeg(13, (1, 1), searched=True),
+        Accepted(led.progress.task),
+        led.custody.record.looked,
     )
     assert again.looked and not again.arrived
     vehicle.turn()
@@ -325,7 +327,7 @@ def test_a_vehicle_has_looked_before_it_is_back_and_a_restarted_bridge_knows_it(
     # Another search of the same cell is another leg.
     follow(led, 14, 1, 1, searched=True)
     assert (led.looked_number, led.arrived_number) == (-1, -1)
-    assert isinstance(vehicle.turn(), Search)
+    assert isinstance(vehicle.turn(), SearchPlace)
 
 
 def test_a_silent_vehicle_goes_on_when_it_is_connected_again_in_time() -> None:
@@ -375,7 +377,7 @@ def fly_mission(led: VehicleFollower, *, holds: bool = False) -> FlyMission:
     (mission,) = search_missions([FRAME], [track], SETTINGS, [home], hold_s, 0.0)
     layer = replace(LAYER, settings=BridgeSettings(autopilot="px4"))
     task = layer.mission_task(mission, holds_over_home=holds)
-    led.follow(Leg(13, (1, 9), over=True), task)
+    led.follow(VehicleLeg(13, (1, 9), over=True), task)
     assert isinstance(task, Accepted)
     (order,) = task.value
     assert isinstance(order, FlyMission)
@@ -964,7 +966,7 @@ def test_a_leg_out_of_the_fence_is_refused_and_the_vehicle_holds(
     cell: tuple[int, int], changes: dict[str, float], code: str
 ) -> None:
     fence = replace(LAYER.fence, frame=replace(FRAME, alt_m=changes.get("altitude", 120.0)))
-    leg = Leg(13, cell)
+    leg = VehicleLeg(13, cell)
     task = replace(LAYER, fence=fence).leg_task(leg)
     assert isinstance(task, Rejected) and task.code == code
     vehicle = in_the_air()
@@ -978,9 +980,9 @@ def test_a_leg_out_of_the_fence_is_refused_and_the_vehicle_holds(
 
 def test_a_search_below_the_fence_is_refused() -> None:
     layer = replace(LAYER, settings=replace(SETTINGS, search_altitude=5.0))
-    task = layer.leg_task(Leg(13, (5, 5), searched=True))
+    task = layer.leg_task(VehicleLeg(13, (5, 5), searched=True))
     assert isinstance(task, Rejected) and task.code == "altitude"
-    assert isinstance(layer.leg_task(Leg(13, (5, 5))), Accepted)
+    assert isinstance(layer.leg_task(VehicleLeg(13, (5, 5))), Accepted)
 
 
 def test_nothing_takes_off_that_stands_elsewhere_or_does_not_know_where() -> None:
@@ -1059,7 +1061,7 @@ def test_a_mission_whose_vehicle_is_down_but_armed_is_let_end_by_itself() -> Non
 def test_a_mission_that_cannot_be_made_without_home_is_given_up_in_the_end() -> None:
     led = follower(mode="mission", join_timeout=3.0)
     vehicle = Vehicle(led)
-    leg = Leg(13, (1, 9), over=True)
+    leg = VehicleLeg(13, (1, 9), over=True)
     led.follow(leg, None)
     vehicle.turn()
     assert led.blocked == "no home position" and not led.progress.has_task

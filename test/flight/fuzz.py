@@ -28,7 +28,7 @@ from dsse_ros.flight.orders import (
     Land,
     Order,
     Return,
-    Search,
+    SearchPlace,
     TakeOff,
 )
 from dsse_ros.flight.vehicle_controller import VehicleController
@@ -47,7 +47,7 @@ _ITEMS = tuple(
 _ORDERS: tuple[Order, ...] = (
     TakeOff(20.0),
     GoTo(-24.001, -46.3, 20.0, 3.0),
-    Search(-24.001, -46.3, 20.0, 10.0, 3.0, 3.0),
+    SearchPlace(-24.001, -46.3, 20.0, 10.0, 3.0, 3.0),
     Hold(),
     Return(),
     Land(),

@@ -15,7 +15,7 @@ from pace import Pace
 
 from dsse_ros.autopilots import ARDUPILOT, PX4
 from dsse_ros.flight.orders import GoTo, Return, TakeOff
-from dsse_ros.flight.vehicle import Fleet, VehicleSettings
+from dsse_ros.flight.vehicle import VehicleFleet, VehicleSettings
 
 pytestmark = pytest.mark.slow
 
@@ -26,7 +26,7 @@ TIMEOUT_S = 300.0
 @contextlib.contextmanager
 def flying_fleet(
     number: int, speedup: float = 1.0, **options: Any
-) -> Iterator[tuple[Fleet, list[Running]]]:
+) -> Iterator[tuple[VehicleFleet, list[Running]]]:
     with contextlib.ExitStack() as stack:
         autopilots = [
             stack.enter_context(
@@ -44,12 +44,12 @@ def flying_fleet(
             VehicleSettings(connection=autopilot.connection, system_id=index + 1, **options)
             for index, autopilot in enumerate(autopilots)
         ]
-        fleet = stack.enter_context(contextlib.closing(Fleet(settings)))
+        fleet = stack.enter_context(contextlib.closing(VehicleFleet(settings)))
         fleet.start()
         yield fleet, autopilots
 
 
-def until_all(fleet: Fleet, status: str, leave_out: tuple[int, ...] = ()) -> None:
+def until_all(fleet: VehicleFleet, status: str, leave_out: tuple[int, ...] = ()) -> None:
     end_s = time.monotonic() + TIMEOUT_S
     for index, vehicle in enumerate(fleet):
         while index not in leave_out and vehicle.outcome.status != status:
@@ -99,12 +99,12 @@ def test_connections_are_numbered_as_the_field_does() -> None:
 def test_vehicles_do_not_share_a_link() -> None:
     settings = [VehicleSettings(connection="udpin:127.0.0.1:14550", system_id=k) for k in (1, 2)]
     with pytest.raises(ValueError, match="14550"):
-        Fleet(settings)
+        VehicleFleet(settings)
 
 
 def test_a_fleet_has_its_vehicles_in_order() -> None:
     connections = ARDUPILOT.connections(3)
-    fleet = Fleet([VehicleSettings(connection=name) for name in connections])
+    fleet = VehicleFleet([VehicleSettings(connection=name) for name in connections])
     assert len(fleet) == 3
     assert [vehicle.settings.connection for vehicle in fleet] == connections
     assert fleet[2].settings.connection == connections[2]

@@ -14,7 +14,7 @@ from virtual_flight import VirtualFlight, mission
 
 from dsse_ros.flight import vehicle as vehicle_module
 from dsse_ros.flight.orders import FlyMission, GoTo, Hold, Land, Order, Return, TakeOff
-from dsse_ros.flight.vehicle import CLOSE_S, Fleet, Vehicle, VehicleSettings
+from dsse_ros.flight.vehicle import CLOSE_S, Vehicle, VehicleFleet, VehicleSettings
 
 AUTOPILOTS = ("ardupilot", "px4")
 pytestmark = pytest.mark.slow
@@ -153,7 +153,9 @@ def test_a_vehicle_that_is_closed_in_flight_is_found_at_rest(
 
 def test_twenty_vehicles_that_do_not_end_are_closed_in_the_time_of_one() -> None:
     """Each has a thread that is stuck, as in a call to the system that does not return."""
-    fleet = Fleet([VehicleSettings(connection=f"udpin:127.0.0.1:{5 + k}") for k in range(20)])
+    fleet = VehicleFleet(
+        [VehicleSettings(connection=f"udpin:127.0.0.1:{5 + k}") for k in range(20)]
+    )
     over = threading.Event()
     for vehicle in fleet:
         vehicle._turn = over.wait  # type: ignore[method-assign, assignment]
@@ -171,7 +173,9 @@ def test_vehicles_out_of_reach_are_not_waited_for(monkeypatch: pytest.MonkeyPatc
     # One that is waited for has not ended when closing gives up.
     monkeypatch.setattr(vehicle_module, "CLOSE_S", 120.0)
     monkeypatch.setattr(vehicle_module, "_HAND_OVER_S", 600.0)
-    fleet = Fleet([VehicleSettings(connection=f"udpin:127.0.0.1:{5 + k}") for k in range(20)])
+    fleet = VehicleFleet(
+        [VehicleSettings(connection=f"udpin:127.0.0.1:{5 + k}") for k in range(20)]
+    )
     fleet.start()
     fleet.close()
     assert not any(vehicle._thread.is_alive() for vehicle in fleet)  # type: ignore[union-attr]

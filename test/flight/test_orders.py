@@ -9,7 +9,7 @@ from collections.abc import Callable
 
 import pytest
 
-from dsse_ros.flight.orders import FlyMission, GoTo, Order, Search, TakeOff
+from dsse_ros.flight.orders import FlyMission, GoTo, Order, SearchPlace, TakeOff
 from dsse_ros.mission_items.items import MissionItem
 
 
@@ -24,9 +24,9 @@ from dsse_ros.mission_items.items import MissionItem
         (lambda: GoTo(0.0, 0.0, math.inf, 5.0), "alt_amsl_m"),
         (lambda: GoTo(0.0, 0.0, 10.0, 0.0), "radius_m"),
         (lambda: GoTo(0.0, 0.0, 10.0, math.nan), "radius_m"),
-        (lambda: Search(0.0, 0.0, 10.0, math.nan, 5.0, 5.0), "search_amsl_m"),
-        (lambda: Search(0.0, 0.0, 10.0, 5.0, -1.0, 5.0), "hold_s"),
-        (lambda: Search(91.0, 0.0, 10.0, 5.0, 1.0, 5.0), "lat_deg"),
+        (lambda: SearchPlace(0.0, 0.0, 10.0, math.nan, 5.0, 5.0), "search_amsl_m"),
+        (lambda: SearchPlace(0.0, 0.0, 10.0, 5.0, -1.0, 5.0), "hold_s"),
+        (lambda: SearchPlace(91.0, 0.0, 10.0, 5.0, 1.0, 5.0), "lat_deg"),
         (lambda: FlyMission(()), "items"),
         (lambda: FlyMission((MissionItem(16, lat_deg=math.nan),)), "latitude"),
     ],

@@ -10,7 +10,7 @@ import pytest
 from autopilot.faults import Fault
 from virtual_flight import VirtualFlight, mission
 
-from dsse_ros.flight.orders import FlyMission, GoTo, Hold, Return, Search, TakeOff
+from dsse_ros.flight.orders import FlyMission, GoTo, Hold, Return, SearchPlace, TakeOff
 from dsse_ros.flight.vehicle_controller import Status
 
 AUTOPILOTS = ("ardupilot", "px4")
@@ -27,7 +27,7 @@ def test_an_order_goes_on_where_it_was(during: str) -> None:
     assert flight.fly(TakeOff(15.0)).status == "done"
     orders: dict[str, Any] = {
         "flight": GoTo(*flight.place(200.0, 0.0), 15.0, 3.0),
-        "hold of a search": Search(*flight.place(0.0, 0.0), 15.0, 10.0, 40.0, 3.0),
+        "hold of a search": SearchPlace(*flight.place(0.0, 0.0), 15.0, 10.0, 40.0, 3.0),
         "mission": FlyMission(mission(flight, (200.0, 0.0, 15.0))),
         "return": Return(),
         "rest": Hold(),

@@ -20,7 +20,7 @@ from autopilot.wire import mavlink
 from pace import Pace
 
 from dsse_ros.flight import vehicle as vehicle_module
-from dsse_ros.flight.orders import FlyMission, GoTo, Hold, Land, Order, Return, Search, TakeOff
+from dsse_ros.flight.orders import FlyMission, GoTo, Hold, Land, Order, Return, SearchPlace, TakeOff
 from dsse_ros.flight.vehicle import Vehicle, VehicleSettings
 from dsse_ros.mission_items.items import FRAME_GLOBAL, FRAME_MISSION, MissionItem
 
@@ -74,7 +74,7 @@ def test_it_flies_all_orders_over_a_real_link(name: Any, link: Any) -> None:
     orders: list[Order] = [
         TakeOff(5.0),
         GoTo(*NEAR, 8.0, 4.0),
-        Search(*HOME, 8.0, 5.0, 3.0, 4.0),
+        SearchPlace(*HOME, 8.0, 5.0, 3.0, 4.0),
         Hold(),
         Return() if link == "udp" else Land(),
         FlyMission(a_mission(name), from_modes=("RTL", "LAND", "AUTO")),

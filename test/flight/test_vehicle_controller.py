@@ -20,7 +20,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from virtual_flight import OURSELVES, VEHICLE, VirtualFlight, mission
 
 from dsse_ros.flight.commands import ControllerSettings
-from dsse_ros.flight.orders import FlyMission, GoTo, Hold, Land, Return, Search, TakeOff
+from dsse_ros.flight.orders import FlyMission, GoTo, Hold, Land, Return, SearchPlace, TakeOff
 from dsse_ros.flight.transfer import Timeouts
 from dsse_ros.flight.vehicle_controller import VehicleController
 from dsse_ros.mavlink.messages import (
@@ -85,7 +85,7 @@ def test_a_place_is_reached_when_the_vehicle_is_there(autopilot: str) -> None:
 @both
 def test_a_search_descends_over_its_place_and_holds_there(autopilot: str) -> None:
     flight = flying(autopilot, up_m=40.0)
-    flight.give(Search(*flight.place(30.0, 0.0), 40.0, 12.0, hold_s=8.0, radius_m=3.0))
+    flight.give(SearchPlace(*flight.place(30.0, 0.0), 40.0, 12.0, hold_s=8.0, radius_m=3.0))
     heights = []
     while flight.outcome.status == "under_way":
         flight.step()
@@ -100,7 +100,7 @@ def test_a_search_descends_over_its_place_and_holds_there(autopilot: str) -> Non
 @both
 def test_a_search_that_is_begun_again_over_its_place_goes_on_from_there(autopilot: str) -> None:
     flight = flying(autopilot, up_m=40.0)
-    search = Search(*flight.place(30.0, 0.0), 40.0, 12.0, hold_s=8.0, radius_m=3.0)
+    search = SearchPlace(*flight.place(30.0, 0.0), 40.0, 12.0, hold_s=8.0, radius_m=3.0)
     flight.give(search)
     flight.until(lambda: flight.vehicle.craft.up_m < 20.0)
     flight.give(search)
@@ -498,7 +498,7 @@ def test_a_pilot_who_takes_over_is_left_alone(autopilot: str, during: str) -> No
     orders: dict[str, Any] = {
         "climb": TakeOff(90.0),
         "flight": go_to(flight, 300.0, 0.0, 30.0),
-        "search": Search(*flight.place(0.0, 0.0), 30.0, 10.0, 60.0, 3.0),
+        "search": SearchPlace(*flight.place(0.0, 0.0), 30.0, 10.0, 60.0, 3.0),
         "mission": FlyMission(mission(flight, (300.0, 0.0, 30.0))),
         "return": Return(),
     }
@@ -846,7 +846,9 @@ def any_order(flight: VirtualFlight, *, arm: bool = True) -> st.SearchStrategy[A
     return st.one_of(
         st.builds(lambda up_m: TakeOff(up_m, arm), st.floats(5.0, 40.0)),
         st.builds(lambda place: go_to(flight, *place), places),
-        st.builds(lambda place: Search(*flight.place(*place[:2]), place[2], 5.0, 3.0, 3.0), places),
+        st.builds(
+            lambda place: SearchPlace(*flight.place(*place[:2]), place[2], 5.0, 3.0, 3.0), places
+        ),
         st.sampled_from([Hold(), Return(), Land()]),
         st.builds(
             lambda north: FlyMission(mission(flight, (north, 0.0, 15.0)), arm), st.floats(5, 40)
