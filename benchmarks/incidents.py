@@ -300,8 +300,8 @@ def figures(flown: Floats, beside: Floats) -> dict[str, Any]:
         estimates[name] = [of_mean(more, LEVEL, each) for more in (flown[:, 1] - other).T]
     row: dict[str, Any] = {}
     for name, columns in estimates.items():
-        row[name] = [one.value for one in columns]
-        row[f"{name}_interval"] = [(one.low, one.high) for one in columns]
+        row[name] = [estimate.value for estimate in columns]
+        row[f"{name}_interval"] = [(estimate.low, estimate.high) for estimate in columns]
     return row
 
 
@@ -315,8 +315,12 @@ def run(planners: Sequence[str], workers: int, count: int = COUNT) -> dict[str, 
             flown[number] = job.result()
             found = (f"{name} {flown[number][name][1, -1]:.1%}" for name in rows_of(planners))
             say(f"incident {number}: {', '.join(found)}")
-    whole = {name: np.stack([flown[number][name] for number in range(count)]) for name in flown[0]}
+    stacked = {
+        name: np.stack([flown[number][name] for number in range(count)]) for name in flown[0]
+    }
     return {
-        "incidents": {name: figures(whole[name], whole[BASELINE]) for name in rows_of(planners)},
-        "wrong_drift": {name: figures(whole[name], whole["none"]) for name in ERRORS},
+        "incidents": {
+            name: figures(stacked[name], stacked[BASELINE]) for name in rows_of(planners)
+        },
+        "wrong_drift": {name: figures(stacked[name], stacked["none"]) for name in ERRORS},
     }

@@ -470,7 +470,7 @@ class Mission:
 
     def _command_buffer(self) -> CommandBuffer:
         env = self.env
-        return CommandBuffer(Swarm.of(env.scenario, env.rules), env.world.num_drones)
+        return CommandBuffer(Swarm.of_scenario(env.scenario, env.rules), env.world.num_drones)
 
     def _numbers(self, joint: NDArray[np.int8]) -> NDArray[np.int8]:
         """Prepare the world for a joint command; return its actions by number (N,)."""

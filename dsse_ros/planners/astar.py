@@ -37,7 +37,7 @@ LONELINESS = 3.0
 
 def make_astar(search: Search, options: Options, *, seed: int) -> AStar:
     """Return a planner for a coverage task; the seed makes no difference."""
-    return AStar(Swarm.of(search.scenario, search.rules).with_moves())
+    return AStar(Swarm.of_scenario(search.scenario, search.rules).with_moves())
 
 
 class AStar(DrawsNothing):
@@ -93,7 +93,7 @@ class AStar(DrawsNothing):
             agent: free * _closeness(actions[agent], present[agent], len(left)) for agent in waiting
         }
         while worth:
-            agent = max(worth, key=lambda one: float(worth[one].max()))
+            agent = max(worth, key=lambda candidate: float(worth[candidate].max()))
             row, col = divmod(int(worth[agent].argmax()), len(left))
             if worth.pop(agent)[row, col] <= 0:
                 return

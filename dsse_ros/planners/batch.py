@@ -199,10 +199,10 @@ def _checked_seeds(
         first = check_seed(seed)
         seeds = list(range(first, first + count))
     else:
-        seeds = [check_seed(one) for one in seed]
+        seeds = [check_seed(value) for value in seed]
     if len(seeds) != count:
         raise FieldError(f"seed must be one number for each of {count} missions, got {len(seeds)}")
-    of_planners = seeds if planner_seeds is None else [check_seed(one) for one in planner_seeds]
+    of_planners = seeds if planner_seeds is None else [check_seed(value) for value in planner_seeds]
     if not of_planners:
         raise FieldError("planner_seeds must be one or more, got none")
     if max(of_planners) >= 2**63:
@@ -252,7 +252,7 @@ def play_missions(
     batch = batch_of(world)
     with ThreadPoolExecutor(threads) as pool:
         planners = SharedPlanners(
-            lambda one: factory(search, seed=one, **(options or {})), of_planners, threads, pool
+            lambda each: factory(search, seed=each, **(options or {})), of_planners, threads, pool
         )
         for _ in play(batch, planners, seed=seeds):
             pass

@@ -88,9 +88,9 @@ def _moves_of_kinds(
     ]
 
 
-def _fleet_of(kinds: Sequence[plan_kernels.Moves]) -> plan_kernels.Fleet:
+def _fleet_of(kinds: Sequence[plan_kernels.Moves]) -> plan_kernels.PlannedFleet:
     """Return a fleet of one drone of each kind."""
-    return plan_kernels.Fleet(
+    return plan_kernels.PlannedFleet(
         np.arange(len(kinds)), kinds[0].steps, np.stack([kind.first for kind in kinds]),
         kinds[0].offsets, np.stack([kind.extra for kind in kinds]),
         np.stack([kind.rest for kind in kinds]), len(kinds[0].nearness),
@@ -124,7 +124,7 @@ class BeamSearch:
         num_drones = forecast.scenario.num_drones
         self._finalists = num_finalists(forecast.rules, num_drones)
         self._rng = np.random.default_rng(seed)
-        self._swarm = Swarm.of(forecast.scenario, forecast.rules)
+        self._swarm = Swarm.of_scenario(forecast.scenario, forecast.rules)
         looks = looks_of(forecast.scenario, forecast.rules)
         times = action_times_of_kinds(forecast.scenario, forecast.rules)
         self._kinds = _moves_of_kinds(self._swarm, looks, forecast.side, times)
@@ -215,7 +215,7 @@ class BeamSearch:
         self,
         belief: TargetBelief,
         plans: Sequence[PlannedPath],
-        fleet: plan_kernels.Fleet,
+        fleet: plan_kernels.PlannedFleet,
         drone: int,
         candidates: Sequence[PlannedPath],
         counted: Sequence[int],

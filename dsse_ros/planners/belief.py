@@ -71,7 +71,7 @@ class GreedyOnBelief(DrawsNothing):
     """
 
     def __init__(self, forecast: TargetForecast, *, seed: int = 0) -> None:
-        self._swarm = Swarm.of(forecast.scenario, forecast.rules)
+        self._swarm = Swarm.of_scenario(forecast.scenario, forecast.rules)
 
     def __call__(self, at: DecisionPoint) -> list[Cell]:
         """Return the cell that each drone goes to; see `Tactic`."""
@@ -180,7 +180,7 @@ class BeliefPlanner:
         self._new_tactic = new_tactic
         self._seed = seed
         self.forecasts = Forecasts(search.rules, horizon, drift_samples)
-        self._swarm = Swarm.of(search.scenario, search.rules).with_moves()
+        self._swarm = Swarm.of_scenario(search.scenario, search.rules).with_moves()
         self._may_be_held_up = self._swarm.may_be_under_way or hold_up(search.scenario)
         self._learn_drift = (
             learn_drift and search.observed == "map" and not is_ensemble(search.rules)

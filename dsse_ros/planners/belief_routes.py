@@ -36,7 +36,7 @@ class RoutesOnBelief(ABC):
     period: ClassVar[int]
 
     def __init__(self, forecast: TargetForecast, *, seed: int = 0) -> None:
-        self._swarm = Swarm.of(forecast.scenario, forecast.rules)
+        self._swarm = Swarm.of_scenario(forecast.scenario, forecast.rules)
         self._limit = forecast.scenario.timestep_limit
         looks = looks_of(forecast.scenario, forecast.rules)
         self._in_passing = moves_look(looks, forecast.rules)

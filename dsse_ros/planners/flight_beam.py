@@ -46,7 +46,7 @@ class Field(NamedTuple):
     fade: float
 
 
-class Problem(NamedTuple):
+class FlightProblem(NamedTuple):
     """What a drone plans for.
 
     Attributes:
@@ -60,7 +60,7 @@ class Problem(NamedTuple):
         left: (M,) float64, see `write_worth`.
         field: Where they are at the end.
         kappa: Weight of the persons left at the end.
-        given: (G, 2) float64, turns and speeds of the first steps; none to search for them too.
+        fixed: (G, 2) float64, turns and speeds of the first steps; none to search for them too.
     """
 
     flyers: NDArray[np.void]
@@ -73,10 +73,10 @@ class Problem(NamedTuple):
     left: NDArray[np.float64]
     field: Field
     kappa: float
-    given: NDArray[np.float64]
+    fixed: NDArray[np.float64]
 
 
-class Tree(NamedTuple):
+class FlightTree(NamedTuple):
     """The nodes of a beam search: W of each step.
 
     Attributes:
@@ -90,7 +90,7 @@ class Tree(NamedTuple):
     actions: NDArray[np.float64]
 
 
-class Level(NamedTuple):
+class FlightLevel(NamedTuple):
     """What the paths to the nodes of a step have found.
 
     Attributes:
@@ -104,7 +104,7 @@ class Level(NamedTuple):
     finds: NDArray[np.float64]
 
 
-class Candidates(NamedTuple):
+class FlightCandidates(NamedTuple):
     """Flights from the nodes of a step.
 
     Attributes:
@@ -124,7 +124,7 @@ class Candidates(NamedTuple):
     ranks: NDArray[np.float64]
 
 
-class Scratch(NamedTuple):
+class PathScratch(NamedTuple):
     """Memory for one path.
 
     Attributes:
@@ -228,7 +228,7 @@ def write_candidate(problem, tree, level, h, node, tried, found, scratch):
         level: Of step h.
         h: The step.
         node: The node.
-        tried: `Candidates`, in and out.
+        tried: `FlightCandidates`, in and out.
         found: Number of the candidate.
         scratch: Memory.
     """
@@ -262,16 +262,16 @@ def expand(problem, tree, level, h, nodes, speed, tried, scratch):
         h: The step.
         nodes: Number of its nodes.
         speed: Airspeed.
-        tried: `Candidates` out.
+        tried: `FlightCandidates` out.
         scratch: Memory.
     """
-    found, is_given = 0, h < len(problem.given)
+    found, is_fixed = 0, h < len(problem.fixed)
     for node in range(nodes):
-        for a in range(1 if is_given else len(problem.turns)):
+        for a in range(1 if is_fixed else len(problem.turns)):
             tried.actions[found, 0], tried.actions[found, 1] = problem.turns[a], speed
-            if is_given:
-                tried.actions[found, 0] = problem.given[h, 0]
-                tried.actions[found, 1] = problem.given[h, 1]
+            if is_fixed:
+                tried.actions[found, 0] = problem.fixed[h, 0]
+                tried.actions[found, 1] = problem.fixed[h, 1]
             found += write_candidate(problem, tree, level, h, node, tried, found, scratch)
     return found
 
@@ -298,7 +298,7 @@ def keep_best(problem, tree, level, h, tried, order, after, scratch):
         h: The step.
         tried: Of `expand`.
         order: (F,) int64, its flights in order of their ranks.
-        after: `Level` out.
+        after: `FlightLevel` out.
         scratch: Memory.
     """
     kept, width, counts = 0, tree.parents.shape[1], scratch.counts
@@ -357,13 +357,15 @@ def mark_seen(problem, tree, h, node, after, scratch):
 @compiled()
 def new_level(width, count, horizon):
     """Return a level of W nodes."""
-    return Level(np.ones((width, count), np.float32), np.zeros(width), np.zeros((width, horizon)))
+    return FlightLevel(
+        np.ones((width, count), np.float32), np.zeros(width), np.zeros((width, horizon))
+    )
 
 
 @compiled()
 def new_candidates(most):
     """Return memory for so many flights."""
-    return Candidates(
+    return FlightCandidates(
         np.zeros(most, FLIGHTS), np.zeros(most, np.int64), np.zeros((most, 2)), np.zeros(most),
         np.zeros(most), np.zeros(most),
     )  # fmt: skip
@@ -385,7 +387,7 @@ def plan_flight(problem, flights, width, scratch, actions):
         and the rank of the plan.
     """
     horizon, count = problem.worth.shape
-    tree = Tree(
+    tree = FlightTree(
         np.zeros((horizon + 1, width), FLIGHTS),
         np.zeros((horizon + 1, width), np.int64),
         np.zeros((horizon + 1, width, 2)),

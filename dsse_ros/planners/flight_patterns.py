@@ -247,8 +247,8 @@ def _flown(
     relative, flown = starts - datum.position, []
     for start, track, speed in zip(relative, assigned(relative, tracks), speeds, strict=True):
         kept = inside(track, datum, layout, float(speed))
-        whole = np.concatenate([start[None], kept])
-        while len(kept) > 1 and along(whole)[-1] < layout.length_m:
-            whole = np.concatenate([whole, kept[-2::-1], kept[1:]])
-        flown.append(whole)
+        longer = np.concatenate([start[None], kept])
+        while len(kept) > 1 and along(longer)[-1] < layout.length_m:
+            longer = np.concatenate([longer, kept[-2::-1], kept[1:]])
+        flown.append(longer)
     return flown

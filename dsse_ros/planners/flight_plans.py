@@ -87,7 +87,7 @@ class Craft(NamedTuple):
     Attributes:
         flyers: (1,) of `FLYERS`.
         eyes: (1,) of `EYES`, see `near`.
-        turns: (A,) float64, see `flight_beam.Problem`.
+        turns: (A,) float64, see `flight_beam.FlightProblem`.
     """
 
     flyers: NDArray[np.void]
@@ -292,7 +292,7 @@ class Team:
         self._horizon, count = futures.members.shape
         drones, squares = len(self._flights), math.ceil(self._swarm.side_m / (self._leg / 2))
         self._seen = Seen(np.empty(count + 1, np.int64), np.empty(count + 1))
-        self._scratch = flight_beam.Scratch(
+        self._scratch = flight_beam.PathScratch(
             np.empty((self._pieces + 1, 2)), self._seen, np.zeros((squares, squares), np.int64)
         )
         self._survivals = np.ones((drones, self._horizon, count))
@@ -331,12 +331,12 @@ class Team:
         problem, last = self._problem(n), self.plans[n]
         plan, rank = self._best(problem, n, self._options.width)
         if len(last):
-            longer, again = self._best(problem._replace(given=last), n, 1)
+            longer, again = self._best(problem._replace(fixed=last), n, 1)
             if len(longer) >= len(plan) and again > rank:
                 plan = longer
         self.follow(n, plan)
 
-    def _best(self, problem: flight_beam.Problem, n: int, width: int) -> tuple[Floats, float]:
+    def _best(self, problem: flight_beam.FlightProblem, n: int, width: int) -> tuple[Floats, float]:
         """Return the best plan of a drone, (H', 2), and its rank.
 
         One near the edge that finds no plan flies to the middle for a step.
@@ -353,14 +353,14 @@ class Team:
             )  # fmt: skip
         return plan[: max(depth, 1)], rank
 
-    def _problem(self, n: int) -> flight_beam.Problem:
+    def _problem(self, n: int) -> flight_beam.FlightProblem:
         """Return what a drone plans for."""
         craft, swarm = self._crafts[n], self._swarm
         flight_futures.write_worth(
             self._futures, self._survivals, n, self._options.gamma, self._worth, self._left
         )
         field = flight_beam.field_of(self._futures, self._left, swarm.side_m, self._leg, CLOSENESS)
-        return flight_beam.Problem(
+        return flight_beam.FlightProblem(
             craft.flyers, craft.eyes, swarm.wind, swarm.side_m, craft.turns,
             self._futures, self._worth, self._left, field, self._options.kappa,
             np.empty((0, 2)),

@@ -95,7 +95,7 @@ def keep_apart(
     taken = {present[agent] for agent in agents}
     bound = {agent for agent in agents if is_under_way(infos.get(agent, {}))}
     kept |= {agent: int(np.argmax(infos[agent]["action_mask"])) for agent in bound}
-    for agent in sorted(agents, key=lambda one: one not in bound):
+    for agent in sorted(agents, key=lambda name: name not in bound):
         end = action_set.end(present[agent], kept[agent])
         if end in taken and end != present[agent] and agent not in bound:
             kept[agent] = action_set.search

@@ -97,7 +97,7 @@ class Policy:
         self, session: onnxruntime.InferenceSession, apart: ActionSet | None = None
     ) -> None:
         self._session, self._apart = session, apart
-        self._inputs = [one.name for one in session.get_inputs()]
+        self._inputs = [tensor.name for tensor in session.get_inputs()]
         # Cells of all drones, including those out of the search.
         self._cells: dict[Hashable, Cell] = {}
 
@@ -196,7 +196,7 @@ class OnnxOnBelief(DrawsNothing):
         self, forecast: TargetForecast, new_policy: Callable[[], Policy], *, seed: int = 0
     ) -> None:
         scenario, rules = forecast.scenario, forecast.rules
-        self._policy, self._swarm = new_policy(), Swarm.of(scenario, rules)
+        self._policy, self._swarm = new_policy(), Swarm.of_scenario(scenario, rules)
         self._known = partial(known_of, scenario, rules)
         self._masks = mask_table(constants_of(scenario, rules), area_of(scenario)[0])
         self._able = np.array([actions.able for actions in self._swarm.of_kinds], np.int8)
@@ -279,7 +279,7 @@ def read_model(model: str = "") -> onnxruntime.InferenceSession:
     except Exception as error:  # The exception classes of onnxruntime are not public.
         reason = reason_of(error)
         raise FieldError(f"model must be an ONNX file, got {shown(model)}: {reason}") from None
-    unknown = [one.name for one in session.get_inputs() if one.name not in INPUTS]
+    unknown = [tensor.name for tensor in session.get_inputs() if tensor.name not in INPUTS]
     if unknown:
         raise FieldError(
             f"model must have inputs among {', '.join(INPUTS)}, got {shown(unknown[0])}"
@@ -295,7 +295,7 @@ def make_onnx(search: Search, options: OnnxOptions, *, seed: int) -> Planner:
     """
     session = read_model(options.model)
     stated = _metadata(session.get_modelmeta().custom_metadata_map, search)
-    swarm = Swarm.of(search.scenario, search.rules) if stated["avoid_collisions"] else None
+    swarm = Swarm.of_scenario(search.scenario, search.rules) if stated["avoid_collisions"] else None
     new_policy = partial(Policy, session, None if swarm is None else swarm.actions)
     if stated["observe"] == "belief" and search.observed == "map":
         # As many drift samples as in environments that observe the belief.

@@ -36,7 +36,7 @@ class Options:
         return specs(cls)
 
     @classmethod
-    def of(cls, planner: str, values: Mapping[str, Any]) -> Self:
+    def checked(cls, planner: str, values: Mapping[str, Any]) -> Self:
         """Return the options of a planner.
 
         Args:

@@ -101,7 +101,7 @@ def move_between(steps, cell, after):
     return -1
 
 
-class Fleet(NamedTuple):
+class PlannedFleet(NamedTuple):
     """The moves and looks of drones, by kind.
 
     Attributes:
@@ -128,7 +128,7 @@ def looks_of_plans(fleet, paths, lengths, first, looks):
     """Write the looks of plans of all drones, step by step and in a step drone by drone.
 
     Args:
-        fleet: A `Fleet`.
+        fleet: A `PlannedFleet`.
         paths: (V, N, H + 1) int64.
         lengths: (V, N) int64, number of planned steps of each path.
         first: (V + 1,) int64 out: the looks of plan v are first[v] .. first[v + 1] - 1.

@@ -148,7 +148,7 @@ def _by_actions(name: str, search: Search, options: Options, *, seed: int) -> Pl
         ValueError: If the datum is off the grid, or an action that the planner needs is missing.
     """
     rules, scenario = search.rules, search.scenario.resolve(search.rules)
-    swarm = Swarm.of(scenario, rules)
+    swarm = Swarm.of_scenario(scenario, rules)
     if name not in _ROUTES:
         return PLANNERS[name](swarm, seed=seed)
     layout: RouteLayout = _ROUTES[name]
@@ -220,7 +220,7 @@ def _with_options(
     Raises:
         FieldError: If the search is in metres and the planner is not.
     """
-    checked, seed = OPTIONS[name].of(name, options), check_seed(seed)
+    checked, seed = OPTIONS[name].checked(name, options), check_seed(seed)
     if search.rules.in_metres:
         check_space(name, search.rules)
         factory = EntryPoint(name, IN_METRES[name], GROUP).load()
@@ -272,7 +272,7 @@ def check_options(name: str, options: Mapping[str, Any]) -> None:
     """
     factory = _loaded(name)
     if name in OPTIONS:
-        OPTIONS[name].of(name, options)
+        OPTIONS[name].checked(name, options)
     else:
         _check_names(name, factory, options)
 

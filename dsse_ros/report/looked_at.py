@@ -45,7 +45,7 @@ def looks_in(record: RecordedMission) -> tuple[NDArray[np.int64], NDArray[np.flo
         for action in range(len(record.rules.actions)):
             done = np.flatnonzero(views["action"][:, n] == action)
             at = np.stack([views["x"][done, n], views["y"][done, n]], axis=1)
-            for look in looks.of(n, action):
+            for look in looks.numbers(n, action):
                 cells = at + looks.offsets[look]
                 parts.append(np.column_stack([done, np.full_like(done, n), cells]))
                 pods.append(np.repeat(looks.pods[look : look + 1], len(done), axis=0))

@@ -52,7 +52,7 @@ class Swarm:
         return cls(actions, (actions,))
 
     @classmethod
-    def of(cls, scenario: Scenario, rules: Rules) -> Swarm:
+    def of_scenario(cls, scenario: Scenario, rules: Rules) -> Swarm:
         """Return the swarm of a scenario."""
         resolved = scenario.resolve(rules)
         actions = rules.action_set.within(resolved.area_mask)

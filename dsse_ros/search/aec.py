@@ -90,11 +90,14 @@ def raw_env(*args: Any, **kwargs: Any) -> AECEnv[str, Any, int | None]:
 
 def aec_env(*args: Any, **kwargs: Any) -> AECEnv[str, Any, int | None]:
     """Return the search as an AEC environment that checks its use; arguments of `parallel_env`."""
-    made = raw_env(*args, **kwargs)
+    wrapped = raw_env(*args, **kwargs)
     # PettingZoo's wrapper is for numbered actions; an environment in metres checks its own.
-    if all(isinstance(made.action_space(agent), spaces.Discrete) for agent in made.possible_agents):
-        made = wrappers.AssertOutOfBoundsWrapper(made)
-    return wrappers.OrderEnforcingWrapper(made)
+    if all(
+        isinstance(wrapped.action_space(agent), spaces.Discrete)
+        for agent in wrapped.possible_agents
+    ):
+        wrapped = wrappers.AssertOutOfBoundsWrapper(wrapped)
+    return wrappers.OrderEnforcingWrapper(wrapped)
 
 
 env = aec_env

@@ -76,7 +76,7 @@ class DeviceTables(NamedTuple):
     first_step: NDArray[np.int64]
 
 
-class StepLooks(NamedTuple):
+class DeviceLooks(NamedTuple):
     """The looks of the last step of B worlds, at most Q each; first those that found nobody.
 
     Attributes:
@@ -229,7 +229,7 @@ def follow(followed, mass, tables, looks, steps, side, one_find, own_drift):
         followed: A `look_kernels.Followed`.
         mass: A `DeviceMass`, in and out.
         tables: A `DeviceTables`.
-        looks: A `StepLooks`: scratch.
+        looks: A `DeviceLooks`: scratch.
         steps: (B,) bool, the worlds that stepped; the others stay as they are.
         side: S.
         one_find: Whether a search finds at most one person.

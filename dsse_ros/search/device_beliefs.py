@@ -17,7 +17,7 @@ from dsse_ros.belief.look_kernels import Followed
 from dsse_ros.scenario.fields import FieldError
 from dsse_ros.scenario.scenario import ResolvedScenario
 from dsse_ros.search import device_belief_kernels
-from dsse_ros.search.device_belief_kernels import DeviceMass, DeviceTables, StepLooks
+from dsse_ros.search.device_belief_kernels import DeviceLooks, DeviceMass, DeviceTables
 from dsse_ros.search.device_worlds import DeviceArray, DeviceWorlds
 from dsse_ros.search.world import World
 from dsse_ros.targets.motion import STEPS
@@ -67,7 +67,7 @@ class DeviceBeliefs:
         crew = worlds.template.batch.crew
         most = worlds.template.num_drones * int(np.diff(crew.looks, axis=1).max(initial=0))
         batch = worlds.num_worlds
-        self._looks = StepLooks(
+        self._looks = DeviceLooks(
             cuda.device_array((batch, most, 2), np.int64),
             cuda.device_array((batch, most), np.int64),
             cuda.device_array((batch, 3), np.int64),

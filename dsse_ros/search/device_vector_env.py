@@ -211,8 +211,8 @@ class DeviceVectorEnv(VectorEnv):
 
     def _named(self, infos: Infos, masks: DeviceArray) -> dict[str, DeviceArray]:
         """Return infos by the names of `VectorEnv`."""
-        given = {name: array for name, array in infos._asdict().items() if array is not None}
-        named = {NAMES.get(name, name): array for name, array in given.items()}
+        present = {name: array for name, array in infos._asdict().items() if array is not None}
+        named = {NAMES.get(name, name): array for name, array in present.items()}
         named["action_mask"] = masks
         if self.beliefs is not None:
             named["pos"] = self.beliefs.pos()

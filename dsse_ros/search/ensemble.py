@@ -42,7 +42,9 @@ class WorldEnsemble:
         self.track = np.zeros(shape, np.int64)
 
     @classmethod
-    def of(cls, scenario: ResolvedScenario, rules: Rules, num_worlds: int) -> WorldEnsemble | None:
+    def of_scenario(
+        cls, scenario: ResolvedScenario, rules: Rules, num_worlds: int
+    ) -> WorldEnsemble | None:
         """Return the ensemble of worlds, or None if their persons do not follow one.
 
         Raises:

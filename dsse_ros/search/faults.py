@@ -117,7 +117,7 @@ class Faults:
         self._homes: list[tuple[int, int]] = []
 
     @classmethod
-    def of(
+    def of_scenario(
         cls, scenario: ResolvedScenario, rules: Rules, num_worlds: int, looks: Looks
     ) -> Faults | None:
         """Return the faults of a scenario, or None if it has none and its drones have no limits.

@@ -168,7 +168,9 @@ def lateral_ranges(scenario: ResolvedScenario) -> list[LateralRange]:
         assert kind.sensor is not None
         lateral = SENSORS[kind.sensor].lateral
         if lateral is None:
-            known = ", ".join(name for name, one in SENSORS.items() if one.lateral is not None)
+            known = ", ".join(
+                name for name, sensor in SENSORS.items() if sensor.lateral is not None
+            )
             raise FieldError(
                 f"sensor must be one of {known} with space metres, got {kind.sensor!r}"
             )

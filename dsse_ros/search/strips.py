@@ -13,5 +13,5 @@ def strips_of(scenario: ResolvedScenario) -> tuple[float, ...]:
 
     It is the sweep width of an inverse cube law, else twice the definite range.
     """
-    widths = [one.sweep_width_m or 2 * one.reach_m for one in lateral_ranges(scenario)]
+    widths = [lateral.sweep_width_m or 2 * lateral.reach_m for lateral in lateral_ranges(scenario)]
     return tuple(widths[kind] for kind in scenario.kind_of)

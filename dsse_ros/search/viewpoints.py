@@ -34,7 +34,7 @@ class Viewpoints:
         self._num_actions = num_actions
 
     @classmethod
-    def of(cls, rules: Rules, shape: tuple[int, ...]) -> Viewpoints | None:
+    def of_rules(cls, rules: Rules, shape: tuple[int, ...]) -> Viewpoints | None:
         """Return the viewpoints of worlds (B, N); None if drones look in their own cells.
 
         In metres they look along their paths, and in the coverage task they do not look.
@@ -53,7 +53,7 @@ class Viewpoints:
         known = (action >= 0) & (action < self._num_actions)
         self.array[0] = viewpoints
         self.array["action"][0] = np.where(known, action, NO_LOOK)
-        self.array["given"] = True
+        self.array["preset"] = True
 
     def check(self, viewpoints: NDArray[np.void]) -> None:
         """Check viewpoints in a snapshot, an array of the same shape.
@@ -68,7 +68,8 @@ class Viewpoints:
     def infos(self, world: int, drones: Sequence[int]) -> list[tuple[int, int, int]]:
         """Return the action, `NO_LOOK` for none, column and row of drones of a world."""
         return [
-            (int(one["action"]), int(one["x"]), int(one["y"])) for one in self.array[world, drones]
+            (int(viewpoint["action"]), int(viewpoint["x"]), int(viewpoint["y"]))
+            for viewpoint in self.array[world, drones]
         ]
 
 

@@ -114,10 +114,10 @@ class World(Rebound):
         self.tails = np.zeros((tables, 2, self.grid_size + 2))
         self.area, self.runs = area_of(resolved)
         self._looked_for = resolved.person_pod_multipliers
-        self.ensemble = WorldEnsemble.of(resolved, rules, num_worlds)
+        self.ensemble = WorldEnsemble.of_scenario(resolved, rules, num_worlds)
         self.flight = Flights(resolved, rules, num_worlds) if rules.in_metres else None
-        self.viewpoints = Viewpoints.of(rules, self.drones.shape)
-        self.faults = Faults.of(resolved, rules, num_worlds, self.looks)
+        self.viewpoints = Viewpoints.of_rules(rules, self.drones.shape)
+        self.faults = Faults.of_scenario(resolved, rules, num_worlds, self.looks)
         self._write_masks = Specialized(write_masks)
         self._threads = threads
         self._rebind()

@@ -126,8 +126,8 @@ def _cached(
 
 def _keep(tracks: CellTracks) -> None:
     """Note that an ensemble is the most recent one; forget those that are too many."""
-    _kept[:] = [*(one for one in _kept if one is not tracks), tracks]
-    while sum(one.nbytes for one in _kept) > KEPT_BYTES:
+    _kept[:] = [*(kept for kept in _kept if kept is not tracks), tracks]
+    while sum(kept.nbytes for kept in _kept) > KEPT_BYTES:
         del _kept[0]
 
 

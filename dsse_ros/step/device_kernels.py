@@ -229,11 +229,11 @@ def place(batch, new, b):
 
 
 @cuda.jit
-def take_actions(given, count, noop, worlds, drones, actions, wrong):
-    """Write given actions, and `HELD` for other numbers; a thread for each world.
+def take_actions(commanded, count, noop, worlds, drones, actions, wrong):
+    """Write commanded actions, and `HELD` for other numbers; a thread for each world.
 
     Args:
-        given: (B, N) integers.
+        commanded: (B, N) integers.
         count: Number of actions.
         noop: Whether the rules count other numbers as nothing.
         worlds: (B,) of `kernels.WORLDS`.
@@ -243,8 +243,8 @@ def take_actions(given, count, noop, worlds, drones, actions, wrong):
     """
     b = cuda.grid(1)
     if b < len(worlds):
-        for n in range(given.shape[1]):
-            action = given[b, n]
+        for n in range(commanded.shape[1]):
+            action = commanded[b, n]
             known = action >= 0 and action < count
             actions[b, n] = action if known else HELD
             acts = drones[b, n].alive and not worlds[b].done

@@ -31,7 +31,7 @@ class FlightTask(NamedTuple):
         flights: (B, N) of `flight_paths.FLIGHTS`.
         paths: (B, N, K + 1, 2) float64, metres: paths of the drones in the last step.
         looked: (B, N, K + 1) bool: whether they looked right before the step and on each piece.
-        given: (B, N) bool: whether path and looks of the next step are there already, those of a
+        preset: (B, N) bool: whether path and looks of the next step are there already, those of a
             vehicle.
         actions: (B, N, 2) float64, turns and speeds, see `flight_paths`.
     """
@@ -44,7 +44,7 @@ class FlightTask(NamedTuple):
     flights: NDArray[np.void]
     paths: NDArray[np.float64]
     looked: NDArray[np.bool_]
-    given: NDArray[np.bool_]
+    preset: NDArray[np.bool_]
     actions: NDArray[np.float64]
 
 
@@ -55,7 +55,7 @@ def flight_of(flight, b):
         return None
     return FlightTask(
         flight.flyers, flight.eyes, flight.wind, flight.cell_m, flight.truth, flight.flights[b],
-        flight.paths[b], flight.looked[b], flight.given[b], flight.actions[b],
+        flight.paths[b], flight.looked[b], flight.preset[b], flight.actions[b],
     )  # fmt: skip
 
 
@@ -77,7 +77,7 @@ def start_flights(world, crew, flight):
 def stay(flight, n):
     """Write the path of drone n in a step in which it does not fly."""
     state = flight.flights[n]
-    flight.given[n] = False
+    flight.preset[n] = False
     for k in range(flight.paths.shape[1]):
         flight.paths[n, k, 0], flight.paths[n, k, 1] = state.east, state.south
         flight.looked[n, k] = False
@@ -91,8 +91,8 @@ def fly(constants, crew, flight, n):
     """
     drone, state, path = crew.drones[n], flight.flights[n], flight.paths[n]
     looked, last = flight.looked[n], len(path) - 1
-    if flight.given[n]:
-        flight.given[n] = False
+    if flight.preset[n]:
+        flight.preset[n] = False
     else:
         write_action(flight.flyers[crew.kinds[n]], flight.wind, state, flight.actions[n], path)
         looked[0] = looked[last]

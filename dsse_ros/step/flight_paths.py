@@ -131,10 +131,10 @@ def write_arc(flyer, wind, flight, turn, speed, path):
     pieces, before, arc_of_turn = len(path) - 1, 0.0, radius * abs(turn)
     # At a steady speed whole pieces of the arc are alike, and sines are dear.
     piece_s = wind.step_s / pieces
-    whole = speed * piece_s if ramp_s == 0.0 else np.inf
+    piece_m = speed * piece_s if ramp_s == 0.0 else np.inf
     sin, cos = 0.0, 1.0
-    if whole <= arc_of_turn:
-        sin, cos = math.sin(side * whole / radius), math.cos(whole / radius)
+    if piece_m <= arc_of_turn:
+        sin, cos = math.sin(side * piece_m / radius), math.cos(piece_m / radius)
     path[0, 0], path[0, 1] = x, y
     for k in range(1, pieces + 1):
         t = piece_s * k
@@ -143,7 +143,7 @@ def write_arc(flyer, wind, flight, turn, speed, path):
         if early > 0.0:
             flown += change * early * early / (2.0 * ramp_s)
         arc = min(arc_of_turn, flown)
-        if whole * k <= arc_of_turn:
+        if piece_m * k <= arc_of_turn:
             east, south = east * cos - south * sin, south * cos + east * sin
         elif arc != before:
             reached = heading + side * arc / radius

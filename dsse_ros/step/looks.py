@@ -49,7 +49,7 @@ class Looks(NamedTuple):
     pods: NDArray[np.float64]
     false_alarms: NDArray[np.float64]
 
-    def of(self, drone: int, action: int) -> range:
+    def numbers(self, drone: int, action: int) -> range:
         """Return the numbers of an action's looks; none for an invalid action number."""
         first = self.first[self.kind[drone]]
         return range(*first[action : action + 2].tolist()) if 0 <= action < len(first) - 1 else _NO
@@ -64,7 +64,7 @@ class Looks(NamedTuple):
         """
         return [
             Looked((cell[0] + int(dx), cell[1] + int(dy)), self.pods[look])
-            for look in self.of(drone, action)
+            for look in self.numbers(drone, action)
             for dx, dy in [self.offsets[look]]
         ]
 

@@ -214,12 +214,12 @@ def end_of(constants, area, x, y, action):
 def look_from_vehicle(state, n, own, event):
     """Do the looks of drone n from where its vehicle looked; see `look`.
 
-    Without a viewpoint that is given, the drone does those of its `own` action in its cell.
+    Without a preset viewpoint, the drone does those of its `own` action in its cell.
     """
     drone, viewpoint = state.crew.drones[n], state.task.viewpoints[n]
-    if not (viewpoint.given and acts_at(state.constants, state.world.t)):
+    if not (viewpoint.preset and acts_at(state.constants, state.world.t)):
         set_viewpoint(viewpoint, drone.x, drone.y, own)
-    viewpoint.given = False
+    viewpoint.preset = False
     if viewpoint.action < 0:
         return event, 0.0
     view = Viewpoint(viewpoint.x, viewpoint.y, np.int64(viewpoint.action))

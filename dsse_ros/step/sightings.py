@@ -47,12 +47,12 @@ _STILL_M = 1e-6
 def eyes_of(ranges: Iterable[LateralRange], step_s: float) -> NDArray[np.void]:
     """Return what each kind of drone sees, (K,) of `EYES`."""
     eyes = []
-    for one in ranges:
-        if one.sweep_width_m:
-            rate = one.sweep_width_m**2 * one.speed_mps / (8 * math.pi)
+    for lateral in ranges:
+        if lateral.sweep_width_m:
+            rate = lateral.sweep_width_m**2 * lateral.speed_mps / (8 * math.pi)
             eyes.append((INVERSE_CUBE, (rate * step_s / NEGLIGIBLE) ** (1 / 3), 0.0, rate))
         else:
-            eyes.append((DEFINITE, one.reach_m, one.pod, 0.0))
+            eyes.append((DEFINITE, lateral.reach_m, lateral.pod, 0.0))
     return np.array(eyes, EYES)
 
 

@@ -17,7 +17,7 @@ VIEWPOINTS = np.dtype(
         ("x", "i8"),  # cell of the vehicle
         ("y", "i8"),
         ("action", "i1"),  # the action whose looks it has done, `NO_LOOK` for none
-        ("given", "?"),  # known before the step; else the drone looks in its own cell
+        ("preset", "?"),  # known before the step; else the drone looks in its own cell
     ],
     align=True,
 )
@@ -44,11 +44,11 @@ class Viewpoint(NamedTuple):
 
 @inlined
 def set_viewpoint(viewpoint, x, y, action):
-    """Write one of `VIEWPOINTS` that is not given; without a look it has no cell."""
+    """Write one of `VIEWPOINTS` that is not preset; without a look it has no cell."""
     looks = action >= 0
     viewpoint.x, viewpoint.y = (x, y) if looks else (0, 0)
     viewpoint.action = action if looks else NO_LOOK
-    viewpoint.given = False
+    viewpoint.preset = False
 
 
 @part

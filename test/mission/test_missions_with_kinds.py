@@ -146,4 +146,4 @@ def test_the_topic_agents_lets_a_planner_know_the_kinds() -> None:
     assert read.frame == frame
     assert read.definition is not None
     assert read.definition.scenario.searchers == ("drone", "low", "high")
-    assert Swarm.of(read.definition.scenario, read.definition.rules).may_be_under_way
+    assert Swarm.of_scenario(read.definition.scenario, read.definition.rules).may_be_under_way

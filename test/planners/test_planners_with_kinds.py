@@ -20,7 +20,7 @@ from test_batch import alone
 from dsse_ros.planners import PERSON_PLANNERS, PLANNERS, planner_for
 from dsse_ros.planners.batch import play_missions
 from dsse_ros.planners.masking import keep_apart
-from dsse_ros.planners.plan_kernels import Fleet, looks_of_plans
+from dsse_ros.planners.plan_kernels import PlannedFleet, looks_of_plans
 from dsse_ros.planners.play import play
 from dsse_ros.scenario.actions import DIAGONAL, ActionSet
 from dsse_ros.search import SearchEnv, parallel_env
@@ -187,7 +187,7 @@ def test_nobody_goes_where_another_drone_is_or_is_under_way_to() -> None:
 
 
 def looks_of(
-    fleet: Fleet, paths: NDArray[np.int64], lengths: NDArray[np.int64]
+    fleet: PlannedFleet, paths: NDArray[np.int64], lengths: NDArray[np.int64]
 ) -> list[list[tuple[int, int]]]:
     """Return the steps and columns of the looks of each plan."""
     first, looks = np.empty(len(paths) + 1, np.int64), np.empty((3, paths.size), np.int64)
@@ -202,7 +202,7 @@ def test_the_looks_of_plans_come_at_the_times_of_each_kind() -> None:
     side, horizon = 12, 4
     # Two drones fly to the east; a move takes the second kind three steps.
     extra = np.array([[0.0, 0.0], [0.0, 2.0]])
-    fleet = Fleet(
+    fleet = PlannedFleet(
         np.array([0, 1]), np.array([0, 1]), np.array([[0, 1, 2], [0, 1, 2]]),
         np.zeros((2, 2), np.int64), extra, np.zeros((2, 2)), side,
     )  # fmt: skip
@@ -219,7 +219,7 @@ def test_the_looks_of_plans_come_at_the_times_of_each_kind() -> None:
 def test_a_plan_looks_in_the_steps_in_which_the_world_does(diagonals: list[bool]) -> None:
     side, horizon = 64, 40
     extra = np.array([0.0, 0.0, math.sqrt(2) - 1.0])
-    fleet = Fleet(
+    fleet = PlannedFleet(
         np.zeros(1, np.int64), np.array([0, 1, side + 1]), np.arange(4)[None],
         np.zeros((3, 2), np.int64), extra[None], np.zeros((1, 3)), side,
     )  # fmt: skip

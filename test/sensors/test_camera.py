@@ -19,7 +19,7 @@ def pods(action: str, **fields: Any) -> dict[tuple[int, int], float]:
     """Return the POD of each cell that an action looks at."""
     scenario, rules = scenario_and_rules(rules="v2", sensor="camera", **fields)
     looks = looks_of(scenario.resolve(rules), rules)
-    rows = looks.of(0, rules.actions.index(action))
+    rows = looks.numbers(0, rules.actions.index(action))
     return {tuple(looks.offsets[row].tolist()): looks.pods[row, 0] for row in rows}  # type: ignore[misc]
 
 
