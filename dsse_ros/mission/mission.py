@@ -214,7 +214,7 @@ class Mission:
 
         This is the prior probability, regardless of the outcomes, that searches like these find the
         person, in the true cells of the drones; with several persons, the expected share found. See
-        `belief.Belief`. In the coverage task it is `pos` of `coverage.Coverage`.
+        `belief.Belief`. In the coverage task it is `pos` of `coverage_task.Coverage`.
         """
         if self.beliefs is not None:
             return float(self.beliefs.pos[0])
@@ -222,7 +222,7 @@ class Mission:
 
     @property
     def coverage(self) -> dict[str, float]:
-        """The metrics of the coverage task by name, see `coverage.Coverage`; else empty."""
+        """The metrics of the coverage task by name, see `coverage_task.Coverage`; else empty."""
         metrics = self.env.world.coverage_metrics()
         return {name: float(values[0]) for name, values in metrics.items()}
 

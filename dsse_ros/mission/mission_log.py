@@ -28,7 +28,7 @@ COLUMNS = (
 """Column names; `probability` is that of the searched cell, `pos` is `Mission.pos`.
 Persons have no action and no reward."""
 OF_COVERAGE = ("coverage_rate", "repeated_coverage")
-"""Further columns of a coverage task, see `dsse_ros.search.coverage`."""
+"""Further columns of a coverage task, see `dsse_ros.search.coverage_task`."""
 OF_FAULTS = ("command", "status", "battery", "true_col", "true_row")
 """Further columns of missions with faults, empty for persons: the commanded action, one of
 `fault_kernels.STATUSES`, percent, and the true cell, because `col` and `row` are observed.

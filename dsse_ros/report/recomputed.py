@@ -20,7 +20,7 @@ from dsse_ros.report.looked_at import viewpoints_in
 from dsse_ros.report.metrics import effort
 from dsse_ros.report.record import RecordedMission
 from dsse_ros.search import HOLD, FieldError, SearchEnv, search_env
-from dsse_ros.search.coverage import poc_of
+from dsse_ros.search.coverage_task import poc_of
 from dsse_ros.search.world_beliefs import DRIFT_SAMPLES
 from dsse_ros.sensors.sensor import SEARCH
 from dsse_ros.step.looks import likely_cells, looks_of, waits

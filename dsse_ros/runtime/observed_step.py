@@ -16,7 +16,7 @@ from std_msgs.msg import Float64MultiArray, Int32MultiArray
 from dsse_ros.scenario.agents import AgentsInfo
 from dsse_ros.scenario.agents_inbox import AgentsInbox
 from dsse_ros.search import HOLD
-from dsse_ros.search.coverage import METRICS
+from dsse_ros.search.coverage_task import METRICS
 from dsse_ros.search.flight_env import STRAIGHT_ON, states_from
 from dsse_ros.search.observation import AgentObservation, Observation, agent_infos
 from dsse_ros.step.fault_kernels import STATUSES

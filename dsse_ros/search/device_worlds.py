@@ -14,7 +14,7 @@ from numpy.typing import DTypeLike, NDArray
 from dsse_ros.compiled.draws import words_of_seed
 from dsse_ros.scenario.rules import Rules
 from dsse_ros.scenario.scenario import Scenario
-from dsse_ros.search.coverage import METRICS
+from dsse_ros.search.coverage_task import METRICS
 from dsse_ros.search.recycling import KEPT, Recycler
 from dsse_ros.search.snapshot import Snapshot
 from dsse_ros.search.world import World

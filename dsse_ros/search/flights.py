@@ -14,8 +14,8 @@ from dsse_ros.scenario.fault_fields import FAULTS, faults_of
 from dsse_ros.scenario.fields import FieldError, shown
 from dsse_ros.scenario.rules import Rules
 from dsse_ros.scenario.scenario import ResolvedScenario
-from dsse_ros.search.ensemble import WorldEnsemble
 from dsse_ros.search.snapshot import SnapshotError
+from dsse_ros.search.world_ensemble import WorldEnsemble
 from dsse_ros.sensors.lateral_range import LateralRange
 from dsse_ros.sensors.registry import SENSORS
 from dsse_ros.step.flight import FlightTask, path_of_action

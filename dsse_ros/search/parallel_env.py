@@ -57,7 +57,7 @@ class SearchEnv(Rebound, AgentSpaces, ParallelEnv[str, AgentObservation, int]):
     success of the mission's searches there.
 
     In the coverage task agents observe the probability left to cover. `Found` is then whether all
-    is covered, and `infos[agent]` has the metrics of `coverage.Coverage`.
+    is covered, and `infos[agent]` has the metrics of `coverage_task.Coverage`.
 
     Attributes:
         world: The arrays behind this environment, a batch of one.

@@ -115,7 +115,7 @@ class VectorEnv:
     person has its own drift (`v2`). Beliefs of an ensemble take 8 B C M bytes, with M `particles`.
 
     In the coverage task `probability` is the probability left to cover, `Found` is whether all is
-    covered, and infos have the metrics of `coverage.Coverage`, (B,) float64 each.
+    covered, and infos have the metrics of `coverage_task.Coverage`, (B,) float64 each.
 
     The caller owns the returned arrays and may keep and change them. Memory is reused once nothing
     refers to it: a loop that holds the last one or two observations allocates no new arrays; one

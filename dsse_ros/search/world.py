@@ -20,13 +20,13 @@ from dsse_ros.compiled.overloads import Specialized, overload_of
 from dsse_ros.scenario.rules import Rules
 from dsse_ros.scenario.scenario import ResolvedScenario, Scenario
 from dsse_ros.scenario.scenario_identity import identity_of
-from dsse_ros.search.coverage import Coverage
-from dsse_ros.search.ensemble import WorldEnsemble
+from dsse_ros.search.coverage_task import Coverage
 from dsse_ros.search.faults import Faults
 from dsse_ros.search.flights import Flights
 from dsse_ros.search.rebound import Rebound
 from dsse_ros.search.snapshot import Snapshot, SnapshotError
 from dsse_ros.search.viewpoints import Viewpoints
+from dsse_ros.search.world_ensemble import WorldEnsemble
 from dsse_ros.step import kernels
 from dsse_ros.step.constants import area_of, constants_of
 from dsse_ros.step.looks import looks_of

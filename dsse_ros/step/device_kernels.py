@@ -45,7 +45,7 @@ class Infos(NamedTuple):
         status: (B, N) int8 of `fault_kernels.CONDITIONS`.
         action: (B, N) int8, the action that the drone did, `HELD` for nothing.
         battery: (B, N) float64, percent; without batteries it is not reported.
-        coverage_rate: (B,) float64, see `coverage.Coverage.metrics`.
+        coverage_rate: (B,) float64, see `coverage_task.Coverage.metrics`.
         repeated_coverage: (B,) float64, see there.
         pos: (B,) float64, see there.
     """

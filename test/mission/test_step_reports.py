@@ -13,7 +13,7 @@ from hypothesis.extra import numpy as hnp
 from dsse_ros.mission.mission import HISTORY_DTYPE
 from dsse_ros.mission.step_reports import mission_report_of
 from dsse_ros.scenario.frames import GridFrame, cell_to_map
-from dsse_ros.search.coverage import METRICS
+from dsse_ros.search.coverage_task import METRICS
 from dsse_ros.step.fault_kernels import STATUSES
 from msg_adapters.step_report import COVERAGE_FIELDS, MAX_STATUS
 

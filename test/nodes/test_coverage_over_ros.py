@@ -15,7 +15,7 @@ from dsse_ros.mission.mission_log import columns_of
 from dsse_ros.planners import planner_for
 from dsse_ros.report.record import read_csv
 from dsse_ros.search import parallel_env
-from dsse_ros.search.coverage import METRICS
+from dsse_ros.search.coverage_task import METRICS
 from msg_adapters.step_report import step_report_from_message
 
 SCENARIO: dict[str, Any] = {

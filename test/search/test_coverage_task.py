@@ -29,7 +29,7 @@ from dsse_ros.search import (
     profile,
     vector_env,
 )
-from dsse_ros.search.coverage import METRICS
+from dsse_ros.search.coverage_task import METRICS
 
 RULES = profile("coverage")
 SEARCH = RULES.action_set.search

@@ -13,7 +13,7 @@ from dsse_ros.belief.forecasts import forecast_for
 from dsse_ros.scenario.fields import FieldError
 from dsse_ros.scenario.rules import Rules
 from dsse_ros.scenario.scenario import ResolvedScenario
-from dsse_ros.search.ensemble import cells_of_maps
+from dsse_ros.search.world_ensemble import cells_of_maps
 from dsse_ros.step.coverage_kernels import COVERAGE, CoverageTask
 
 METRICS = ("coverage_rate", "repeated_coverage", "pos")
