@@ -248,7 +248,8 @@ class Belief(BeliefBase):
             forecast.constants, forecast.sea, forecast.steps, slots, np.array(offsets), rows,
             futures,
         )  # fmt: skip
-        return futures._replace(persons=self.examples[rows // self._drifts])
+        futures.persons[:] = self.examples[rows // self._drifts]
+        return futures
 
     def expect(self, looks: LooksToCome, horizon: int, gamma: float) -> Expected:
         """Return what plans are expected to find, by the exact filter.

@@ -277,7 +277,8 @@ class EnsembleBelief(BeliefBase):
         futures = Futures.empty(count, horizon, self.forecast.side**2)
         futures.cells[:] = columns[rows[:, None], particle]
         index(futures.cells, futures.starts, futures.members)
-        return futures._replace(persons=self.examples[of_class])
+        futures.persons[:] = self.examples[of_class]
+        return futures
 
     def expect(self, looks: LooksToCome, horizon: int, gamma: float) -> Expected:
         """Return what plans are expected to find, exactly for the particles.

@@ -30,10 +30,7 @@ from dsse_ros.belief.search_outcomes import (
 )
 from dsse_ros.compiled.jit import inlined, kernel, part
 from dsse_ros.step.recipe import acts_at
-from dsse_ros.step.sightings import FARTHEST_M, missed
-
-ROUNDING_M = 1.0
-"""Positions are rounded, so a particle may be this far from its cell."""
+from dsse_ros.step.sightings import FARTHEST_M, ROUNDING_M, middle_and_reach, missed
 
 
 class Passing(NamedTuple):
@@ -99,15 +96,6 @@ def seen_of(places: ParticlePositions, num_drones: int) -> PassedParticles:
         np.empty(particles, np.int32), np.empty((classes, particles)), np.ones(classes),
         np.empty(num_drones, np.bool_),
     )  # fmt: skip
-
-
-@inlined
-def middle_and_reach(path, axis, reach):
-    """Return the middle of a path along an axis, and how far from it the drone may see."""
-    low, high = path[0, axis], path[0, axis]
-    for k in range(1, len(path)):
-        low, high = min(low, path[k, axis]), max(high, path[k, axis])
-    return (low + high) / 2, (high - low) / 2 + reach
 
 
 @inlined

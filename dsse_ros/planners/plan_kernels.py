@@ -123,6 +123,17 @@ class PlannedFleet(NamedTuple):
     side: int
 
 
+@inlined
+def add_looks(fleet, kind, move, cell, step, looks, count):
+    """Write the looks of a move into a cell behind the `count` looks there; return their number."""
+    for k in range(fleet.first[kind, move], fleet.first[kind, move + 1]):
+        there = column_at(fleet.side, cell, fleet.offsets[k, 0], fleet.offsets[k, 1])
+        if there >= 0:
+            looks[0, count], looks[1, count], looks[2, count] = step, there, k
+            count += 1
+    return count
+
+
 @compiled()
 def looks_of_plans(fleet, paths, lengths, first, looks):
     """Write the looks of plans of all drones, step by step and in a step drone by drone.
@@ -138,24 +149,16 @@ def looks_of_plans(fleet, paths, lengths, first, looks):
     first[0] = 0
     for v in range(plans):
         done, late = np.zeros(drones, np.int64), np.zeros(drones)
-        for step in range(last):
-            for n in range(drones):
-                kind, path = fleet.kinds[n], paths[v, n]
-                while done[n] < lengths[v, n]:
-                    h = done[n]
-                    a = move_between(fleet.steps, path[h], path[h + 1])
-                    if a >= 0:
-                        if step_at(h, late[n] + fleet.extra[kind, a]) > step:
-                            break
-                        late[n] += fleet.extra[kind, a] + fleet.rest[kind, a]
-                        for k in range(fleet.first[kind, a], fleet.first[kind, a + 1]):
-                            dx, dy = fleet.offsets[k]
-                            there = column_at(fleet.side, path[h + 1], dx, dy)
-                            if there >= 0:
-                                looks[0, count], looks[1, count] = step, there
-                                looks[2, count] = k
-                                count += 1
-                    done[n] = h + 1
+        for step, n in np.ndindex(last, drones):
+            kind, path = fleet.kinds[n], paths[v, n]
+            for h in range(done[n], lengths[v, n]):
+                a = move_between(fleet.steps, path[h], path[h + 1])
+                if a >= 0:
+                    if step_at(h, late[n] + fleet.extra[kind, a]) > step:
+                        break
+                    late[n] += fleet.extra[kind, a] + fleet.rest[kind, a]
+                    count = add_looks(fleet, kind, a, path[h + 1], step, looks, count)
+                done[n] = h + 1
         first[v + 1] = count
 
 

@@ -15,7 +15,7 @@ from dsse_ros.compiled.draws import draw_unit
 from dsse_ros.compiled.jit import inlined, kernel, part
 from dsse_ros.step.ensemble_kernels import step_of
 from dsse_ros.step.flight_paths import Wind, largest_turn, share_of, write_path
-from dsse_ros.step.sightings import missed
+from dsse_ros.step.sightings import is_far, missed
 from dsse_ros.targets.sea_map import is_open
 
 
@@ -126,7 +126,7 @@ def detect_in_passing(constants, world, sea, crew, flight, ensemble, n):
     A person counts where the sea has it before and after the step. One who is off the grid or
     outside the area before it is not seen.
     """
-    kind, finds = crew.kinds[n], 0
+    eye, path, finds = flight.eyes[crew.kinds[n]], flight.paths[n], 0
     step = step_of(world, ensemble)
     after = min(step + 1, flight.truth.shape[1] - 1)
     for p in range(len(crew.persons)):
@@ -136,10 +136,10 @@ def detect_in_passing(constants, world, sea, crew, flight, ensemble, n):
             continue
         track = flight.truth[ensemble.track[p]]
         place = (track[step, 0], track[step, 1], track[after, 0], track[after, 1])
-        miss = missed(
-            flight.eyes[kind], flight.paths[n], flight.looked[n], flight.wind.step_s, place,
-            person.pod_multiplier,
-        )  # fmt: skip
+        if is_far(eye.reach, path, place):
+            continue
+        looked, step_s = flight.looked[n], flight.wind.step_s
+        miss = missed(eye, path, looked, step_s, place, person.pod_multiplier)
         if miss < 1.0 and draw_unit(world) >= miss:
             person.found = True
             finds += 1

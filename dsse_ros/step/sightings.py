@@ -40,6 +40,8 @@ NEGLIGIBLE = 1e-4
 """Exposure of a step below which the inverse cube law counts as blind."""
 FARTHEST_M = 1e6
 """A person who moves farther in a step has left for nowhere, and is not seen."""
+ROUNDING_M = 1.0
+"""Positions are rounded: who is this far beyond a box, or from a cell, may be in it."""
 _NEAREST_M = 1e-3
 _STILL_M = 1e-6
 
@@ -71,8 +73,6 @@ def missed(eye, path, looked, step_s, person, multiplier):
     """
     if max(abs(person[2] - person[0]), abs(person[3] - person[1])) >= FARTHEST_M:
         return 1.0
-    if is_far(eye.reach, path, person):
-        return 1.0
     pieces = len(path) - 1
     x, y = person[0] - path[0, 0], person[1] - path[0, 1]
     drift_x, drift_y = (person[2] - person[0]) / pieces, (person[3] - person[1]) / pieces
@@ -97,15 +97,22 @@ def missed(eye, path, looked, step_s, person, multiplier):
 
 
 @inlined
+def middle_and_reach(path, axis, reach):
+    """Return the middle of a path along an axis, and how far from it the drone may see."""
+    low, high = path[0, axis], path[0, axis]
+    for k in range(1, len(path)):
+        low, high = min(low, path[k, axis]), max(high, path[k, axis])
+    return (low + high) / 2, (high - low) / 2 + reach
+
+
+@inlined
 def is_far(reach, path, person):
-    """Return whether a person is beyond the reach of a whole path in the east or in the south."""
+    """Return whether a person is beyond the reach of a path along an axis; see `missed`."""
     for axis in range(2):
-        least = most = path[0, axis]
-        for k in range(1, len(path)):
-            least, most = min(least, path[k, axis]), max(most, path[k, axis])
-        if max(person[axis], person[axis + 2]) < least - reach:
+        middle, wide = middle_and_reach(path, axis, reach + ROUNDING_M)
+        if max(person[axis], person[axis + 2]) < middle - wide:
             return True
-        if min(person[axis], person[axis + 2]) > most + reach:
+        if min(person[axis], person[axis + 2]) > middle + wide:
             return True
     return False
 
