@@ -10,8 +10,10 @@ comment before it, which readers do not see, changes that:
                                         this comment
     <!-- docs-check: until TEXT -->     it runs until it or what is beside it has printed this
 
-A program that would run forever is interrupted. `ros2 run` of this package works without a full
-ROS 2. The tests run the blocks of Python (`test/packaging/test_docs.py`).
+A program that would run forever is interrupted; one that fails makes the blocks beside it fail.
+The first block makes the environment, so it is run whatever pages are chosen. `ros2 run` of this
+package works without a full ROS 2. The tests run the blocks of Python
+(`test/packaging/test_docs.py`).
 """
 
 from __future__ import annotations
@@ -25,7 +27,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -94,6 +96,20 @@ def all_blocks() -> list[Block]:
     ]
 
 
+def chosen_blocks(pages: Sequence[str]) -> list[Block]:
+    """Return the first of all blocks, and those of these pages; of all pages without any.
+
+    Raises:
+        ValueError: If a page has no blocks, or does not exist.
+    """
+    first, *others = all_blocks()
+    known = {first.page, *(one.page for one in others)}
+    unknown = [page for page in pages if page not in known]
+    if unknown:
+        raise ValueError(f"{unknown[0]}: a page with commands is one of {', '.join(sorted(known))}")
+    return [first, *(one for one in others if not pages or one.page in pages)]
+
+
 class Run:
     """Blocks as processes in a clone, with their output in a folder beside it."""
 
@@ -140,28 +156,31 @@ class Run:
             self.beside.append(running)
             return ""
         try:
-            return self._wait(block, [running, *self.beside])
+            return wait_for(block, [running, *self.beside])
         finally:
             for process, _ in (running, *self.beside):
                 stop(process)
             self.beside.clear()
 
-    def _wait(self, block: Block, running: list[tuple[subprocess.Popen[bytes], Path]]) -> str:
-        process, log = running[0]
-        deadline = time.monotonic() + TIMEOUT_S
-        while time.monotonic() < deadline:
-            ended = process.poll() is not None
-            if block.how == "until":
-                if any(block.text in path.read_text(errors="replace") for _, path in running):
-                    return ""
-                if ended:
-                    return f"ended before it printed {block.text!r}, see {log}"
-            elif ended:
-                return (
-                    "" if process.returncode == 0 else f"exit code {process.returncode}, see {log}"
-                )
-            time.sleep(0.2)
-        return f"not done after {TIMEOUT_S:.0f} s, see {log}"
+
+def wait_for(block: Block, running: Sequence[tuple[subprocess.Popen[bytes], Path]]) -> str:
+    """Wait for a block, the first of these processes; return why it has failed, or nothing."""
+    log = running[0][1]
+    deadline = time.monotonic() + TIMEOUT_S
+    while time.monotonic() < deadline:
+        codes = [process.poll() for process, _ in running]
+        for code, (_, path) in zip(codes, running, strict=True):
+            if code:
+                return f"exit code {code}, see {path}"
+        if block.how == "until":
+            if any(block.text in path.read_text(errors="replace") for _, path in running):
+                return ""
+            if codes[0] is not None:
+                return f"ended before it printed {block.text!r}, see {log}"
+        elif codes[0] is not None:
+            return ""
+        time.sleep(0.2)
+    return f"not done after {TIMEOUT_S:.0f} s, see {log}"
 
 
 def stop(process: subprocess.Popen[bytes]) -> None:
@@ -180,7 +199,10 @@ def main() -> int:
     parser.add_argument("pages", nargs="*", help="only these pages, such as docs/ros.md")
     parser.add_argument("--list", action="store_true", help="list the commands and run none")
     options = parser.parse_args()
-    chosen = [one for one in all_blocks() if not options.pages or one.page in options.pages]
+    try:
+        chosen = chosen_blocks(options.pages)
+    except ValueError as error:
+        parser.error(str(error))
     scratch = Path(tempfile.mkdtemp(prefix="docs-check-"))
     run = None if options.list else Run(scratch)
     failures = 0

@@ -107,6 +107,24 @@ def test_a_comment_that_is_none_is_refused(comment: str) -> None:
         commands(f"<!-- docs-check: {comment} -->\n```sh\ntrue\n```\n")
 
 
+def test_a_block_fails_if_what_runs_beside_it_does(tmp_path: Path) -> None:
+    log = tmp_path / "log"
+    log.write_text("it is over", encoding="utf-8")
+    block = CHECK["Block"]("page.md", 1, "", "until", "it is over")
+    for command, why in (("true", ""), ("false", f"exit code 1, see {log}")):
+        with subprocess.Popen([command]) as beside:
+            beside.wait()
+            assert CHECK["wait_for"](block, [(beside, log)] * 2) == why
+
+
+def test_every_choice_of_pages_begins_with_the_block_that_makes_the_environment() -> None:
+    chosen = CHECK["chosen_blocks"](["docs/ros.md"])
+    assert chosen[0].code == "make sim\n"
+    assert {block.page for block in chosen[1:]} == {"docs/ros.md"}
+    with pytest.raises(ValueError, match=r"docs/rso\.md: a page with commands is one of CONTRIB"):
+        CHECK["chosen_blocks"](["docs/rso.md"])
+
+
 def test_the_cpp_on_the_page_is_in_the_example() -> None:
     source = (ROOT / "examples/cpp_planner/src/cpp_planner.cpp").read_text(encoding="utf-8")
     lines = [line.strip() for line in source.splitlines()]
