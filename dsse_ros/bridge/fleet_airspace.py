@@ -27,14 +27,12 @@ class _Fleet:
         avoided: In the air, or about to take off.
         unknown: Numbers of those of these whose intent is not known: somebody else controls them,
             or their link is lost.
-        holding_up: To take off, but not ready.
         climbing: On the ground or in the climb.
     """
 
     flying: set[int] = field(default_factory=set)
     avoided: list[FleetVehicle] = field(default_factory=list)
     unknown: set[int] = field(default_factory=set)
-    holding_up: list[FleetVehicle] = field(default_factory=list)
     climbing: list[FleetVehicle] = field(default_factory=list)
 
 
@@ -89,8 +87,8 @@ class FleetAirspace:
     def _first_to_take_off(self, member: FleetVehicle) -> str:
         """Return the vehicle that must take off first, and why; empty for none."""
         fleet, alt_m = self._fleet, self._layer(member).frame.alt_m
-        for other in fleet.holding_up:
-            if other is not member:
+        for other in self._members:
+            if other is not member and other.follower.holds_up:
                 return f"{other.name}: {other.follower.blocked or 'not ready'}"
         for other in fleet.climbing if self._as_mission else ():
             # Vehicles in higher layers climb first.
@@ -137,8 +135,6 @@ class FleetAirspace:
                 fleet.avoided.append(member)
                 if not (led and state.connected):
                     fleet.unknown.add(member.number)
-            if follower.holds_up:
-                fleet.holding_up.append(member)
             # In a mission a vehicle cannot wait on its way up.
             climbs = follower.mission_under_way and not follower.risen
             if climbs or follower.takes_off or follower.is_awaited:

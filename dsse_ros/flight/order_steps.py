@@ -266,7 +266,7 @@ def until_ready(controller: VehicleController, order: ArmingOrder) -> str:
         return ""
     if autopilot.mode_is_checked and state.mode != autopilot.resting_mode:
         return rest(controller)
-    return "" if state.ready else "waiting until it is ready" + why_not_ready(controller)
+    return "" if state.ready else "waiting for the autopilot's checks" + why_not_ready(controller)
 
 
 def rest(controller: VehicleController) -> str:

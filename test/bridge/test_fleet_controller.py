@@ -433,6 +433,14 @@ def test_nothing_takes_off_before_everything_can_fly() -> None:
     fleet.until(lambda: all(one.vehicle.armed for one in fleet.flights), 10.0)
 
 
+def test_vehicles_that_get_ready_together_never_wait_for_each_other() -> None:
+    fleet = VirtualFleet(2)
+    fleet.publish(fleet.simulate(7))
+    fleet.until(lambda: all(one.vehicle.armed for one in fleet.flights), 10.0)
+    assert "info: drone0 waits: waiting for drone1: not ready" in "\n".join(fleet.log)
+    assert not any("waiting for drone0: waiting for" in line for line in fleet.log)
+
+
 @pytest.mark.slow
 def test_latched_reports_are_drained_before_one_is_followed() -> None:
     fleet = VirtualFleet(2)

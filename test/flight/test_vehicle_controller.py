@@ -365,7 +365,7 @@ def test_arming_waits_until_the_vehicle_is_ready(autopilot: str) -> None:
     flight = VirtualFlight(autopilot, vehicle={"ready_s": 40.0})
     flight.give(TakeOff(10.0))
     flight.wait(38.0)
-    assert "ready" in flight.outcome.reason
+    assert "checks" in flight.outcome.reason
     assert not flight.commands(ARM)
     flight.until(lambda: flight.outcome.status == "done")
     assert len(flight.commands(ARM)) <= 2
@@ -377,7 +377,7 @@ def test_a_take_off_waits_as_long_as_it_takes_and_reports_for_what() -> None:
     flight.give(TakeOff(10.0))
     flight.wait(600.0)
     assert (flight.outcome.status, flight.state.has_position) == ("under_way", True)
-    complaint = "waiting until it is ready (PreArm: AHRS: waiting for home)"
+    complaint = "waiting for the autopilot's checks (PreArm: AHRS: waiting for home)"
     # It reports it every 30 s, and is known all the time.
     while not flight.state.ready:
         assert flight.outcome.reason == complaint and flight.state.unready in complaint
@@ -714,7 +714,7 @@ def test_the_check_that_keeps_px4_on_the_ground_is_named(missed: bool) -> None:
         flight.restart()
     flight.give(TakeOff(10.0))
     flight.wait(15.0)
-    assert flight.outcome.reason == "waiting until it is ready (no valid mission)"
+    assert flight.outcome.reason == "waiting for the autopilot's checks (no valid mission)"
     flight.vehicle.parameters["COM_ARM_MIS_REQ"] = 0
     flight.until(lambda: flight.outcome.status != "under_way")
     assert flight.outcome.status == "done"
