@@ -44,6 +44,7 @@ _DISARMED_BEATS = 2
 """Heartbeats that prove that it was disarmed: one may be that of another vehicle with its id."""
 _KEPT = "kept on the ground"
 _NO_SEARCH = "no search goes on for it: ~/return or ~/land brings it down"
+_COMING_DOWN = "coming down: clear it once it is down"
 _UNNAMED = "critical failsafe"
 
 
@@ -212,7 +213,7 @@ class VehicleCustody:
         if seen.unfit or not seen.mode:
             return Rejected("unfit", seen.unfit or "no heartbeat")
         if custody is Custody.ENDING:
-            return Rejected("in_the_air", "coming down: clear it once it is down")
+            return Rejected("in_the_air", _COMING_DOWN)
         if seen.flying or seen.armed:
             self.lose(self.holder)
             return Rejected("in_the_air", f"in the air, {self.holder}: clear it once it is down")
@@ -236,7 +237,8 @@ class VehicleCustody:
             why = "in the air, and its mission does not go on: clear it once it is down"
             return Rejected("in_the_air", why)
         if self.is_out or not search_alive:
-            return Rejected("no_search", _NO_SEARCH)
+            comes_down = self.state is Custody.RECALLED
+            return Rejected("no_search", _COMING_DOWN if comes_down else _NO_SEARCH)
         self.on(Event.CLEAR)
         if self.search is not None and self.record.search != self.search:
             self._join(self.search)

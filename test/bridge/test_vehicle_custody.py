@@ -431,11 +431,12 @@ def test_only_what_the_bridge_has_launched_is_recalled_from_a_pilot(launched: bo
 
 
 def test_a_vehicle_without_a_search_is_not_cleared_to_fly() -> None:
-    for record in (HELD, replace(LANDING, lost="recalled by the operator: land")):
+    landing = replace(LANDING, lost="recalled by the operator: land")
+    for record, why in ((HELD, "no search goes on"), (landing, "coming down")):
         led = VehicleCustody(ARDUPILOT, "true", record, lambda: None)
         led.observe(seen_in("GUIDED"), Outcome(), 0.0)
         refused = led.clear(0.0)
-        assert isinstance(refused, Rejected) and "no search" in refused.reason
+        assert isinstance(refused, Rejected) and why in refused.reason
         assert led.state is record.custody
     led = custody_of(ARDUPILOT, HELD)
     led.observe(seen_in("GUIDED"), Outcome(), 0.0)
