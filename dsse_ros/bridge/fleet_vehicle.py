@@ -124,7 +124,7 @@ class FleetVehicle:
     @property
     def _shown(self) -> str:
         record = self.follower.custody.record
-        if record.lost and record.custody in (Custody.TAKEN, Custody.FAILSAFE):
+        if record.custody.value in record.lost:
             return record.lost  # such as "taken over: in LOITER"
         return f"{record.custody.value}: {record.lost}" if record.lost else record.custody.value
 

@@ -121,9 +121,12 @@ class VehicleCustody:
     @property
     def holder(self) -> str:
         """Who controls the vehicle, in words."""
-        mode = self.seen.mode or "no known mode"
+        seen = self.seen
+        mode = seen.mode or "no known mode"
+        # It was landed by a person, or recalled by an operator.
+        down = bool(seen.mode) and not (seen.armed or seen.flying)
         return {
-            Custody.TAKEN: f"a person controls it, in {mode}",
+            Custody.TAKEN: f"{'it stays down' if down else 'a person controls it'}, in {mode}",
             Custody.FAILSAFE: f"a failsafe controls it, in {mode}",
             Custody.RELEASED: f"nobody controls it, in {mode}",
             Custody.GROUNDED: "it has flown or dropped out before",

@@ -522,6 +522,9 @@ def test_what_an_operator_is_answered_is_what_happens() -> None:
     controller.operate(None, "return")
     fleet.until(fleet.down)
     fleet.wait(5.0)
+    assert "info: drone0: recalled -> taken over: recalled by the operator: return" in fleet.log
+    done, text = controller.operate(0, "hold")
+    assert not done and "drone0: it stays down, in " in text
     search.end()
     fleet.publish(search)
     fleet.wait(2.0)
