@@ -91,7 +91,7 @@ class FleetController:
         self._begun_s: float | None = None
         self._drained = False
         self._idle_s: float | None = None
-        self._record_trouble = ""
+        self._record_trouble = self._logged_trouble = ""
 
     # The search
 
@@ -150,8 +150,7 @@ class FleetController:
         try:
             plan = FlightPlan(self._settings, info, self._center)
         except FieldError as error:
-            if self.search.fail(f"{error}: nothing is flown"):
-                self._log("error", f"{error}: nothing is flown")
+            self.search.fail(f"{error}: nothing is flown")
             for follower in self.followers:
                 follower.leave()
             return
@@ -252,6 +251,10 @@ class FleetController:
         for member in self._fleet:
             self._serve(member, now_s)
         self._watch_planner(now_s)
+        trouble = self.trouble(now_s)
+        if trouble and trouble != self._logged_trouble:
+            self._log("warning", trouble)
+        self._logged_trouble = trouble
 
     def _serve(self, member: FleetVehicle, now_s: float) -> None:
         """Give a vehicle the order that is due, if there is one."""
@@ -299,11 +302,8 @@ class FleetController:
             self._records.keep_alive()
             self._record_trouble = ""
         except OSError as error:
-            trouble = f"state_directory: {error.filename!r}: {error.strerror}"
-            if trouble != self._record_trouble:
-                self._record_trouble = trouble
-                who = "a restarted bridge would not know who controls the vehicles"
-                self._log("warning", f"{trouble}; {who}")
+            who = "a restarted bridge would not know who controls the vehicles"
+            self._record_trouble = f"state_directory: {error.filename!r}: {error.strerror}; {who}"
 
     def _watch_planner(self, now_s: float) -> None:
         """Make the vehicles hold if they have waited too long for the next step."""

@@ -126,11 +126,9 @@ class FollowedSearch:
         """Require new `agents`, because a simulation has come or gone."""
         self._other, self.foreign, self.confirmed = None, "", False
 
-    def fail(self, why: str) -> bool:
-        """Stop following the mission, which cannot be flown; returns whether the reason is new."""
-        new = why != self._unflyable
+    def fail(self, why: str) -> None:
+        """Stop following the mission, which cannot be flown."""
         self._unflyable = why
-        return new
 
     @property
     def commanded(self) -> bool:
