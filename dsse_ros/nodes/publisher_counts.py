@@ -39,7 +39,7 @@ class PublisherCounts:
         for topic, count in counts.items():
             if count > max(self.last[topic], 1):
                 text = f"{count} nodes publish {topic}: {self._consequences[topic]}"
-                node.get_logger().warning(text)
+                node.get_logger().warning(f"{text} (a killed node counts for some seconds more)")
         self.last = counts
         return counts
 
