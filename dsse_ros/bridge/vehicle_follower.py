@@ -256,7 +256,8 @@ class VehicleFollower:
         elif self._as_mission:
             record = custody.record
             landed = record.flown and record.search == custody.search and not custody.airborne
-            custody.over = progress.arrived or landed
+            # It stays over if it is then cleared for another search.
+            custody.over |= progress.arrived or landed
         else:
             done = progress.arrived or progress.late or leg.crashed
             nothing_left = done or not progress.task

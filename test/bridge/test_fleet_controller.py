@@ -545,6 +545,12 @@ def test_a_mission_that_was_held_does_not_go_on_and_no_answer_says_that_it_does(
     fleet.until(lambda: not flight.vehicle.armed)
     fleet.wait(5.0)
     assert fleet.controller.finished
+    assert fleet.controller.arm(0, data=True) == (True, "cleared for the next search: drone0")
+    fleet.wait(20.0)
+    assert fleet.custody() == "cleared" and not flight.vehicle.armed
+    fleet.end(search)
+    fleet.finish(fleet.simulate(8))
+    fleet.until(lambda: flight.vehicle.armed)
 
 
 @pytest.mark.slow
