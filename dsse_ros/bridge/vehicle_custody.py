@@ -44,6 +44,7 @@ _DISARMED_BEATS = 2
 """Heartbeats that prove that it was disarmed: one may be that of another vehicle with its id."""
 _KEPT = "kept on the ground"
 _NO_SEARCH = "no search goes on for it: ~/return or ~/land brings it down"
+_CIRCLES = "ordered to return, and to circle over home until a pilot lands it"
 _COMING_DOWN = "coming down: clear it once it is down"
 _UNNAMED = "critical failsafe"
 
@@ -302,9 +303,9 @@ class VehicleCustody:
             return self.ground()
         if what == "hold":
             self.on(Event.HOLD)
-        else:
-            self._recall(what, f"recalled by the operator: {what}", Event.COME_DOWN)
-        return Accepted(f"ordered to {what}")
+            return Accepted("ordered to hold")
+        self._recall(what, f"recalled by the operator: {what}", Event.COME_DOWN)
+        return Accepted(_CIRCLES if self._autopilot.circles else f"ordered to {what}")
 
     def _recall(self, end: str, why: str, event: Event) -> None:
         """Make it `return` or `land`, even from a mode that somebody else has set."""

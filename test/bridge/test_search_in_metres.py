@@ -106,7 +106,8 @@ def test_a_fixed_wing_takes_off_climbs_in_a_circle_and_flies_its_tracks(
         assert away_m(flown, np.concatenate(ways) + (0.0, FRAME.side_m)) < 80.0
     # It holds, and returns, in circles.
     fleet.controller.operate(0, "hold")
-    fleet.controller.operate(1, "return")
+    answer = "ordered to return, and to circle over home until a pilot lands it: drone1"
+    assert fleet.controller.operate(1, "land") == (True, answer)
     fleet.wait(20.0)
     assert [one.vehicle.mode.name for one in fleet.flights] == [rests, "RTL"]
     assert not any(one.vehicle.landed for one in fleet.flights)
