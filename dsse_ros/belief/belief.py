@@ -22,9 +22,9 @@ from dsse_ros.belief import belief_kernels, follow_kernels, future_kernels, laye
 from dsse_ros.belief.base import BeliefBase, ForecastBase
 from dsse_ros.belief.belief_kernels import MARGIN, Mass, Steps
 from dsse_ros.belief.look_kernels import LooksDone
-from dsse_ros.belief.protocol import Expected, Futures, LooksToCome, TargetChain
+from dsse_ros.belief.protocol import Expected, Futures, LooksToCome, Outlook, TargetChain
 from dsse_ros.scenario.actions import Cell
-from dsse_ros.scenario.probable_cells import most_probable
+from dsse_ros.scenario.probable_cells import datum_of
 from dsse_ros.scenario.rules import Rules
 from dsse_ros.scenario.scenario import Scenario
 from dsse_ros.step import kernels
@@ -137,7 +137,7 @@ class Forecast(ForecastBase):
         drawn = steps if self.rules.person_first else steps - 1
         chances = self.steps.chances[self.look(drawn)].reshape(self.side, self.side)
         inner = slice(MARGIN, -MARGIN)
-        return most_probable(chances[inner, inner].astype(np.float32), 1)[0]
+        return datum_of(chances[inner, inner].astype(np.float32))
 
 
 class Belief(BeliefBase):
@@ -251,20 +251,23 @@ class Belief(BeliefBase):
         futures.persons[:] = self.examples[rows // self._drifts]
         return futures
 
-    def expect(self, looks: LooksToCome, horizon: int, gamma: float) -> Expected:
-        """Return what plans are expected to find, by the exact filter.
+    def outlook(self, horizon: int, gamma: float) -> Outlook:
+        """Return a function of what plans are expected to find, by the exact filter.
 
         Args:
-            looks: Looks of the plans in the next `horizon` steps.
             horizon: H, at most that of the forecast.
             gamma: Discount of a find per step.
         """
-        forecast, slots = self.forecast, self._slots(horizon)
-        expected: Expected = future_kernels.expect(
-            forecast.constants, forecast.sea, self._mass_of_missing(), forecast.steps, slots,
-            self._by_class(looks), gamma, self._scratch,
-        )  # fmt: skip
-        return expected
+        forecast, slots, mass = self.forecast, self._slots(horizon), self._mass_of_missing()
+
+        def expect(looks: LooksToCome) -> Expected:
+            expected: Expected = future_kernels.expect(
+                forecast.constants, forecast.sea, mass, forecast.steps, slots,
+                self._by_class(looks), gamma, self._scratch,
+            )  # fmt: skip
+            return expected
+
+        return expect
 
     def _mass_of_missing(self) -> Mass:
         """Return a copy of the mass for the persons who are missing; it sums to 1."""

@@ -22,9 +22,9 @@ from dsse_ros.belief.future_kernels import index
 from dsse_ros.belief.look_kernels import LooksDone
 from dsse_ros.belief.particle_kernels import BinnedParticles
 from dsse_ros.belief.passing_kernels import ParticlePositions, Passing, moved_of, seen_of
-from dsse_ros.belief.protocol import Expected, Futures, LooksToCome, TargetChain
+from dsse_ros.belief.protocol import Expected, Futures, LooksToCome, Outlook, TargetChain
 from dsse_ros.scenario.actions import Cell
-from dsse_ros.scenario.probable_cells import most_probable
+from dsse_ros.scenario.probable_cells import datum_of
 from dsse_ros.scenario.rules import Rules
 from dsse_ros.scenario.scenario import Scenario
 from dsse_ros.step.cell_tracks import particle_positions, tracks_of
@@ -153,7 +153,7 @@ class EnsembleForecast(ForecastBase):
 
     def most_probable(self, steps: int) -> Cell:
         """Return the most probable cell of the map that drones observe after these steps."""
-        return most_probable(self.maps[self.row(steps)], 1)[0]
+        return datum_of(self.maps[self.row(steps)])
 
 
 class EnsembleBelief(BeliefBase):
@@ -280,20 +280,25 @@ class EnsembleBelief(BeliefBase):
         futures.persons[:] = self.examples[of_class]
         return futures
 
-    def expect(self, looks: LooksToCome, horizon: int, gamma: float) -> Expected:
-        """Return what plans are expected to find, exactly for the particles.
+    def outlook(self, horizon: int, gamma: float) -> Outlook:
+        """Return a function of what plans are expected to find, exactly for the particles.
 
         Args:
-            looks: Looks of the plans in the next `horizon` steps.
             horizon: H.
             gamma: Discount of a find per step.
         """
-        forecast = self.forecast
-        expected: Expected = particle_kernels.expect_particles(
-            forecast.particles(), self.of_missing(), self._by_class(looks), self._sea_step, horizon,
-            gamma, forecast.scenario.grid_size,
-        )  # fmt: skip
-        return expected
+        forecast, weights, now = self.forecast, self.of_missing(), self._sea_step
+        ends = forecast.columns[forecast.row(now + horizon)]
+        left = np.bincount(ends, weights.sum(axis=0), forecast.side**2)
+
+        def expect(looks: LooksToCome) -> Expected:
+            expected: Expected = particle_kernels.expect_particles(
+                forecast.particles(), weights, ends, left, self._by_class(looks), now, gamma,
+                forecast.scenario.grid_size,
+            )  # fmt: skip
+            return expected
+
+        return expect
 
     def chain(self, horizon: int) -> TargetChain:
         """Return the tracks of the particles, without negligible ones, as a Markov chain.

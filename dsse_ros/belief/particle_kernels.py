@@ -237,30 +237,24 @@ def seen_by(particles, grid_size, column):
 
 
 @compiled()
-def expect_particles(particles, weights, looks, first, horizon, gamma, grid_size):
+def expect_particles(particles, weights, ends, left, looks, first, gamma, grid_size):
     """Return what plans are expected to find, exactly for the particles; see `TargetBelief`.
 
     Args:
         particles: By step of the sea.
         weights: (C, M) float64, of the missing persons.
+        ends: (M,) int32, columns of the particles after the last step.
+        left: (S S,) float64, the weights there without a look.
         looks: A `LooksToCome` with PODs (Q, C) by detection class.
         first: Step of the sea now.
-        horizon: H.
         gamma: Discount per step.
         grid_size: G.
     """
-    side, plans = grid_size + 2 * MARGIN, len(looks.first) - 1
-    expected = Expected(np.zeros(plans), np.zeros((plans, side * side)))
-    end, undetected = particles_at(particles, first + horizon), np.zeros(side * side)
-    ends = np.empty(len(end.members), np.int64)
-    for cell in range(side * side):
-        for k in those_in(end, cell):
-            ends[k] = cell
-            for m in range(len(weights)):
-                undetected[cell] += weights[m, k]
+    plans = len(looks.first) - 1
+    expected = Expected(np.zeros(plans), np.empty((plans, len(left))))
     kept = weights.copy()
     for v in range(plans):
-        expected.left[v] = undetected
+        expected.left[v] = left
         of_plan = range(looks.first[v], looks.first[v + 1])
         for q in of_plan:
             now, worth = particles_at(particles, first + looks.steps[q]), gamma ** looks.steps[q]

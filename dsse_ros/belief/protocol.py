@@ -23,21 +23,21 @@ class Futures(NamedTuple):
         cells: (H + 1, M) int64, columns of each of M futures, the present one first.
         persons: (M,) int64, number of a person with the POD of the person in each future.
         starts: (H, S S + 1) int64, see `members`.
-        members: (H, M) int64: the futures in column i at step h are, in increasing order,
+        members: (H, M) uint32: the futures in column i at step h are, in increasing order,
             members[h, starts[h, i] : starts[h, i + 1]].
     """
 
     cells: NDArray[np.int64]
     persons: NDArray[np.int64]
     starts: NDArray[np.int64]
-    members: NDArray[np.int64]
+    members: NDArray[np.uint32]
 
     @staticmethod
     def empty(count: int, horizon: int, columns: int) -> Futures:
         """Return memory for M futures of H steps."""
         return Futures(
             np.empty((horizon + 1, count), np.int64), np.empty(count, np.int64),
-            np.empty((horizon, columns + 1), np.int64), np.empty((horizon, count), np.int64),
+            np.empty((horizon, columns + 1), np.int64), np.empty((horizon, count), np.uint32),
         )  # fmt: skip
 
 
@@ -67,6 +67,14 @@ class Expected(NamedTuple):
 
     finds: NDArray[np.float64]
     left: NDArray[np.float64]
+
+
+class Outlook(Protocol):
+    """What plans are expected to find from the step in which this was made."""
+
+    def __call__(self, looks: LooksToCome) -> Expected:
+        """Return what plans find with these looks."""
+        ...
 
 
 class TargetChain(NamedTuple):
@@ -170,11 +178,10 @@ class TargetBelief(Protocol):
         """Return `count` futures of the missing persons, `horizon` steps long, drawn with `rng`."""
         ...
 
-    def expect(self, looks: LooksToCome, horizon: int, gamma: float) -> Expected:
-        """Return what plans are expected to find.
+    def outlook(self, horizon: int, gamma: float) -> Outlook:
+        """Return a function of what plans are expected to find from now on.
 
         Args:
-            looks: Looks of the plans in the next `horizon` steps.
             horizon: H, at most that of the forecast.
             gamma: Discount of a find per step.
         """

@@ -99,17 +99,17 @@ def _test_expectation(belief: TargetBelief, horizon: int, rng: np.random.Generat
     cells = [(int(col), int(row)) for col, row in rng.integers(0, size, (6, 2))]
     pods = rng.uniform(0.0, 1.0, (6, 1))
     columns = np.array([forecast.column(cell) for cell in cells])
-    expected = belief.expect(LooksToCome(np.array([0, 6]), steps, columns, pods), horizon, 1.0)
+    expected = belief.outlook(horizon, 1.0)(LooksToCome(np.array([0, 6]), steps, columns, pods))
     for h in range(horizon):
         ahead.update([Looked(cells[q], pods[q]) for q in np.flatnonzero(steps == h)])
         ahead.advance()
     gained = (ahead.pos - belief.pos) / (1.0 - belief.pos)
     assert abs(expected.finds[0] - gained) <= TOLERANCE, (
-        f"expect: {expected.finds[0]:.12g} finds, and {gained:.12g} once the looks are done"
+        f"outlook: {expected.finds[0]:.12g} finds, and {gained:.12g} once the looks are done"
     )
     left = float(expected.left.sum())
-    assert abs(left + gained - 1.0) <= TOLERANCE, f"expect: left sums to {left:.12g}"
-    assert np.array_equal(belief.poc(), before), "expect: it changes the belief"
+    assert abs(left + gained - 1.0) <= TOLERANCE, f"outlook: left sums to {left:.12g}"
+    assert np.array_equal(belief.poc(), before), "outlook: it changes the belief"
 
 
 def _test_futures(belief: TargetBelief, horizon: int, rng: np.random.Generator) -> None:

@@ -14,13 +14,23 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from dsse_ros.belief.belief_kernels import MARGIN
 from dsse_ros.compiled.jit import compiled, inlined, part
-from dsse_ros.planners.plan_kernels import Moves, Scenarios, cell_seen, detects, step_at
+from dsse_ros.planners.left_scenarios import Left, left_by_others, worth_from, worth_of
+from dsse_ros.planners.plan_kernels import (
+    UNIT,
+    Moves,
+    Scenarios,
+    cell_seen,
+    detects,
+    seen_from,
+    step_at,
+)
 
 CAP = 4
 """Nodes kept at each step in one cell."""
-ONE, EIGHT, BYTE = np.uint64(1), np.uint64(8), np.uint64(255)
+BUCKETS = 256
+"""Of equal width, in which moves are sorted by rank: fewer mispredicted branches than quicksort."""
+ONE, SIX, BITS = np.uint64(1), np.uint64(6), np.uint64(63)
 
 
 class Tree(NamedTuple):
@@ -39,38 +49,40 @@ class BeamLevel(NamedTuple):
     """What the paths to the nodes of a step have found.
 
     Attributes:
-        alive: (W, M / 64) uint64, a bit for each scenario that the path's own looks left.
-        gains: (W,) float64, discounted finds in addition to those of the other drones.
+        free: (W, M / 64) uint64, a bit for each scenario that nobody has found.
+        shared: (W, M / 64) uint64, a bit for each that only other drones find.
+        gains: (W,) int64 in `UNIT`, discounted finds beyond those of the other drones.
         late: (W,) float64, steps that the path has taken beyond one for each move.
-        finds: (W, H) float64, finds of each step among the scenarios that nobody else finds.
+        slowness: (W,) float64, gamma ** late.
+        left: (W, E + 1) int64, number of free scenarios in each place, see `Left`.
+        looks: (W,) int64, number of the path's looks that found some that nobody else finds.
+        where: (W, H) int64, positions of these looks, see `Moves`.
+        finds: (W, H) int64, what each of them found.
     """
 
-    alive: NDArray[np.uint64]
-    gains: NDArray[np.float64]
+    free: NDArray[np.uint64]
+    shared: NDArray[np.uint64]
+    gains: NDArray[np.int64]
     late: NDArray[np.float64]
-    finds: NDArray[np.float64]
+    slowness: NDArray[np.float64]
+    left: NDArray[np.int64]
+    looks: NDArray[np.int64]
+    where: NDArray[np.int64]
+    finds: NDArray[np.int64]
 
 
-class Left(NamedTuple):
-    """The scenarios that the plans of the other drones leave, by their cells at the end.
+class Discounts(NamedTuple):
+    """Discounts of a find.
 
     Attributes:
-        base: (M,) float64, credit of the other drones' plans for each scenario.
-        free: (M / 64,) uint64, a bit for each scenario that they do not find.
-        counts: (S S,) float64, number of scenarios left in each cell.
-        places: (E,) int64, the cells with any.
-        worths: (S S,) float64, their worth seen from a cell; -1 until it is computed.
-        x: (S S,) int64, column of a cell: divisions would take most of the time.
-        y: (S S,) int64, its row.
+        steps: (H,) float64, by the step.
+        extra: (A,) float64, by what a move takes until it looks, beyond the first step.
+        rest: (A,) float64, by what it takes after that.
     """
 
-    base: NDArray[np.float64]
-    free: NDArray[np.uint64]
-    counts: NDArray[np.float64]
-    places: NDArray[np.int64]
-    worths: NDArray[np.float64]
-    x: NDArray[np.int64]
-    y: NDArray[np.int64]
+    steps: NDArray[np.float64]
+    extra: NDArray[np.float64]
+    rest: NDArray[np.float64]
 
 
 class Problem(NamedTuple):
@@ -81,7 +93,7 @@ class Problem(NamedTuple):
         scenarios: The scenarios.
         left: What the others leave of them.
         blocked: (H, S S) bool, cells that the drone must not be in after step h + 1.
-        gamma: Discount of a find per step.
+        discounts: Of a find.
         kappa: Weight of the scenarios left at the end.
     """
 
@@ -89,20 +101,8 @@ class Problem(NamedTuple):
     scenarios: Scenarios
     left: Left
     blocked: NDArray[np.bool_]
-    gamma: float
+    discounts: Discounts
     kappa: float
-
-
-class OwnFinds(NamedTuple):
-    """The finds of the looks of a path, the last one first.
-
-    Attributes:
-        cells: (H,) int64, where the drone was.
-        finds: (H,) float64, among the scenarios that nobody else finds.
-    """
-
-    cells: NDArray[np.int64]
-    finds: NDArray[np.float64]
 
 
 class Candidates(NamedTuple):
@@ -112,151 +112,160 @@ class Candidates(NamedTuple):
         cells: (W A,) int64.
         parents: (W A,) int64.
         moves: (W A,) int64.
-        gains: (W A,) float64.
-        ranks: (W A,) float64, gains and the weighted worth of what is left.
+        gains: (W A,) int64 in `UNIT`.
+        ranks: (W A,) float64 in `UNIT`, gains and the weighted worth of what is left.
     """
 
     cells: NDArray[np.int64]
     parents: NDArray[np.int64]
     moves: NDArray[np.int64]
-    gains: NDArray[np.float64]
+    gains: NDArray[np.int64]
     ranks: NDArray[np.float64]
 
 
-@compiled()
-def left_by_others(scenarios, side, others):
-    """Return the scenarios that the plans of the others leave.
-
-    Args:
-        scenarios: The scenarios.
-        side: S.
-        others: (N, M) float64, credits of their plans, 0 for the drone itself.
-    """
-    base, counts = np.zeros(len(scenarios.ends)), np.zeros(side * side)
-    free = np.zeros((len(base) + 63) >> 6, np.uint64)
-    for n in range(len(others)):
-        for s in range(len(base)):
-            base[s] = max(base[s], others[n, s])
-    for s in range(len(base)):
-        if base[s] == 0.0:
-            counts[scenarios.ends[s]] += 1.0
-            free[s >> 6] |= ONE << np.uint64(s & 63)
-    x, y = np.empty(side * side, np.int64), np.empty(side * side, np.int64)
-    for i in range(side):
-        for j in range(side):
-            x[i * side + j], y[i * side + j] = j, i
-    return Left(base, free, counts, np.flatnonzero(counts), np.full(side * side, -1.0), x, y)
+@inlined
+def is_in(bits, s):
+    """Return 1 if a scenario is in a set of bits, else 0, as int64."""
+    return np.int64(bits[s >> SIX] >> (s & BITS) & ONE)
 
 
 @inlined
-def seen_from(moves, left, i, j):
-    """Return the worth of a scenario in cell j at the end to a drone in cell i."""
-    return moves.nearness[abs(left.y[i] - left.y[j]), abs(left.x[i] - left.x[j])]
-
-
-@inlined
-def worth_from(moves, left, cell):
-    """Return the worth of the scenarios left at the end to a drone in a cell."""
-    if left.worths[cell] < 0.0:
-        total = 0.0
-        for place in left.places:
-            total += left.counts[place] * seen_from(moves, left, cell, place)
-        left.worths[cell] = total
-    return left.worths[cell]
-
-
-@inlined
-def discount_of(gamma, late):
-    """Return the discount of a find by the steps that a path is late; most paths are not."""
-    return gamma**late if late > 0.0 else 1.0
-
-
-@inlined
-def gain_of_move(problem, alive, h, a, cell, gain, discount):
-    """Return a node's gain with one more move, and its finds among the scenarios left.
+def gain_of_move(problem, level, node, h, a, cell, worth):
+    """Return what one more move gains a node, and its finds among the free scenarios.
 
     Args:
         problem: The problem.
-        alive: (M / 64,) of the node, as in `BeamLevel`.
+        level: Of the node.
+        node: Its number.
         h: Step in which the move looks.
         a: Number of the move.
         cell: The cell after it.
-        gain: Of the node.
-        discount: Of a find then.
+        worth: Of a find then.
     """
     moves, scenarios, base = problem.moves, problem.scenarios, problem.left.base
-    hits, sure = 0, len(scenarios.draws) == 0
-    for k in range(moves.first[a], moves.first[a + 1]):
-        there = cell_seen(moves, cell, k)
+    free, shared = level.free[node], level.shared[node]
+    gain = hits = np.int64(0)
+    for look in range(moves.first[a], moves.first[a + 1]):
+        there = cell_seen(moves, cell, look)
         if there < 0:
             continue
         members = scenarios.members[h, scenarios.starts[h, there] : scenarios.starts[h, there + 1]]
+        others = np.int64(0)
+        # Loops without branches, of which most would be predicted wrongly.
         for s in members:
-            is_alive = alive[s >> 6] >> np.uint64(s & 63) & ONE
-            if sure:
-                # Without a branch, which would often be predicted wrongly.
-                gain += is_alive * max(0.0, discount - base[s])
-                hits += is_alive * (base[s] == 0.0)
-            elif is_alive and detects(moves, scenarios, h, k, s):
-                gain += max(0.0, discount - base[s])
-                hits += base[s] == 0.0
-    return gain, float(hits)
-
-
-@inlined
-def own_finds(tree, level, h, node, own):
-    """Write where the looks of the path to a node have found scenarios; return their number."""
-    count, at = 0, node
-    for back in range(h, 0, -1):
-        if level.finds[node, back - 1] > 0.0:
-            own.cells[count], own.finds[count] = tree.cells[back, at], level.finds[node, back - 1]
-            count += 1
-        at = tree.parents[back, at]
-    return count
+            seen = np.int64(detects(moves, scenarios, h, look, s))
+            hits += seen & is_in(free, s)
+            others += seen & is_in(shared, s)
+        if others > 0:
+            for s in members:
+                seen = np.int64(detects(moves, scenarios, h, look, s))
+                gain += (seen & is_in(shared, s)) * max(0, worth - base[s])
+    return gain + hits * worth, hits
 
 
 @part
-def expand(problem, tree, level, own, tried, h, nodes, discount):
-    """Write the moves from the nodes of a step to `tried`, and return their number.
+def expand(problem, tree, level, h, nodes, tried):
+    """Write the moves from the nodes of a step, and return their number.
 
     Args:
         problem: The problem.
         tree: The nodes.
         level: Of the step.
-        own: `OwnFinds` scratch.
-        tried: `Candidates` out.
         h: The step, if the path is not late.
         nodes: Number of its nodes.
-        discount: gamma ** h.
+        tried: `Candidates` out.
     """
-    moves, left = problem.moves, problem.left
-    side, found = len(moves.nearness), 0
+    moves, left, discounts = problem.moves, problem.left, problem.discounts
+    horizon, found = len(problem.blocked), 0
     for node in range(nodes):
-        seen = own_finds(tree, level, h, node, own)
         for a in range(len(moves.steps)):
             cell = tree.cells[h, node] + moves.steps[a]
-            x, y = left.x[cell], left.y[cell]
-            if min(x, y) < MARGIN or max(x, y) >= side - MARGIN:
+            step = step_at(h, level.late[node] + moves.extra[a])
+            if problem.blocked[min(step, horizon - 1), cell] or not moves.able[a]:
                 continue
-            late = level.late[node] + moves.extra[a]
-            step = step_at(h, late)
-            if problem.blocked[min(step, len(problem.blocked) - 1), cell] or not moves.able[a]:
-                continue
-            gain, hits = level.gains[node], 0.0
-            if step < len(problem.blocked):
-                worth = discount * discount_of(problem.gamma, late)
-                gain, hits = gain_of_move(problem, level.alive[node], step, a, cell, gain, worth)
-            rank = worth_from(moves, left, cell) - hits
-            for k in range(seen):
+            gain, hits, slowness = 0, 0, level.slowness[node] * discounts.extra[a]
+            if step < horizon:
+                worth = int(discounts.steps[h] * slowness * UNIT)
+                gain, hits = gain_of_move(problem, level, node, step, a, cell, worth)
+            gain += level.gains[node]
+            ahead, here = worth_from(moves, left, cell) - hits * UNIT, moves.positions[cell]
+            for k in range(level.looks[node]):
                 # Of the scenarios left, the path's own looks have found some.
-                rank -= own.finds[k] * seen_from(moves, left, cell, own.cells[k])
+                ahead -= level.finds[node, k] * seen_from(moves, here, level.where[node, k])
             tried.cells[found], tried.parents[found], tried.moves[found] = cell, node, a
             tried.gains[found] = gain
-            tried.ranks[found] = (
-                gain + problem.kappa * discount_of(problem.gamma, late + moves.rest[a]) * rank
-            )
+            tried.ranks[found] = gain + problem.kappa * slowness * discounts.rest[a] * ahead
             found += 1
     return found
+
+
+@part
+def sort_by_rank(ranks, order, starts):
+    """Sort moves by rank, the best one first: in buckets, and then by insertion.
+
+    Args:
+        ranks: (F,) float64.
+        order: (F,) int64 out, their numbers.
+        starts: (BUCKETS + 1,) int64 scratch.
+    """
+    most = least = ranks[0]
+    for rank in ranks:
+        most, least = max(most, rank), min(least, rank)
+    scale = (BUCKETS - 1) / (most - least) if most > least else 0.0
+    starts[:] = 0
+    for rank in ranks:
+        starts[int((most - rank) * scale) + 1] += 1
+    for bucket in range(BUCKETS):
+        starts[bucket + 1] += starts[bucket]
+    for k in range(len(ranks)):
+        bucket = int((most - ranks[k]) * scale)
+        order[starts[bucket]] = k
+        starts[bucket] += 1
+    for k in range(1, len(order)):
+        number, at = order[k], k
+        while at > 0 and ranks[order[at - 1]] < ranks[number]:
+            order[at] = order[at - 1]
+            at -= 1
+        order[at] = number
+
+
+@part
+def keep_best(problem, tree, level, h, tried, order, in_cell, after):
+    """Keep the moves of the highest rank as the nodes of the next step, and return their number.
+
+    Args:
+        problem: The problem.
+        tree: The nodes, in and out.
+        level: Of the step.
+        h: The step.
+        tried: Of `expand`.
+        order: (F,) int64, its moves in order of their ranks.
+        in_cell: (S S,) int64 scratch, zeros in and out.
+        after: `BeamLevel` out.
+    """
+    kept, width = 0, tree.cells.shape[1]
+    for k in order:
+        cell = tried.cells[k]
+        if in_cell[cell] >= CAP or (in_cell[cell] and is_kept(tree, after, h + 1, kept, tried, k)):
+            continue
+        in_cell[cell] += 1
+        tree.cells[h + 1, kept], tree.parents[h + 1, kept] = cell, tried.parents[k]
+        take(problem, tried, k, level, h, after, kept)
+        kept += 1
+        if kept == width:
+            break
+    for k in range(kept):
+        in_cell[tree.cells[h + 1, k]] = 0
+    return kept
+
+
+@inlined
+def is_kept(tree, after, h, kept, tried, k):
+    """Return whether there is a node with the cell and the gain of a move."""
+    for node in range(kept):
+        if tree.cells[h, node] == tried.cells[k] and after.gains[node] == tried.gains[k]:
+            return True
+    return False
 
 
 @inlined
@@ -272,66 +281,54 @@ def take(problem, tried, k, level, h, after, kept):
         after: `BeamLevel` out.
         kept: Number of the new node.
     """
-    moves, scenarios, node, a = problem.moves, problem.scenarios, tried.parents[k], tried.moves[k]
-    for word in range(level.alive.shape[1]):
-        after.alive[kept, word] = level.alive[node, word]
-    for back in range(h):
-        after.finds[kept, back] = level.finds[node, back]
+    moves, discounts = problem.moves, problem.discounts
+    node, a, looks = tried.parents[k], tried.moves[k], level.looks[tried.parents[k]]
+    for word in range(level.free.shape[1]):
+        after.free[kept, word] = level.free[node, word]
+        after.shared[kept, word] = level.shared[node, word]
+    for place in range(level.left.shape[1]):
+        after.left[kept, place] = level.left[node, place]
+    for look in range(looks):
+        after.where[kept, look] = level.where[node, look]
+        after.finds[kept, look] = level.finds[node, look]
     step = step_at(h, level.late[node] + moves.extra[a])
+    after.gains[kept] = tried.gains[k]
     after.late[kept] = level.late[node] + moves.extra[a] + moves.rest[a]
-    after.finds[kept, h] = 0.0
-    if step >= len(problem.blocked):
-        return
-    hits = 0.0
-    for look in range(moves.first[a], moves.first[a + 1]):
-        there = cell_seen(moves, tried.cells[k], look)
-        if there < 0:
-            continue
-        for j in range(scenarios.starts[step, there], scenarios.starts[step, there + 1]):
-            s = scenarios.members[step, j]
-            bit = np.uint64(1) << np.uint64(s & 63)
-            if after.alive[kept, s >> 6] & bit and detects(moves, scenarios, step, look, s):
-                after.alive[kept, s >> 6] ^= bit
-                hits += problem.left.base[s] == 0.0
-    after.finds[kept, h] = hits
+    after.slowness[kept] = level.slowness[node] * discounts.extra[a] * discounts.rest[a]
+    hits = 0
+    if step < len(problem.blocked):
+        for look in range(moves.first[a], moves.first[a + 1]):
+            there = cell_seen(moves, tried.cells[k], look)
+            if there >= 0:
+                hits += remove(problem, step, look, there, after, kept)
+    after.looks[kept] = looks
+    if hits > 0:
+        after.where[kept, looks], after.finds[kept, looks] = moves.positions[tried.cells[k]], hits
+        after.looks[kept] += 1
 
 
-@part
-def keep_best(problem, tree, level, h, tried, order, after, in_cell):
-    """Keep the moves of the highest rank as the nodes of the next step, and return their number.
-
-    Args:
-        problem: The problem.
-        tree: The nodes, in and out.
-        level: Of the step.
-        h: The step.
-        tried: Of `expand`.
-        order: (F,) int64, its moves in order of their ranks.
-        after: `BeamLevel` out.
-        in_cell: (S S,) int64 scratch, zeros in and out.
-    """
-    kept, width = 0, tree.cells.shape[1]
-    for k in order:
-        cell = tried.cells[k]
-        if in_cell[cell] >= CAP:
-            continue
-        same = False
-        for other in range(kept):
-            if tree.cells[h + 1, other] == cell and after.gains[other] == tried.gains[k]:
-                same = True
-                break
-        if same:
-            continue
-        in_cell[cell] += 1
-        tree.cells[h + 1, kept], tree.parents[h + 1, kept] = cell, tried.parents[k]
-        after.gains[kept] = tried.gains[k]
-        take(problem, tried, k, level, h, after, kept)
-        kept += 1
-        if kept == width:
-            break
-    for k in range(kept):
-        in_cell[tree.cells[h + 1, k]] = 0
-    return kept
+@inlined
+def remove(problem, h, look, cell, level, node):
+    """Remove from a node what a look at step h detects in a cell; return its free scenarios."""
+    moves, scenarios, places = problem.moves, problem.scenarios, problem.left.places
+    free, shared, left = level.free[node], level.shared[node], level.left[node]
+    hits = np.int64(0)
+    members = scenarios.members[h, scenarios.starts[h, cell] : scenarios.starts[h, cell + 1]]
+    for s in members:
+        found = is_in(free, s) & np.int64(detects(moves, scenarios, h, look, s))
+        left[places[s]] -= found
+        hits += found
+    # Members are in order: a word is written once.
+    word, kept = np.uint64(0), ~np.uint64(0)
+    for s in members:
+        if s >> SIX != word:
+            free[word] &= kept
+            shared[word] &= kept
+            word, kept = s >> SIX, ~np.uint64(0)
+        kept &= ~(np.uint64(detects(moves, scenarios, h, look, s)) << (s & BITS))
+    free[word] &= kept
+    shared[word] &= kept
+    return hits
 
 
 @part
@@ -345,32 +342,24 @@ def write_values(problem, tree, level, depth, values):
         depth: The last step.
         values: (nodes,) float64 out.
     """
-    moves, left = problem.moves, problem.left
     for node in range(len(values)):
-        cell = tree.cells[depth, node]
-        value = worth_from(moves, left, cell)
-        for word in range(level.alive.shape[1]):
-            found, s = ~level.alive[node, word] & left.free[word], 64 * word
-            while found:
-                # Most bytes are empty.
-                while not found & BYTE:
-                    found, s = found >> EIGHT, s + 8
-                if found & ONE:
-                    value -= seen_from(moves, left, cell, problem.scenarios.ends[s])
-                found, s = found >> ONE, s + 1
-        values[node] = (
-            level.gains[node] + problem.kappa * discount_of(problem.gamma, level.late[node]) * value
-        )
+        left = worth_of(problem.moves, problem.left, level.left[node], tree.cells[depth, node])
+        values[node] = level.gains[node] + problem.kappa * level.slowness[node] * left
 
 
 @compiled()
-def new_level(width, words, horizon):
-    """Return a level of W nodes."""
+def new_level(width, words, places, horizon):
+    """Return a level of W nodes that are not late."""
     return BeamLevel(
         np.empty((width, words), np.uint64),
+        np.empty((width, words), np.uint64),
+        np.zeros(width, np.int64),
         np.zeros(width),
-        np.zeros(width),
-        np.zeros((width, horizon)),
+        np.ones(width),
+        np.empty((width, places), np.int64),
+        np.zeros(width, np.int64),
+        np.empty((width, horizon), np.int64),
+        np.empty((width, horizon), np.int64),
     )
 
 
@@ -393,29 +382,32 @@ def plan_drone(moves, scenarios, gamma, kappa, width, others, blocked, paths):
         The number of plans, and their length: less than the horizon if the blocked cells leave no
         path.
     """
-    side, horizon = len(moves.nearness), paths.shape[1] - 1
-    words, most = (len(scenarios.ends) + 63) >> 6, width * len(moves.steps)
-    left = left_by_others(scenarios, side, others)
-    problem = Problem(moves, scenarios, left, blocked, gamma, kappa)
+    horizon, most = paths.shape[1] - 1, width * len(moves.steps)
+    left = left_by_others(moves, scenarios, others)
+    discounts = Discounts(gamma ** np.arange(horizon), gamma**moves.extra, gamma**moves.rest)
+    problem = Problem(moves, scenarios, left, blocked, discounts, kappa)
     tree = Tree(np.empty((horizon + 1, width), np.int64), np.empty((horizon + 1, width), np.int64))
-    now, after = new_level(width, words, horizon), new_level(width, words, horizon)
+    words, places = (len(scenarios.ends) + 63) >> 6, len(left.counts)
+    now, after = (
+        new_level(width, words, places, horizon),
+        new_level(width, words, places, horizon),
+    )
     tried = Candidates(
         np.empty(most, np.int64), np.empty(most, np.int64), np.empty(most, np.int64),
-        np.empty(most), np.empty(most),
+        np.empty(most, np.int64), np.empty(most),
     )  # fmt: skip
-    own = OwnFinds(np.empty(horizon, np.int64), np.empty(horizon))
-    in_cell = np.zeros(side * side, np.int64)
-    now.alive[0] = ~np.uint64(0)
+    starts, order = np.empty(BUCKETS + 1, np.int64), np.empty(most, np.int64)
+    in_cell = np.zeros(len(moves.positions), np.int64)
+    now.free[0], now.shared[0], now.left[0] = left.free, ~left.free, left.counts
     tree.cells[0, 0] = paths[0, 0]
-    nodes, depth, discount = 1, 0, 1.0
+    nodes, depth = 1, 0
     for h in range(horizon):
-        found = expand(problem, tree, now, own, tried, h, nodes, discount)
+        found = expand(problem, tree, now, h, nodes, tried)
         if found == 0:
             break
-        order = np.argsort(-tried.ranks[:found])
-        nodes = keep_best(problem, tree, now, h, tried, order, after, in_cell)
+        sort_by_rank(tried.ranks[:found], order[:found], starts)
+        nodes = keep_best(problem, tree, now, h, tried, order[:found], in_cell, after)
         now, after, depth = after, now, h + 1
-        discount *= gamma
     worth = np.empty(nodes)
     write_values(problem, tree, now, depth, worth)
     return write_paths(tree, depth, np.argsort(-worth), paths), depth

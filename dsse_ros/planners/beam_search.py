@@ -17,10 +17,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dsse_ros.belief.belief_kernels import MARGIN
-from dsse_ros.belief.protocol import LooksToCome, TargetBelief, TargetForecast
+from dsse_ros.belief.forecasts import is_ensemble
+from dsse_ros.belief.protocol import LooksToCome, Outlook, TargetBelief, TargetForecast
 from dsse_ros.planners import plan_kernels
 from dsse_ros.planners.beam import plan_drone
-from dsse_ros.planners.options import BeamOptions
+from dsse_ros.planners.options import OF_PARTICLES, SAMPLES, BeamOptions
 from dsse_ros.planners.planner import DecisionPoint, Plans, as_plan
 from dsse_ros.planners.reach import Reach
 from dsse_ros.scenario.action_times import ActionTimes, action_times_of_kinds
@@ -73,6 +74,12 @@ def _moves_of_kinds(
         for a, action in enumerate(actions):
             rows += range(of_kind[action], of_kind[action + 1])
             first[kind, a + 1] = len(rows)
+    y, x = np.indices((side, side)).reshape(2, -1)
+    between = np.minimum(np.abs(np.arange(2 * side) - side), side - 1)
+    nearness = [
+        CLOSENESS ** able.distances((0, 0), side, as_if_open=True).astype(np.float64)
+        for able in swarm.of_kinds
+    ]
     return [
         plan_kernels.Moves(
             np.array([dy * side + dx for dx, dy in steps]),
@@ -80,7 +87,9 @@ def _moves_of_kinds(
             first[kind],
             looks.offsets[rows],
             looks.pods[rows],
-            CLOSENESS ** able.distances((0, 0), side, as_if_open=True).astype(np.float64),
+            nearness[kind],
+            y * 2 * side + x,
+            (nearness[kind][np.ix_(between, between)] * plan_kernels.UNIT).astype(np.int64).ravel(),
             np.array(times[kind].takes)[actions] - 1.0,
             np.array(times[kind].after)[actions],
         )
@@ -123,6 +132,9 @@ class BeamSearch:
         self._options = options
         num_drones = forecast.scenario.num_drones
         self._finalists = num_finalists(forecast.rules, num_drones)
+        self._samples = options.samples or (
+            OF_PARTICLES if is_ensemble(forecast.rules) else SAMPLES
+        )
         self._rng = np.random.default_rng(seed)
         self._swarm = Swarm.of_scenario(forecast.scenario, forecast.rules)
         looks = looks_of(forecast.scenario, forecast.rules)
@@ -132,9 +144,9 @@ class BeamSearch:
         self._most_looks = max(int(np.diff(self._fleet.first, axis=1).max()), 1)
         self._sure = not (self._kinds[0].pods < 1.0).any()
         self._measure = forecast.rules.action_set.distance
-        self._masked = np.zeros(forecast.side**2, np.bool_)
-        if forecast.area is not None:
-            self._masked = ~np.pad(forecast.area, MARGIN).ravel()
+        size = forecast.scenario.grid_size
+        area = np.ones((size, size), np.bool_) if forecast.area is None else forecast.area
+        self._masked = ~np.pad(area, MARGIN).ravel()
         self._plans: dict[Hashable, PlannedPath] = {}
         self._reach: Reach | None = None
         self.drawn = False
@@ -171,9 +183,10 @@ class BeamSearch:
         left = forecast.scenario.timestep_limit - belief.step
         horizon = max(1, min(forecast.horizon, left))
         scenarios = self._scenarios(belief, horizon)
+        outlook = belief.outlook(horizon, options.gamma) if self._finalists > 1 else None
         plans = self._last_plans(agents, present, horizon)
         warm = len(agents) <= WARM_DRONES
-        credits = np.zeros((len(agents), options.samples))
+        credits = np.zeros((len(agents), self._samples))
         kinds = np.array([self._swarm.kind_of(agent) for agent in agents])
         fleet = self._fleet._replace(kinds=kinds)
 
@@ -204,7 +217,7 @@ class BeamSearch:
             if plans[n].length and not blocked[np.arange(horizon), plans[n].path[1:]].any():
                 candidates.append(PlannedPath(plans[n].path, horizon))
             counted = range(len(plans)) if warm else sorted(planned)
-            plans[n] = self._best(belief, plans, fleet, n, candidates, counted)
+            plans[n] = self._best(outlook, plans, fleet, n, candidates, counted)
             planned.add(n)
             credit(n)
         first = self._first_cells(plans, planned)
@@ -213,17 +226,20 @@ class BeamSearch:
 
     def _best(
         self,
-        belief: TargetBelief,
+        outlook: Outlook | None,
         plans: Sequence[PlannedPath],
         fleet: plan_kernels.PlannedFleet,
         drone: int,
         candidates: Sequence[PlannedPath],
         counted: Sequence[int],
     ) -> PlannedPath:
-        """Return the candidate that the exact filter rates best, given the counted plans."""
-        options, moves = self._options, self._kinds[fleet.kinds[drone]]
-        if self._finalists == 1:
+        """Return the candidate that the outlook rates best, given the counted plans.
+
+        Without an outlook it is the first one.
+        """
+        if outlook is None:
             return candidates[0]
+        moves = self._kinds[fleet.kinds[drone]]
         counts = [plan.length if n in counted else 0 for n, plan in enumerate(plans)]
         lengths = np.tile(np.array(counts), (len(candidates), 1))
         paths = np.tile(np.stack([plan.path for plan in plans]), (len(candidates), 1, 1))
@@ -233,19 +249,16 @@ class BeamSearch:
         looks = np.empty((3, paths.size * self._most_looks), np.int64)
         plan_kernels.looks_of_plans(fleet, paths, lengths, first, looks)
         steps, columns, rows = looks[:, : first[-1]]
-        expected = belief.expect(
-            LooksToCome(first, steps, columns, moves.pods[rows]), paths.shape[2] - 1, options.gamma
-        )
+        expected = outlook(LooksToCome(first, steps, columns, moves.pods[rows]))
         worth = np.empty(len(paths))
         plan_kernels.worth_of_left(expected.left, moves.nearness, paths[:, drone, -1], worth)
-        return candidates[int(np.argmax(expected.finds + options.kappa * worth))]
+        return candidates[int(np.argmax(expected.finds + self._options.kappa * worth))]
 
     def _scenarios(self, belief: TargetBelief, horizon: int) -> plan_kernels.Scenarios:
         """Return futures of the persons, sorted by cell."""
-        count = self._options.samples
         self.drawn = True
-        futures = belief.futures(count, horizon, self._rng)
-        draws = np.zeros((0, 0)) if self._sure else self._rng.random((horizon, count))
+        futures = belief.futures(self._samples, horizon, self._rng)
+        draws = np.zeros((0, 0)) if self._sure else self._rng.random((horizon, self._samples))
         return plan_kernels.Scenarios(
             futures.persons, draws, futures.starts, futures.members, futures.cells[-1]
         )

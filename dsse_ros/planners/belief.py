@@ -45,7 +45,7 @@ from dsse_ros.planners.planner import (
 )
 from dsse_ros.scenario.actions import ActionSet, connected_components
 from dsse_ros.scenario.fault_fields import hold_up
-from dsse_ros.scenario.probable_cells import most_probable
+from dsse_ros.scenario.probable_cells import datum_of
 from dsse_ros.scenario.rules import Rules
 from dsse_ros.scenario.scenario import ResolvedScenario
 from dsse_ros.scenario.swarm import Swarm, number_of
@@ -312,7 +312,7 @@ class BeliefPlanner:
         steps = self._forecast.first_step + self.belief.step
         if self._drift is None or steps < FIRST_OBSERVED:
             return
-        datum = most_probable(probability, 1)[0]
+        datum = datum_of(probability)
         self._drift.observe(steps, datum)
         if datum == self._forecast.most_probable(steps):
             return

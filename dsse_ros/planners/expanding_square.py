@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from dsse_ros.planners.patterns import square_legs
 from dsse_ros.planners.planner import Cell
 from dsse_ros.scenario.actions import ActionSet, connected_components
-from dsse_ros.scenario.probable_cells import most_probable
+from dsse_ros.scenario.probable_cells import datum_of
 
 _MOVES = {0: (0, -1), 90: (1, 0), 180: (0, 1), 270: (-1, 0)}
 """Move (d_col, d_row) of each heading."""
@@ -41,7 +41,7 @@ def square_routes(
         actions: Actions of each drone; they measure the distance to the ends of an arc.
     """
     size = len(probability)
-    datum = most_probable(probability, 1)[0]
+    datum = datum_of(probability)
     routes = [[cell] for cell in cells]
     for members, component in connected_components(actions, cells):
         drones = sorted(members, key=lambda drone: _clockwise(datum, cells[drone]))

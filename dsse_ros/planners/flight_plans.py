@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from dsse_ros.planners import flight_beam, flight_futures
 from dsse_ros.planners.flight_futures import BinnedFutures, Seen
-from dsse_ros.planners.options import BeamOptions
+from dsse_ros.planners.options import OF_PARTICLES, BeamOptions
 from dsse_ros.step.flight_paths import Wind, largest_turn, pieces_of, shares_of
 from dsse_ros.step.flight_steering import steer
 from dsse_ros.step.sightings import DEFINITE, INVERSE_CUBE
@@ -232,7 +232,7 @@ class FlightPlans:
             MOST_SEEN[int(craft.eyes["law"][0])] * area / (self._leg * 2 * craft.eyes["reach"][0])
             for craft in self._crafts
         )
-        return min(max(math.ceil(wanted), FEWEST), self._options.samples)
+        return min(max(math.ceil(wanted), FEWEST), self._options.samples or OF_PARTICLES)
 
     def _actions(self) -> Floats:
         """Return the first actions of the plans."""

@@ -99,11 +99,20 @@ class BeliefOptions(Options):
     )
 
 
+SAMPLES, OF_PARTICLES = 2048, 4096
+"""Default of `BeamOptions.samples`, and for an ensemble: with fewer of its particles, plans are
+worse."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class BeamOptions(BeliefOptions):
     """Options of the beam search."""
 
-    samples: int = field("int", "Scenarios drawn from the belief.", 4096, low=1, high=10**6)
+    samples: int | None = field(
+        "int", f"Scenarios drawn from the belief; by default {SAMPLES}, or {OF_PARTICLES} of an "
+        "ensemble.", None,
+        low=1, high=10**6,
+    )  # fmt: skip
     horizon: int | None = field(
         "int", "Steps planned; by default 15, or 10 if each person has its own drift.", None,
         low=1, high=1000,

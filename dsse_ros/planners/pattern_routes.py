@@ -15,7 +15,7 @@ from dsse_ros.planners.patterns import SearchPattern
 from dsse_ros.planners.planner import Cell
 from dsse_ros.planners.sweep import split
 from dsse_ros.scenario.actions import ActionSet, connected_components
-from dsse_ros.scenario.probable_cells import most_probable
+from dsse_ros.scenario.probable_cells import datum_of
 
 
 @dataclass(frozen=True)
@@ -42,7 +42,7 @@ class PatternRoutes:
         actions: Sequence[ActionSet],
     ) -> list[list[Cell]]:
         """Return the route of each drone, its present cell if no cell is left for it."""
-        datum = self.datum or most_probable(probability, 1)[0]
+        datum = self.datum or datum_of(probability)
         points = datum + self.pattern.track.points_m / self.cell_size_m * (1, -1)
         size = len(probability)
         flown = cells_along(points.tolist())

@@ -20,6 +20,9 @@ from dsse_ros.belief.belief_kernels import MARGIN
 from dsse_ros.compiled.breadth_first import ROUNDING
 from dsse_ros.compiled.jit import compiled, inlined, kernel
 
+UNIT = 1 << 40
+"""A find, where finds are added as integers: such sums do not depend on their order."""
+
 
 class Moves(NamedTuple):
     """The moves of a kind of drone and their looks.
@@ -31,6 +34,9 @@ class Moves(NamedTuple):
         offsets: (L, 2) int64, (dx, dy) of a look from the cell that the move leads to.
         pods: (L, P) float64, POD of each person.
         nearness: (S, S) float64, worth of a scenario left at the end by its distance, [y, x].
+        positions: (S S,) int64, position of each cell, see `around`.
+        around: (4 S S,) int64, `nearness` of two cells in `UNIT`, by the difference of their
+            positions from the middle: a subtraction instead of divisions.
         extra: (A,) float64, steps that each move takes until it looks, beyond the first.
         rest: (A,) float64, steps that it takes after that.
     """
@@ -41,6 +47,8 @@ class Moves(NamedTuple):
     offsets: NDArray[np.int64]
     pods: NDArray[np.float64]
     nearness: NDArray[np.float64]
+    positions: NDArray[np.int64]
+    around: NDArray[np.int64]
     extra: NDArray[np.float64]
     rest: NDArray[np.float64]
 
@@ -53,14 +61,14 @@ class Scenarios(NamedTuple):
         draws: (H, M) float64 in [0, 1), which a POD must exceed to detect the person of a future;
             (0, 0) if every look has a POD of 1.
         starts: (H, S S + 1) int64, as in `Futures`.
-        members: (H, M) int64, as in `Futures`.
+        members: (H, M) uint32, as in `Futures`.
         ends: (M,) int64, the last cells.
     """
 
     persons: NDArray[np.int64]
     draws: NDArray[np.float64]
     starts: NDArray[np.int64]
-    members: NDArray[np.int64]
+    members: NDArray[np.uint32]
     ends: NDArray[np.int64]
 
 
@@ -82,7 +90,18 @@ def column_at(side, cell, dx, dy):
 @inlined
 def cell_seen(moves, cell, look):
     """Return the cell that a look sees from a cell, -1 off the grid."""
-    return column_at(len(moves.nearness), cell, moves.offsets[look, 0], moves.offsets[look, 1])
+    dx, dy = moves.offsets[look, 0], moves.offsets[look, 1]
+    if dx == 0 and dy == 0:
+        # Most looks, without the divisions.
+        return cell
+    return column_at(len(moves.nearness), cell, dx, dy)
+
+
+@inlined
+def seen_from(moves, here, there):
+    """Return the worth of a scenario at the end at a position to a drone at another one, int64."""
+    side = len(moves.nearness)
+    return moves.around[2 * side * side + side + here - there]
 
 
 @inlined
@@ -211,4 +230,5 @@ def worth_of_left(left, nearness, ends, worth):
         for y in range(side):
             near = nearness[abs(y - ends[v] // side)]
             for x in range(side):
-                worth[v] += left[v, y * side + x] * near[abs(x - ends[v] % side)]
+                if left[v, y * side + x] > 0.0:
+                    worth[v] += left[v, y * side + x] * near[abs(x - ends[v] % side)]

@@ -21,7 +21,7 @@ from dsse_ros.planners.pattern_routes import cells_along
 from dsse_ros.planners.patterns import TRIANGLE_HEADINGS_DEG, triangle_legs, turning_points
 from dsse_ros.planners.planner import Cell
 from dsse_ros.scenario.actions import ActionSet, connected_components
-from dsse_ros.scenario.probable_cells import most_probable
+from dsse_ros.scenario.probable_cells import datum_of
 
 PATTERN_TURN_DEG = 30
 
@@ -39,7 +39,7 @@ def sector_routes(
         actions: Actions of each drone, with the area if there is one.
     """
     size = len(probability)
-    datum = most_probable(probability, 1)[0]
+    datum = datum_of(probability)
     farthest = hypot(*(max(c, size - 1 - c) for c in datum))
     routes = [[cell] for cell in cells]
     for drones, component in connected_components(actions, cells):

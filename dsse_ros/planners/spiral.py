@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from dsse_ros.planners.planner import Cell
 from dsse_ros.scenario.actions import ActionSet, connected_components
-from dsse_ros.scenario.probable_cells import most_probable
+from dsse_ros.scenario.probable_cells import datum_of
 
 
 def spiral_routes(
@@ -32,7 +32,7 @@ def spiral_routes(
         probability: Map (G, G); the most probable cell is the datum.
         actions: Actions of each drone, with the area if there is one.
     """
-    datum = most_probable(probability, 1)[0]
+    datum = datum_of(probability)
     routes = [[cell] for cell in cells]
     for members, component in connected_components(actions, cells):
         drones = sorted(members, key=lambda drone: turns(datum, cells[drone]))

@@ -31,3 +31,13 @@ def most_probable(probability: NDArray[np.float32], count: int) -> list[Cell]:
     best = np.concatenate([equal, above[np.argsort(flat[above], kind="stable")]])
     rows, cols = np.divmod(best, probability.shape[1])
     return list(zip(cols.tolist(), rows.tolist(), strict=True))
+
+
+def datum_of(probability: NDArray[np.float32]) -> Cell:
+    """Return the most probable cell (col, row) of a map (G, G), as `most_probable`."""
+    backwards = probability.ravel()[::-1]
+    best = int(np.argmax(backwards))
+    if np.isnan(backwards[best]):
+        return datum_of(np.nan_to_num(probability, nan=-np.inf))
+    row, col = divmod(backwards.size - 1 - best, probability.shape[1])
+    return col, row

@@ -120,7 +120,7 @@ def test_expected_finds_are_those_of_the_searches_one_after_the_other(
         np.array([forecast.column(look.cell) for _, look in done], np.int64),
         np.array([look.pods for _, look in done]).reshape(-1, 1),
     )
-    expected = belief.expect(to_come, horizon, gamma)
+    expected = belief.outlook(horizon, gamma)(to_come)
     finds, worth, ahead = 0.0, 1.0, belief.copy()
     for of_step in searches:
         for cell in of_step:

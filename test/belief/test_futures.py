@@ -67,7 +67,7 @@ def test_expected_finds_are_the_rise_of_the_pos_once_the_searches_are_done(name:
     belief = belief_of(name)
     cell = belief.forecast.cell(int(belief.density.sum(axis=0).argmax()))
     steps = [0, 0, 1, 1, *range(2, HORIZON)]
-    expected = belief.expect(to_come(belief, steps, [cell] * len(steps)), HORIZON, 1.0)
+    expected = belief.outlook(HORIZON, 1.0)(to_come(belief, steps, [cell] * len(steps)))
     later, pos = belief.copy(), belief.pos
     for step in range(HORIZON):
         search_in_vain(later, [cell] * (2 if step < 2 else 1))
@@ -80,7 +80,7 @@ def test_expected_finds_are_the_rise_of_the_pos_once_the_searches_are_done(name:
 def test_a_find_counts_for_less_the_later_it_comes() -> None:
     belief = belief_of("paper")
     cell = belief.forecast.cell(int(belief.density.sum(axis=0).argmax()))
-    now = belief.expect(to_come(belief, [0], [cell]), 1, 0.5).finds[0]
+    now = belief.outlook(1, 0.5)(to_come(belief, [0], [cell])).finds[0]
     belief.advance()
     assert now > 0.0
-    assert belief.expect(to_come(belief, [1], [cell]), 2, 0.5).finds[0] < now
+    assert belief.outlook(2, 0.5)(to_come(belief, [1], [cell])).finds[0] < now

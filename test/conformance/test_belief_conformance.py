@@ -47,8 +47,8 @@ class _Sure(Belief):
 
 
 class _Late(Belief):
-    def expect(self, looks: Any, horizon: int, gamma: float) -> Any:
-        return super().expect(looks, horizon, 0.99)
+    def outlook(self, horizon: int, gamma: float) -> Any:
+        return super().outlook(horizon, 0.99)
 
 
 class _Fixed(Belief):
@@ -60,10 +60,10 @@ class _Fixed(Belief):
 
 
 BAD: dict[str, tuple[Callable[[Any], Belief], str]] = {
-    "forgets a look": (_Forgetful, "expect: |off Bayes' rule"),
-    "shares its copies": (_Shared, "expect|update|copy"),
+    "forgets a look": (_Forgetful, "outlook: |off Bayes' rule"),
+    "shares its copies": (_Shared, "outlook|update|copy"),
     "sums to more": (_Sure, "sum to 1.001"),
-    "expects too little": (_Late, "expect: "),
+    "expects too little": (_Late, "outlook: "),
     "does not start again": (_Fixed, "reset"),
 }
 

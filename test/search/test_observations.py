@@ -17,7 +17,7 @@ from hypothesis import strategies as st
 from paper_reference import SEARCH, moved, on_grid
 from play import missions, person_cells, put_person, some_actions, started, step
 
-from dsse_ros.scenario.probable_cells import most_probable
+from dsse_ros.scenario.probable_cells import datum_of, most_probable
 from dsse_ros.search import HOLD, FieldError, parallel_env
 from dsse_ros.search.observation import RESET_FIRST
 
@@ -332,9 +332,11 @@ def test_the_most_probable_cells_are_the_end_of_a_stable_sort(data: st.DataObjec
         key=lambda cell: probability[cell[1], cell[0]],
     )
     assert most_probable(probability, count) == ordered[-count:]
+    assert datum_of(probability) == ordered[-1]
 
 
 def test_an_unknown_probability_is_the_worst() -> None:
     probability = np.array([[np.nan, 0.1], [0.3, np.nan]], np.float32)
     assert most_probable(probability, 2) == [(1, 0), (0, 1)]
     assert most_probable(probability, 4)[2:] == [(1, 0), (0, 1)]
+    assert datum_of(probability) == (0, 1)
