@@ -142,9 +142,7 @@ class _Search:
                     self._shared(pool)
                     continue
                 side = self.forecast.side
-                masses = self.beliefs.masses
-                mine = masses.layers / masses.totals[:, :, None]
-                mine = mine.reshape(self.batch, -1, side, side)
+                mine = self._layers().reshape(self.batch, -1, side, side)
                 taken["two_cores"] += _seconds(partial(self._shared, pool))
                 searched, tables = self._searched(step), self._tables(step)
                 taken["numpy"] += _seconds(partial(numpy_step, mine, searched, POD, tables))
@@ -182,21 +180,30 @@ class _Search:
         """Return the probabilities (9, S, S) of the steps from each cell."""
         forecast, side = self.forecast, self.forecast.side
         # Each row is a person in one cell, and its distribution after the step.
-        after, cells = np.eye(side * side), np.eye(side * side)
-        spans, totals = np.full((side * side, 2), (side, side * side - side)), np.ones(side * side)
-        mass = belief_kernels.Mass(after, spans, cells, totals)
-        scratch = np.empty(2 * side * side + belief_kernels.ROW)
+        before, count = np.eye(side * side), side * side
+        boxes = np.tile([0, side, 0, side, 0, 0, side], (count, 1))
+        mass = belief_kernels.Mass(before, boxes, np.eye(count), np.ones(count))
+        scratch = layer_kernels.new_scratch(count)
         of_slot = forecast.steps.at(slot)._replace(directions=np.array([direction]))
         layer_kernels.predict(forecast.constants, forecast.sea, mass, of_slot, scratch)
+        after = np.empty_like(before)
+        belief_kernels.unpack(mass, side, after)
         table = np.zeros((STEPS, side * side))
         for step in range(STEPS):
             offset = (step // 3 - 1) * side + step % 3 - 1
             table[step, max(-offset, 0) : side * side - max(offset, 0)] = after.diagonal(offset)
         return table.reshape(-1, side, side)
 
-    def _compare(self, belief: NDArray[np.float64]) -> None:
+    def _layers(self) -> NDArray[np.float64]:
+        """Return the beliefs' layers cell by cell, (B, K, S S) float64; each belief sums to 1."""
         masses = self.beliefs.masses
-        for mine, layers, total in zip(belief, masses.layers, masses.totals, strict=True):
-            ours = (layers / total).reshape(mine.shape)
-            if not np.allclose(mine, ours, rtol=1e-9, atol=TOLERANCE):
+        layers = np.empty_like(masses.layers)
+        for b, out in enumerate(layers):
+            mass = belief_kernels.Mass(*(array[b] for array in masses))
+            belief_kernels.unpack(mass, self.forecast.side, out)
+        return layers / masses.totals[:, :, None]
+
+    def _compare(self, belief: NDArray[np.float64]) -> None:
+        for mine, ours in zip(belief, self._layers(), strict=True):
+            if not np.allclose(mine, ours.reshape(mine.shape), rtol=1e-9, atol=TOLERANCE):
                 raise BenchmarkError("NumPy's belief is another one")

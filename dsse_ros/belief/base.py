@@ -126,7 +126,11 @@ class BeliefBase:
         return weights
 
     def _scaled(self, present: NDArray[np.float64]) -> NDArray[np.float64]:
-        return self.mass.layers * np.repeat(self._weights(present), self._drifts)[:, None]
+        return self._layers() * np.repeat(self._weights(present), self._drifts)[:, None]
+
+    @abstractmethod
+    def _layers(self) -> NDArray[np.float64]:
+        """Return the layers place by place, a copy or the memory itself."""
 
     @property
     def density(self) -> NDArray[np.float64]:

@@ -20,7 +20,17 @@ from numpy.typing import NDArray
 
 from dsse_ros.belief import belief_kernels, follow_kernels, future_kernels, layer_kernels
 from dsse_ros.belief.base import BeliefBase, ForecastBase
-from dsse_ros.belief.belief_kernels import MARGIN, Mass, Steps
+from dsse_ros.belief.belief_kernels import (
+    BOX,
+    FIRST_COLUMN,
+    FIRST_ROW,
+    LEFT,
+    MARGIN,
+    PITCH,
+    TOP,
+    Mass,
+    Steps,
+)
 from dsse_ros.belief.look_kernels import LooksDone
 from dsse_ros.belief.protocol import Expected, Futures, LooksToCome, Outlook, TargetChain
 from dsse_ros.scenario.actions import Cell
@@ -29,7 +39,7 @@ from dsse_ros.scenario.rules import Rules
 from dsse_ros.scenario.scenario import Scenario
 from dsse_ros.step import kernels
 from dsse_ros.targets import sea_map
-from dsse_ros.targets.motion import CHANCES, PERSONS
+from dsse_ros.targets.motion import CHANCES, PERSONS, STEPS
 from dsse_ros.targets.person_kernels import motion_data
 from dsse_ros.targets.registry import MOTIONS
 
@@ -104,7 +114,7 @@ class Forecast(ForecastBase):
             if stays:
                 tables[slot] = tables[before]
             else:
-                tables[slot, 0] = -1.0
+                tables[slot, [0, STEPS]] = -1.0
             self._ready += 1
         return step % slots
 
@@ -156,7 +166,7 @@ class Belief(BeliefBase):
     def __init__(self, forecast: Forecast) -> None:
         self.forecast = forecast
         cells = forecast.side**2
-        self._scratch = np.zeros(2 * cells + belief_kernels.ROW)
+        self._scratch = layer_kernels.new_scratch(cells)
         scenario = forecast.scenario
         scattered = np.zeros(scenario.person_amount, np.bool_)
         scattered[1:] = forecast.rules.person_scatter > 0
@@ -166,18 +176,30 @@ class Belief(BeliefBase):
     def _new_mass(self, classes: int) -> Mass:
         drifts, cells = self.forecast.steps.directions.shape[1], self.forecast.side**2
         return Mass(
-            np.empty((classes * drifts, cells)), np.empty((classes * drifts, 2), np.int64),
+            np.zeros((classes * drifts, cells)), np.empty((classes * drifts, BOX), np.int64),
             np.empty((classes, cells)), np.empty(classes),
         )  # fmt: skip
 
     def _sum_up(self) -> None:
-        layers, spans, cells, totals = self.mass
+        layers, boxes, cells, totals = self.mass
         side = self.forecast.side
         cells[:] = layers.reshape(len(cells), self._drifts, -1).sum(axis=1)
         totals[:] = cells.sum(axis=1)
-        rows = layers.reshape(-1, side, side).max(axis=2) > 0.0
-        spans[:, 0] = rows.argmax(axis=1) * side
-        spans[:, 1] = (side - rows[:, ::-1].argmax(axis=1)) * side
+        inhabited = layers.reshape(-1, side, side) > 0.0
+        for axis, first in ((1, LEFT), (2, TOP)):
+            lines = np.asarray(inhabited.any(axis=axis))
+            boxes[:, first] = lines.argmax(axis=1)
+            boxes[:, first + 1] = side - lines[:, ::-1].argmax(axis=1)
+        boxes[:, FIRST_COLUMN] = boxes[:, FIRST_ROW] = 0
+        boxes[:, PITCH] = side
+
+    def _layers(self) -> NDArray[np.float64]:
+        return self._unpacked(self.mass)
+
+    def _unpacked(self, mass: Mass) -> NDArray[np.float64]:
+        layers = np.empty_like(mass.layers)
+        belief_kernels.unpack(mass, self.forecast.side, layers)
+        return layers
 
     def reset(self) -> None:
         """Start a new mission with the prior of the rules at its first observation."""
@@ -271,8 +293,9 @@ class Belief(BeliefBase):
 
     def _mass_of_missing(self) -> Mass:
         """Return a copy of the mass for the persons who are missing; it sums to 1."""
-        weights, (_, spans, cells, totals) = self._weights(self.missing), self.mass
-        return Mass(self.of_missing(), spans.copy(), cells * weights[:, None], totals * weights)
+        weights, (layers, boxes, cells, totals) = self._weights(self.missing), self.mass
+        layers = layers * np.repeat(weights, self._drifts)[:, None]
+        return Mass(layers, boxes.copy(), cells * weights[:, None], totals * weights)
 
     def chain(self, horizon: int) -> TargetChain:
         """Return the missing persons' motion as a Markov chain, without negligible cells.
@@ -281,8 +304,8 @@ class Belief(BeliefBase):
             horizon: H, at most that of the forecast.
         """
         forecast, left = self.forecast, self._mass_of_missing()
-        density = left.layers
-        density[density <= belief_kernels.NEGLIGIBLE] = 0.0
+        left.layers[left.layers <= belief_kernels.NEGLIGIBLE] = 0.0
+        density = self._unpacked(left)
         starts = np.zeros((horizon + 1, density.shape[1] + 1), np.int64)
         prior = density.T[density.T > 0.0]
         numbers, rows = future_kernels.number_states(density, starts[0])
@@ -290,7 +313,8 @@ class Belief(BeliefBase):
         for h, slot in enumerate(self._slots(horizon)):
             step = forecast.steps.at(slot)
             layer_kernels.predict(forecast.constants, forecast.sea, left, step, self._scratch)
-            density[density <= belief_kernels.NEGLIGIBLE] = 0.0
+            left.layers[left.layers <= belief_kernels.NEGLIGIBLE] = 0.0
+            density = self._unpacked(left)
             before, starts[h + 1, 0] = rows, starts[h, -1]
             numbers, rows = future_kernels.number_states(density, starts[h + 1])
             steps = future_kernels.chain_layer(
@@ -325,6 +349,6 @@ class Belief(BeliefBase):
         out = np.empty((g, g))
         follow_kernels.write_cells(
             self.forecast.constants, self.mass, self.class_of, self.missing,
-            np.empty(len(self.examples)), out,
+            np.empty(len(self.examples) + g), out,
         )  # fmt: skip
         return out

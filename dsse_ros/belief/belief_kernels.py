@@ -8,7 +8,7 @@ walked off the grid (`person_walks_blind`) are in its margin. Steps to neighbour
 `targets.motion`.
 
 Only what changes is touched: a search takes from one column, a step moves the layers of the drifts
-that have accumulated a cell, within their spans, and the sums follow. A belief is scaled where it
+that have accumulated a cell, within their boxes, and the sums follow. A belief is scaled where it
 is read, see `search_outcomes.weigh_classes`.
 
 The sea is that of `sea_map`; the motions in `targets` set the probabilities of a person's steps.
@@ -23,7 +23,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from dsse_ros.compiled.jit import expanded, kernel, part
+from dsse_ros.compiled.jit import expanded, inlined, kernel, part
 from dsse_ros.targets.motion import CHANCES, NO_STEP, SCRATCH, STAND_STILL, STEPS
 from dsse_ros.targets.person_kernels import DRIFT_RANGES, gathered_step, own_drift, step_chances
 from dsse_ros.targets.sea_map import cell_probability, is_inside, map_step, start_map, step_within
@@ -48,32 +48,40 @@ FADED = 1 / 128
 decrease with it."""
 
 
+LEFT, RIGHT, TOP, BOTTOM, FIRST_COLUMN, FIRST_ROW, PITCH = range(7)
+"""Numbers of a layer's box: the first column of cells and the last one plus one, and the same of
+the rows, outside of which the layer is empty; then its place in memory: the column and row of the
+first cell there, and the cells from one row to the next."""
+BOX = 7
+
+
 class Mass(NamedTuple):
     """The probability of where the persons are, up to a factor for each detection class.
 
     Attributes:
         layers: (C K, S S) float64, row m K + k is for the persons of detection class m and drift k;
-            of an ensemble, (C, M), the weights of its particles, see `particle_kernels`.
-        spans: (C K, 2) int64, the first column of whole rows of cells outside of which a layer is
-            empty, and the last one plus one; of an ensemble, (0, 2).
+            see `unpack`. Of an ensemble, (C, M), the weights of its particles, see
+            `particle_kernels`.
+        boxes: (C K, `BOX`) int64, the box of each layer: its row of `layers` begins with that part
+            of the cells; of an ensemble, (0, `BOX`).
         cells: (C, S S) float64, the sums of the layers of each class; of an ensemble, (0, 0).
         totals: (C,) float64, the sum of each class.
     """
 
     layers: NDArray[np.float64]
-    spans: NDArray[np.int64]
+    boxes: NDArray[np.int64]
     cells: NDArray[np.float64]
     totals: NDArray[np.float64]
 
     def copy(self) -> Mass:
         """Return an independent copy."""
-        return Mass(self.layers.copy(), self.spans.copy(), self.cells.copy(), self.totals.copy())
+        return Mass(self.layers.copy(), self.boxes.copy(), self.cells.copy(), self.totals.copy())
 
 
 @expanded
 def mass_of(masses, b):
     """Return the mass of world b; those of B worlds have a first axis more."""
-    return Mass(masses.layers[b], masses.spans[b], masses.cells[b], masses.totals[b])
+    return Mass(masses.layers[b], masses.boxes[b], masses.cells[b], masses.totals[b])
 
 
 class Steps(NamedTuple):
@@ -82,7 +90,7 @@ class Steps(NamedTuple):
     Attributes:
         chances: (R, S S) float64, the probability of every cell that persons look at.
         tables: (R, `CHANCES`, S S) float64, the probabilities of the steps from each cell, see
-            `complete`; the first row is negative in columns not known yet.
+            `complete`; the first and the last row are negative in columns not known yet.
         directions: (R, K) int64, the direction of each drift, see `PersonMotion`, or `STAND_STILL`.
         apart: (R, K) bool, the drifts whose persons are still where they were scattered to, each in
             a separate cell.
@@ -248,6 +256,30 @@ def look_up(constants, sea, step, i, direction, row):
         row[step_of_drift(constants, sea.area, x, y, direction)] += table[STEPS, i]
 
 
+@inlined
+def is_in_box(box, col, row):
+    """Return whether a layer's box has a cell."""
+    return box[LEFT] <= col < box[RIGHT] and box[TOP] <= row < box[BOTTOM]
+
+
+@inlined
+def stored_at(box, col, row):
+    """Return where in a layer a cell of its box is."""
+    return (row - box[FIRST_ROW]) * box[PITCH] + col - box[FIRST_COLUMN]
+
+
+@kernel
+def unpack(mass, side, out):
+    """Write the layers cell by cell, (C K, S S) float64."""
+    out[:] = 0.0
+    for k in range(len(out)):
+        box = mass.boxes[k]
+        for y in range(box[TOP], box[BOTTOM]):
+            at, i = stored_at(box, box[LEFT], y), y * side + box[LEFT]
+            for x in range(box[RIGHT] - box[LEFT]):
+                out[k, i + x] = mass.layers[k, at + x]
+
+
 @part
 def search(constants, mass, pods, x, y):
     """Update a belief with a failed search of a cell, but for its totals; return what it removed.
@@ -266,10 +298,14 @@ def search(constants, mass, pods, x, y):
     for m in range(len(pods)):
         left = 0.0
         for k in range(m * drifts, (m + 1) * drifts):
-            part_taken = layers[k, i] * pods[m]
-            layers[k, i] -= part_taken
+            box = mass.boxes[k]
+            if not is_in_box(box, x + MARGIN, y + MARGIN):
+                continue
+            at = stored_at(box, x + MARGIN, y + MARGIN)
+            part_taken = layers[k, at] * pods[m]
+            layers[k, at] -= part_taken
             taken += part_taken
-            left += layers[k, i]
+            left += layers[k, at]
         mass.cells[m, i] = left
     return taken
 
@@ -293,18 +329,29 @@ def total_of(shares):
     return ((a + b) + (c + d)) + ((e + f) + (g + h))
 
 
-@kernel
-def scale_class(mass, m, factor):
+@part
+def scale_class(mass, side, m, factor):
     """Scale the layers of class m, and sum them again."""
     cells = mass.cells[m]
     drifts = len(mass.layers) // len(mass.totals)
     cells[:] = 0.0
     for k in range(m * drifts, (m + 1) * drifts):
-        layer = mass.layers[k]
-        for i in range(len(cells)):
-            layer[i] *= factor
-            cells[i] += layer[i]
+        layer, box = mass.layers[k], mass.boxes[k]
+        for y in range(box[TOP], box[BOTTOM]):
+            at, i = stored_at(box, box[LEFT], y), y * side + box[LEFT]
+            for x in range(box[RIGHT] - box[LEFT]):
+                layer[at + x] *= factor
+                cells[i + x] += layer[at + x]
     mass.totals[m] = total_of(cells)
+
+
+@part
+def put_box(box, side, first, end):
+    """Write the box of a square of cells in a layer that has all cells of the grid in memory."""
+    box[LEFT] = box[TOP] = first
+    box[RIGHT] = box[BOTTOM] = end
+    box[FIRST_COLUMN] = box[FIRST_ROW] = 0
+    box[PITCH] = side
 
 
 @part
@@ -320,13 +367,13 @@ def close_classes(constants, mass, chances):
         mass.totals[m] = total
         if total < left:
             for k in range(m * drifts, (m + 1) * drifts):
-                mass.spans[k, 0], mass.spans[k, 1] = MARGIN * side, (side - MARGIN) * side
+                put_box(mass.boxes[k], side, MARGIN, side - MARGIN)
                 for i in range(len(chances)):
                     mass.layers[k, i] = chances[i]
             total = drifts * total_of(chances)
-            scale_class(mass, m, 1.0 / total if total > 0.0 else 0.0)
+            scale_class(mass, side, m, 1.0 / total if total > 0.0 else 0.0)
         elif total > 0.0 and not FADED < total < 1.0 / FADED:
-            scale_class(mass, m, 1.0 / total)
+            scale_class(mass, side, m, 1.0 / total)
 
 
 @part

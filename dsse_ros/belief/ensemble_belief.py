@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from dsse_ros.belief import particle_kernels, passing_kernels
 from dsse_ros.belief.base import BeliefBase, ForecastBase
-from dsse_ros.belief.belief_kernels import MARGIN, NEGLIGIBLE, Mass
+from dsse_ros.belief.belief_kernels import BOX, MARGIN, NEGLIGIBLE, Mass
 from dsse_ros.belief.future_kernels import index
 from dsse_ros.belief.look_kernels import LooksDone
 from dsse_ros.belief.particle_kernels import BinnedParticles
@@ -175,7 +175,10 @@ class EnsembleBelief(BeliefBase):
 
     def _new_mass(self, classes: int) -> Mass:
         weights = np.empty((classes, len(self.forecast.weights)))
-        return Mass(weights, np.empty((0, 2), np.int64), np.empty((0, 0)), np.empty(classes))
+        return Mass(weights, np.empty((0, BOX), np.int64), np.empty((0, 0)), np.empty(classes))
+
+    def _layers(self) -> NDArray[np.float64]:
+        return self.mass.layers
 
     def _sum_up(self) -> None:
         self.mass.totals[:] = self.mass.layers.sum(axis=1)

@@ -14,6 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dsse_ros.belief.belief_kernels import (
+    BOTTOM,
+    FIRST_ROW,
+    PITCH,
+    TOP,
     Mass,
     Steps,
     close_classes,
@@ -158,8 +162,14 @@ def copy_rows(to, rows):
 def restart(beliefs, start, b):
     """Set the belief of world b, and what is known of its persons, to the start of a mission."""
     mass = mass_of(beliefs.masses, b)
-    copy_rows(mass.layers, start.layers)
-    copy_rows(mass.spans, start.spans)
+    if len(start.boxes) == 0:
+        copy_rows(mass.layers, start.layers)
+    for k in range(len(start.boxes)):
+        box = start.boxes[k]
+        first = (box[TOP] - box[FIRST_ROW]) * box[PITCH]
+        for i in range(first, first + (box[BOTTOM] - box[TOP]) * box[PITCH]):
+            mass.layers[k, i] = start.layers[k, i]
+    copy_rows(mass.boxes, start.boxes)
     copy_rows(mass.cells, start.cells)
     for m in range(len(start.totals)):
         mass.totals[m] = start.totals[m]
@@ -196,8 +206,23 @@ def follow_worlds(followed, tables, beliefs, scratch, first, last):
         predict(constants, tables.sea, mass, step, scratch.motion)
 
 
+@inlined
+def add_weighted(sums, weight, cells):
+    """Add cells to sums, both (G,), with a weight."""
+    for x in range(len(sums)):
+        sums[x] += weight * cells[x]
+
+
+@inlined
+def write_shares(sums, out):
+    """Write sums of shares, both (G,)."""
+    for x in range(len(sums)):
+        # Rounding may put a sum of shares below 0 or above 1.
+        out[x] = min(max(sums[x], 0.0), 1.0)
+
+
 @kernel
-def write_cells(constants, mass, class_of, missing, weights, out):
+def write_cells(constants, mass, class_of, missing, scratch, out):
     """Write the probability of every cell, out (G, G) as [y, x].
 
     Args:
@@ -205,26 +230,25 @@ def write_cells(constants, mass, class_of, missing, weights, out):
         mass: The belief.
         class_of: (n,) int64, see `search_outcomes`.
         missing: (n,) float64, see `search_outcomes`.
-        weights: (C,) float64 scratch.
+        scratch: (C + G,) float64.
         out: The probabilities of the missing persons.
     """
+    weights, sums = scratch[: len(mass.totals)], scratch[len(mass.totals) :]
     weigh_classes(class_of, missing, mass.totals, weights)
     for y in range(constants[0].grid_size):
         first = index_of(constants[0], 0, y)
-        for x in range(constants[0].grid_size):
-            here = 0.0
-            for m in range(len(weights)):
-                here += weights[m] * mass.cells[m, first + x]
-            # Rounding may put a sum of shares below 0 or above 1.
-            out[y, x] = min(max(here, 0.0), 1.0)
+        sums[:] = 0.0
+        for m in range(len(weights)):
+            add_weighted(sums, weights[m], mass.cells[m, first : first + len(sums)])
+        write_shares(sums, out[y])
 
 
 @kernel
-def write_beliefs(constants, beliefs, class_of, weights, maps, first, last):
+def write_beliefs(constants, beliefs, class_of, scratch, maps, first, last):
     """Write the probability of every cell of the worlds first..last - 1, (B, G, G) as [y, x].
 
-    `weights` (C,) are float64 scratch.
+    `scratch` is that of `write_cells`.
     """
     for b in range(first, last):
         mass = mass_of(beliefs.masses, b)
-        write_cells(constants, mass, class_of, beliefs.missing[b], weights, maps[b])
+        write_cells(constants, mass, class_of, beliefs.missing[b], scratch, maps[b])

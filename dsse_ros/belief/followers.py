@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dsse_ros.belief import (
-    belief_kernels,
     follow_kernels,
+    layer_kernels,
     particle_kernels,
     passing_kernels,
 )
@@ -85,13 +85,13 @@ def follower_of(scenario: ResolvedScenario, rules: Rules, num_worlds: int) -> Fo
     return MotionFollower(scenario, rules, num_worlds)
 
 
-def _scratch(follower: Follower, followed: Followed, motion: int) -> FollowScratch:
-    """Return memory for a thread; `motion` is the length of `FollowScratch.motion`."""
+def _scratch(follower: Follower, followed: Followed, motion: NDArray[np.float64]) -> FollowScratch:
+    """Return memory for a thread; `motion` is that of `FollowScratch`."""
     crew = followed.batch.crew
     most = crew.drones.shape[1] * int(np.diff(crew.looks, axis=1).max(initial=0))
     return FollowScratch(
         np.empty((OF_CLASS, len(follower.examples))), np.empty(len(follower.class_of)),
-        np.empty((most, 2), np.int64), np.empty(most, np.int64), np.empty(motion),
+        np.empty((most, 2), np.int64), np.empty(most, np.int64), motion,
     )  # fmt: skip
 
 
@@ -163,7 +163,7 @@ class MotionFollower:
         tables = Tables(
             self.start, pods, self.class_of, forecast.sea, forecast.steps, forecast.first_step
         )
-        scratch = _scratch(self, followed, 2 * self.start.layers.shape[1] + belief_kernels.ROW)
+        scratch = _scratch(self, followed, layer_kernels.new_scratch(self.start.layers.shape[1]))
         self._follow(followed, tables, beliefs, scratch, first, last)
         self._forecasts.append(forecast)
 
@@ -171,10 +171,8 @@ class MotionFollower:
         self, followed: Followed, beliefs: Beliefs, maps: NDArray[np.float32], first: int, last: int
     ) -> None:
         """See `Follower`."""
-        self._write(
-            followed.batch.constants, beliefs, self.class_of, np.empty(len(self.examples)), maps,
-            first, last,
-        )  # fmt: skip
+        scratch = np.empty(len(self.examples) + maps.shape[-1])
+        self._write(followed.batch.constants, beliefs, self.class_of, scratch, maps, first, last)
 
 
 class EnsembleFollower:
@@ -218,7 +216,7 @@ class EnsembleFollower:
         self, followed: Followed, pods: NDArray[np.float64], beliefs: Beliefs, first: int, last: int
     ) -> None:
         """See `Follower`."""
-        scratch = _scratch(self, followed, 0)
+        scratch = _scratch(self, followed, np.empty(0))
         self._follow(followed, self._tables(pods), beliefs, scratch, first, last)
 
     def write(
@@ -250,4 +248,5 @@ class FlightFollower(EnsembleFollower):
         places = self._forecast.places(self.examples)
         tables = PassingTables(self.start, places, self.class_of, self._forecast.first_step)
         seen = seen_of(places, followed.live.shape[1])
-        self._follow(followed, tables, beliefs, _scratch(self, followed, 0), seen, first, last)
+        scratch = _scratch(self, followed, np.empty(0))
+        self._follow(followed, tables, beliefs, scratch, seen, first, last)

@@ -9,7 +9,20 @@ import math
 
 import numpy as np
 
-from dsse_ros.belief.belief_kernels import MARGIN, ROW, Mass, look_up, offset_of, search, step_at
+from dsse_ros.belief.belief_kernels import (
+    BOTTOM,
+    LEFT,
+    MARGIN,
+    RIGHT,
+    ROW,
+    TOP,
+    Mass,
+    look_up,
+    offset_of,
+    search,
+    step_at,
+    stored_at,
+)
 from dsse_ros.belief.layer_kernels import predict
 from dsse_ros.belief.protocol import Expected
 from dsse_ros.compiled.jit import compiled, part
@@ -62,17 +75,20 @@ def sample(mass, weights, count, offset, rows, cells):
         cells: (M,) int64 out, the column.
     """
     drawn, total, last_row, last_cell = 0, 0.0, 0, 0
-    drifts = len(mass.layers) // len(weights)
+    drifts, side = len(mass.layers) // len(weights), int(math.sqrt(mass.layers.shape[1]))
     for k in range(len(mass.layers)):
-        for i in range(mass.spans[k, 0], mass.spans[k, 1]):
-            share = mass.layers[k, i] * weights[k // drifts]
-            if share <= 0.0:
-                continue
-            total += share
-            last_row, last_cell = k, i
-            while drawn < count and drawn + offset < total * count:
-                rows[drawn], cells[drawn] = k, i
-                drawn += 1
+        box = mass.boxes[k]
+        for y in range(box[TOP], box[BOTTOM]):
+            for x in range(box[LEFT], box[RIGHT]):
+                i = y * side + x
+                share = mass.layers[k, stored_at(box, x, y)] * weights[k // drifts]
+                if share <= 0.0:
+                    continue
+                total += share
+                last_row, last_cell = k, i
+                while drawn < count and drawn + offset < total * count:
+                    rows[drawn], cells[drawn] = k, i
+                    drawn += 1
     for s in range(drawn, count):
         rows[s], cells[s] = last_row, last_cell
 
@@ -135,7 +151,7 @@ def expect(constants, sea, mass, steps, slots, looks, gamma, scratch):
     side, plans = constants[0].grid_size + 2 * MARGIN, len(looks.first) - 1
     expected = Expected(np.zeros(plans), np.zeros((plans, side * side)))
     for v in range(plans):
-        left = Mass(mass.layers.copy(), mass.spans.copy(), mass.cells.copy(), mass.totals.copy())
+        left = Mass(mass.layers.copy(), mass.boxes.copy(), mass.cells.copy(), mass.totals.copy())
         worth, q = 1.0, looks.first[v]
         for h in range(len(slots)):
             while q < looks.first[v + 1] and looks.steps[q] == h:

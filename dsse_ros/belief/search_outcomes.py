@@ -31,7 +31,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from dsse_ros.belief.belief_kernels import index_of
+from dsse_ros.belief.belief_kernels import MARGIN, index_of, is_in_box, stored_at
 from dsse_ros.compiled.jit import kernel, part
 from dsse_ros.targets.sea_map import is_inside
 
@@ -250,15 +250,19 @@ def learn_outcome(constants, mass, apart, persons, looks, q):
     x, y, pods = looks.seen[q, 0], looks.seen[q, 1], looks.pods[looks.rows[q]]
     if not is_inside(constants.grid_size, x, y):
         return
-    numbers, layers = persons.numbers, mass.layers
-    i, drifts = index_of(constants, x, y), len(apart)
+    numbers, layers, drifts = persons.numbers, mass.layers, len(apart)
+    col, row = x + MARGIN, y + MARGIN
     for m in range(len(pods)):
         alone = mixed = 0.0
         for k in range(drifts):
+            box = mass.boxes[m * drifts + k]
+            if not is_in_box(box, col, row):
+                continue
+            here = layers[m * drifts + k, stored_at(box, col, row)]
             if apart[k]:
-                alone += layers[m * drifts + k, i]
+                alone += here
             else:
-                mixed += layers[m * drifts + k, i]
+                mixed += here
         scale = 1.0 / numbers[TOTAL, m] if numbers[TOTAL, m] > 0.0 else 0.0
         numbers[APART, m], numbers[MIXED, m] = alone * scale, mixed * scale
     if not conclude(constants, pods, persons, q >= looks.failed):
@@ -266,9 +270,12 @@ def learn_outcome(constants, mass, apart, persons, looks, q):
     for m in range(len(pods)):
         alone, mixed, left = numbers[LEFT_APART, m], numbers[LEFT_MIXED, m], 0.0
         for k in range(drifts):
-            layers[m * drifts + k, i] *= alone if apart[k] else mixed
-            left += layers[m * drifts + k, i]
-        mass.cells[m, i] = left
+            box = mass.boxes[m * drifts + k]
+            if is_in_box(box, col, row):
+                at = stored_at(box, col, row)
+                layers[m * drifts + k, at] *= alone if apart[k] else mixed
+                left += layers[m * drifts + k, at]
+        mass.cells[m, index_of(constants, x, y)] = left
 
 
 @part
