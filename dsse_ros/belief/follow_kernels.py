@@ -214,11 +214,11 @@ def add_weighted(sums, weight, cells):
 
 
 @inlined
-def write_shares(sums, out):
-    """Write sums of shares, both (G,)."""
+def write_sums(sums, weight, cells, out):
+    """Write what `add_weighted` would add up to."""
     for x in range(len(sums)):
         # Rounding may put a sum of shares below 0 or above 1.
-        out[x] = min(max(sums[x], 0.0), 1.0)
+        out[x] = min(max(sums[x] + weight * cells[x], 0.0), 1.0)
 
 
 @kernel
@@ -235,12 +235,15 @@ def write_cells(constants, mass, class_of, missing, scratch, out):
     """
     weights, sums = scratch[: len(mass.totals)], scratch[len(mass.totals) :]
     weigh_classes(class_of, missing, mass.totals, weights)
-    for y in range(constants[0].grid_size):
+    last = len(weights) - 1
+    sums[:] = 0.0
+    for y in range(len(sums)):
         first = index_of(constants[0], 0, y)
-        sums[:] = 0.0
-        for m in range(len(weights)):
+        if last > 0:
+            sums[:] = 0.0
+        for m in range(last):
             add_weighted(sums, weights[m], mass.cells[m, first : first + len(sums)])
-        write_shares(sums, out[y])
+        write_sums(sums, weights[last], mass.cells[last, first : first + len(sums)], out[y])
 
 
 @kernel
