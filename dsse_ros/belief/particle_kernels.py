@@ -252,12 +252,13 @@ def expect_particles(particles, weights, ends, left, looks, first, gamma, grid_s
     """
     plans = len(looks.first) - 1
     expected = Expected(np.zeros(plans), np.empty((plans, len(left))))
-    kept = weights.copy()
+    last = looks.steps.max() if len(looks.steps) else 0
+    kept, discounts = weights.copy(), gamma ** np.arange(last + 1)
     for v in range(plans):
         expected.left[v] = left
         of_plan = range(looks.first[v], looks.first[v + 1])
         for q in of_plan:
-            now, worth = particles_at(particles, first + looks.steps[q]), gamma ** looks.steps[q]
+            now, worth = particles_at(particles, first + looks.steps[q]), discounts[looks.steps[q]]
             for k in seen_by(now, grid_size, looks.columns[q]):
                 for m in range(len(kept)):
                     taken = kept[m, k] * looks.pods[q, m]

@@ -204,20 +204,24 @@ class BeamSearch:
         for n in self._order(belief, present):
             if planned and time.monotonic() > deadline_s:
                 break
-            paths = np.full((self._finalists, horizon + 1), forecast.column(present[n]))
+            paths = np.full((self._finalists + 1, horizon + 1), forecast.column(present[n]))
             blocked = self._blocked(n, plans, planned, horizon)
             if beyond:
                 blocked |= beyond[n]
             credits[n] = 0.0
             found, length = plan_drone(
                 self._kinds[kinds[n]], scenarios, options.gamma, options.kappa, options.width,
-                credits, blocked, paths,
+                credits, blocked, paths[:-1],
             )  # fmt: skip
-            candidates = [PlannedPath(path, length) for path in paths[:found]]
-            if plans[n].length and not blocked[np.arange(horizon), plans[n].path[1:]].any():
-                candidates.append(PlannedPath(plans[n].path, horizon))
-            counted = range(len(plans)) if warm else sorted(planned)
-            plans[n] = self._best(outlook, plans, fleet, n, candidates, counted)
+            lengths, best = np.full(found + 1, length), 0
+            if outlook is not None:
+                last, counted = plans[n], range(len(plans)) if warm else sorted(planned)
+                if last.length and not blocked[np.arange(horizon), last.path[1:]].any():
+                    paths[found], lengths[found] = last.path, horizon
+                    found += 1
+                candidates = paths[:found], lengths[:found]
+                best = self._best(outlook, plans, fleet, n, candidates, counted)
+            plans[n] = PlannedPath(paths[best], int(lengths[best]))
             planned.add(n)
             credit(n)
         first = self._first_cells(plans, planned)
@@ -226,33 +230,36 @@ class BeamSearch:
 
     def _best(
         self,
-        outlook: Outlook | None,
+        outlook: Outlook,
         plans: Sequence[PlannedPath],
         fleet: plan_kernels.PlannedFleet,
         drone: int,
-        candidates: Sequence[PlannedPath],
+        candidates: tuple[NDArray[np.int64], NDArray[np.int64]],
         counted: Sequence[int],
-    ) -> PlannedPath:
-        """Return the candidate that the outlook rates best, given the counted plans.
+    ) -> int:
+        """Return the number of the candidate that the outlook rates best, given the counted plans.
 
-        Without an outlook it is the first one.
+        Args:
+            outlook: Of the belief.
+            plans: Of all drones.
+            fleet: The drones.
+            drone: The drone that plans.
+            candidates: (V, H + 1) paths and (V,) lengths.
+            counted: Numbers of the other drones whose plans count.
         """
-        if outlook is None:
-            return candidates[0]
-        moves = self._kinds[fleet.kinds[drone]]
+        moves, (own_paths, own_lengths) = self._kinds[fleet.kinds[drone]], candidates
+        paths = np.repeat(np.stack([plan.path for plan in plans])[None], len(own_paths), axis=0)
         counts = [plan.length if n in counted else 0 for n, plan in enumerate(plans)]
-        lengths = np.tile(np.array(counts), (len(candidates), 1))
-        paths = np.tile(np.stack([plan.path for plan in plans]), (len(candidates), 1, 1))
-        paths[:, drone] = [candidate.path for candidate in candidates]
-        lengths[:, drone] = [candidate.length for candidate in candidates]
+        lengths = np.repeat(np.array(counts)[None], len(own_paths), axis=0)
+        paths[:, drone], lengths[:, drone] = own_paths, own_lengths
         first = np.empty(len(paths) + 1, np.int64)
         looks = np.empty((3, paths.size * self._most_looks), np.int64)
         plan_kernels.looks_of_plans(fleet, paths, lengths, first, looks)
         steps, columns, rows = looks[:, : first[-1]]
         expected = outlook(LooksToCome(first, steps, columns, moves.pods[rows]))
         worth = np.empty(len(paths))
-        plan_kernels.worth_of_left(expected.left, moves.nearness, paths[:, drone, -1], worth)
-        return candidates[int(np.argmax(expected.finds + self._options.kappa * worth))]
+        plan_kernels.worth_of_left(expected.left, moves.nearness, own_paths[:, -1], worth)
+        return int(np.argmax(expected.finds + self._options.kappa * worth))
 
     def _scenarios(self, belief: TargetBelief, horizon: int) -> plan_kernels.Scenarios:
         """Return futures of the persons, sorted by cell."""
@@ -302,7 +309,7 @@ class BeamSearch:
         They are the cells outside the area and, if drones collide, those of other drones.
         A drone that has not planned may stay where it is, so staying is always safe.
         """
-        blocked = np.tile(self._masked, (horizon, 1))
+        blocked = np.repeat(self._masked[None], horizon, axis=0)
         if self._forecast.rules.collisions:
             for n, plan in enumerate(plans):
                 if n == drone:

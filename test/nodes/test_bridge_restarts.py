@@ -87,7 +87,7 @@ def test_a_simulation_started_again_moves_nobody_without_a_person(rig: Rig, *, o
             bridge.until(0, flying="true", cell="0 4")
             assert rig.call(Trigger, "mavlink_bridge/return").success
             bridge.until(0, flying="false", armed="false")
-        rig.until(lambda: bridge.process.output.count(" is followed") == 2, "the other search")
+        rig.until(lambda: bridge.process.output.count("mission 1 of run") == 2, "the other search")
         stays(rig, bridge)
         assert take_off_orders(bridge) == before
         assert rig.call(SetBool, "mavlink_bridge/arm", data=True).success
