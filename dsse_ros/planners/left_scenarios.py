@@ -13,18 +13,14 @@ from numpy.typing import NDArray
 from dsse_ros.compiled.jit import compiled, inlined
 from dsse_ros.planners.plan_kernels import UNIT, seen_from
 
-NEVER = 2 * UNIT
-"""More than any find is worth."""
-
 
 class Left(NamedTuple):
     """The scenarios that the plans of the other drones leave, by their places: cells at the end.
 
     Attributes:
         free: (M / 64,) uint64, a bit for each scenario that they do not find.
-        base: (M,) int64 in `UNIT`, what a find must be worth to count: the credit of their
-            plans; `NEVER` for a free one.
-        places: (M,) int64, place of each free scenario; E of the others.
+        base: (M,) int64 in `UNIT`, credit of the others' plans for each scenario.
+        places: (M,) int64, place of each scenario; E if no free one ends there.
         counts: (E + 1,) int64, number of free scenarios in each place.
         positions: (E + 1,) int64, positions of the places, see `Moves`.
         worths: (S S,) int64 in `UNIT`, their worth seen from a cell; -1 until it is computed.
@@ -56,19 +52,18 @@ def left_by_others(moves, scenarios, others):
     for s in range(len(credit)):
         counts[scenarios.ends[s]] += credit[s] == 0.0
     cells = np.flatnonzero(counts)
-    last, numbers = len(cells), np.empty(len(counts), np.int64)
+    last = len(cells)
+    numbers = np.full(len(counts), last)
     for place in range(last):
         numbers[cells[place]] = place
     free = np.zeros((len(credit) + 63) >> 6, np.uint64)
-    base, places = np.empty(len(credit), np.int64), np.empty(len(credit), np.int64)
+    base = np.empty(len(credit), np.int64)
     for s in range(len(credit)):
-        is_free = credit[s] == 0.0
-        free[s >> 6] |= np.uint64(is_free) << np.uint64(s & 63)
-        base[s] = NEVER if is_free else int(credit[s] * UNIT)
-        places[s] = numbers[scenarios.ends[s]] if is_free else last
+        free[s >> 6] |= np.uint64(credit[s] == 0.0) << np.uint64(s & 63)
+        base[s] = int(credit[s] * UNIT)
     left, positions = np.zeros(last + 1, np.int64), np.zeros(last + 1, np.int64)
     left[:last], positions[:last] = counts[cells], moves.positions[cells]
-    return Left(free, base, places, left, positions, np.full(len(counts), -1))
+    return Left(free, base, numbers[scenarios.ends], left, positions, np.full(len(counts), -1))
 
 
 @inlined
