@@ -16,8 +16,10 @@ SOURCED := $(if $(ROS_DISTRO),$(shell $(PYTHON) -c 'import rclpy' 2>/dev/null &&
 VENV := .venv
 BIN := $(VENV)/bin
 BASE := $(VENV)/.made-of-$(if $(SOURCED),sourced-$(SOURCED),wheels-$(DISTRO))-$(subst /,_,$(PYTHON))
-SOURCES := $(shell find dsse_ros msg_adapters config launch resource rviz scripts viewers \
-	-name __pycache__ -prune -o -type f -print) package.xml
+# So does that of the sources: git, copies and editors put files in place that are older than an
+# installation, remove some, or write one while it is under way.
+SOURCES := $(VENV)/.sources-$(firstword $(shell find dsse_ros msg_adapters config launch resource rviz scripts viewers \
+	package.xml pyproject.toml setup.py -name __pycache__ -prune -o -type f -exec sha256sum {} + | LC_ALL=C sort | sha256sum))
 # Errors only; Python compiles what it imports, a small part of what is installed.
 PIP_INSTALL := $(BIN)/python -m pip --disable-pip-version-check -qq install --no-compile
 
@@ -33,27 +35,31 @@ COMMA := ,
 OF_TESTS := viz,area,geotiff,gis,movie,onnx,test,sitl,routes,record,dashboard,browser,docs,viewer,campaign,drift,grib,zarr,land,ray,compat,tak
 
 # What calls the libraries that have lower bounds.
-TESTS_OF_OLDEST := $(addprefix test/scenario/test_,actions.py geodesy.py scenario.py) test/view/test_rendering.py \
-	$(addprefix test/search/test_,conformance.py oracles.py snapshot.py vector_env.py withdraw.py world.py) \
+TESTS_OF_OLDEST := $(addprefix test/world/scenario/test_,actions.py geodesy.py scenario.py) test/picture/test_rendering.py \
+	$(addprefix test/search/environments/test_,conformance.py oracles.py snapshot.py vector_env.py withdraw.py world.py) \
 	test/planners/test_planners.py \
 	$(addprefix test/msg_adapters/test_,occupancy.py poses.py) \
-	$(addprefix test/mavlink/test_,codec.py messages.py) test/flight/test_upload.py test/flight/test_item_messages.py \
-	test/mission/test_mission.py
+	$(addprefix test/vehicles/mavlink/test_,codec.py messages.py) test/vehicles/control/test_upload.py test/vehicles/control/test_item_messages.py \
+	test/mission/run/test_mission.py
 
 # What needs PyTorch: RLlib, TorchRL, Stable-Baselines3.
 TESTS_OF_LEARNING := test/training test/compat/test_libraries.py
 
 # Folders of tests without DDS; those marked slow are left out of them.
-TESTS_OF_CHECK := $(addprefix test/,autopilots belief bridge campaign compat compiled conformance dashboard drift flight live mavlink mission \
-	mission_items msg_adapters packaging planners recording report runtime scenario search sensors step tak targets training view)
+TESTS_OF_CHECK := $(addprefix test/,base compat conformance mission msg_adapters packaging picture planners results ros/runtime screens search \
+	training vehicles world)
 
 # Commands and their refusals come over DDS.
-TESTS_OF_COVERAGE := $(addprefix test/,belief bridge cli compat compiled conformance drift flight mavlink mission mission_items msg_adapters \
-	planners recording runtime scenario search sensors step targets view \
-	$(addprefix nodes/test_,bad_input.py lost_drones.py step_modes.py))
+TESTS_OF_COVERAGE := $(addprefix test/,base cli compat conformance mission/run mission/files mission/vehicles mission/recording msg_adapters \
+	picture planners ros/runtime search vehicles/control vehicles/fleet vehicles/mavlink vehicles/mission_items world \
+	$(addprefix ros/nodes/test_,bad_input.py lost_drones.py step_modes.py))
 
 MISSION = $(if $(SCENARIO),--scenario '$(SCENARIO)') $(if $(RULES),--rules '$(RULES)') $(if $(PLANNER),--planner '$(PLANNER)') $(if $(MODEL),--model '$(MODEL)') \
 	$(if $(NUM_DRONES),--num-drones '$(NUM_DRONES)') $(if $(SEED),--seed '$(SEED)') $(if $(OUT),--out '$(OUT)')
+# Movies as MP4 and two of the planners need more than the others.
+OF_SIM := viz,area,record$(if $(VIEW),$(COMMA)dashboard)$(if $(filter %.mp4 %.MP4,$(MOVIE)),$(COMMA)movie)$(if \
+	$(filter onnx,$(PLANNER)),$(COMMA)onnx)$(if $(filter route,$(PLANNER)),$(COMMA)routes)
+SIM := $(VENV)/.sim-$(subst $(COMMA),-,$(OF_SIM))
 RATE_OF = $(if $(RATE),--rate '$(RATE)')
 MOVIE_OF = $(if $(MOVIE),--movie '$(MOVIE)')
 
@@ -92,11 +98,11 @@ help: ## List the targets
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/\1 \2/p' $(MAKEFILE_LIST) | while read -r target text; do \
 		printf 'make %-13s %s\n' "$$target" "$$text"; done
 
-sim: $(VENV)/$(if $(VIEW),.view,.sim) ## Fly a mission: SCENARIO=file RULES=name PLANNER=name MODEL=file NUM_DRONES=n SEED=n OUT=folder MOVIE=file RATE=steps/s VIEW=1
+sim: $(SIM) ## Fly a mission: SCENARIO=file RULES=name PLANNER=name MODEL=file NUM_DRONES=n SEED=n OUT=folder MOVIE=file RATE=steps/s VIEW=1
 	@$(BIN)/run_mission $(MISSION) $(RATE_OF) $(MOVIE_OF) $(if $(VIEW),--view)
 
-sitl-demo: $(VENV)/.sim ## Fly a search with three simulated autopilots: SCENARIO=file RULES=name PLANNER=name MODEL=file NUM_DRONES=n SEED=n OUT=folder
-	@$(BIN)/python test/flight/sitl_demo.py $(MISSION)
+sitl-demo: $(SIM) ## Fly a search with three simulated autopilots: SCENARIO=file RULES=name PLANNER=name MODEL=file NUM_DRONES=n SEED=n OUT=folder
+	@$(BIN)/python test/vehicles/control/sitl_demo.py $(MISSION)
 
 campaign: $(VENV)/.campaign ## Play a campaign and report it: CONFIG=file OUT=folder
 	@$(BIN)/campaign '$(or $(CONFIG),examples/campaign.yaml)' $(if $(OUT),--out '$(OUT)')
@@ -197,10 +203,13 @@ $(BASE): $(if $(SOURCED),,$(wildcard requirements-$(DISTRO).lock))
 	@$(PIP_INSTALL) $(if $(SOURCED),'setuptools>=70.1',$(LOCKED) requirements-$(DISTRO).lock)
 	@touch $@
 
+$(SOURCES): $(BASE)
+	@rm -f $(VENV)/.sources-*
+	@touch $@
+
 # Requirements are looked at again only when they may have changed. The build has a new folder of
 # its own each time: setuptools would pack the modules that an earlier one left behind.
-$(VENV)/.sim: EXTRAS := viz,area,movie,onnx,record
-$(VENV)/.view: EXTRAS := viz,area,movie,onnx,record,dashboard
+$(SIM): EXTRAS := $(OF_SIM)
 $(VENV)/.campaign: EXTRAS := viz,area,campaign
 $(VENV)/.test: EXTRAS := $(OF_TESTS)
 $(VENV)/.test: $(if $(SOURCED),,requirements.lock)
@@ -212,8 +221,8 @@ $(VENV)/.oldest: EXTRAS := viz,area,test
 $(VENV)/.oldest: CONSTRAINTS := --constraint $(VENV)/oldest.txt
 $(VENV)/.oldest: $(VENV)/oldest.txt
 TO_RESOLVE = $(if $(filter requirements.lock,$^),,$(filter $(BASE) $(VENV)/oldest.txt setup.py,$?))
-$(VENV)/.sim $(VENV)/.view $(VENV)/.campaign $(VENV)/.test $(VENV)/.quality $(VENV)/.docs $(VENV)/.soak $(VENV)/.learning $(VENV)/.oldest: \
-		$(BASE) setup.py pyproject.toml $(SOURCES)
+$(SIM) $(VENV)/.campaign $(VENV)/.test $(VENV)/.quality $(VENV)/.docs $(VENV)/.soak $(VENV)/.learning $(VENV)/.oldest: \
+		$(BASE) setup.py $(SOURCES)
 	@echo 'Installing the package'
 	$(if $(filter requirements.lock,$?),@$(PIP_INSTALL) $(LOCKED) requirements.lock)
 	@rm -rf $(VENV)/build && mkdir $(VENV)/build
@@ -233,7 +242,7 @@ $(VENV)/.compiled-learning: $(VENV)/.learning
 $(VENV)/.compiled-learning: TO_COLLECT := $(TESTS_OF_LEARNING)
 $(VENV)/.compiled $(VENV)/.compiled-oldest $(VENV)/.compiled-learning:
 	@echo 'Compiling the search and the tests'
-	@$(BIN)/python test/search/compiled.py $(TO_COMPILE)
+	@$(BIN)/python test/search/environments/compiled.py $(TO_COMPILE)
 	@$(BIN)/pytest --collect-only --quiet $(TO_COLLECT) >/dev/null 2>&1 || true
 	@touch $@
 

@@ -36,11 +36,11 @@ setup(
     packages=find_packages(include=["dsse_ros", "dsse_ros.*", "msg_adapters", "msg_adapters.*"]),
     package_data={
         "dsse_ros": ["models/*"],
-        "dsse_ros.dashboard": ["*.css", "*.html", "*.js"],
-        "dsse_ros.drift": ["*.csv"],
-        "dsse_ros.report": ["*.html"],
-        "dsse_ros.runtime": ["fastdds.xml"],
-        "dsse_ros.sensors": ["*.csv"],
+        "dsse_ros.screens.dashboard": ["*.css", "*.html", "*.js"],
+        "dsse_ros.world.drift": ["*.csv"],
+        "dsse_ros.results.report": ["*.html"],
+        "dsse_ros.ros.runtime": ["fastdds.xml"],
+        "dsse_ros.world.sensors": ["*.csv"],
     },
     # The lower bounds admit what Ubuntu 24.04, the home of Jazzy and Kilted, has of these.
     install_requires=[
@@ -81,7 +81,7 @@ setup(
         ],
         # Forecasts from GRIB files, beside `drift`. eccodes from 2.43 on loads a PROJ that crashes
         # pyproj's.
-        "grib": ["cfgrib>=0.9.12", "eccodes>=2.37,<2.43"],
+        "grib": ["eccodes>=2.37,<2.43"],
         # Forecasts from zarr stores, beside `drift`.
         "zarr": ["zarr>=2.18"],
         # Probability matrices from GeoTIFF files.

@@ -14,13 +14,13 @@ from numpy.typing import NDArray
 
 from benchmarks.processes import BenchmarkError
 from benchmarks.workload import random_walks
-from dsse_ros.belief import belief_kernels, layer_kernels
-from dsse_ros.belief.belief import Forecast
-from dsse_ros.scenario.actions import ACTION_VECTORS
-from dsse_ros.scenario.scenario import scenario_and_rules
-from dsse_ros.search.world import World
-from dsse_ros.search.world_beliefs import DRIFT_SAMPLES, WorldBeliefs
-from dsse_ros.targets.motion import STAND_STILL, STEPS
+from dsse_ros.search.belief import component_kernels, motion_kernels
+from dsse_ros.search.belief.belief import Forecast
+from dsse_ros.search.environments.world import World
+from dsse_ros.search.environments.world_beliefs import DRIFT_SAMPLES, WorldBeliefs
+from dsse_ros.world.scenario.actions import ACTION_VECTORS
+from dsse_ros.world.scenario.scenario import scenario_and_rules
+from dsse_ros.world.targets.motion import STAND_STILL, STEPS
 
 RULES = ("paper", "v2")
 WAYS = ("two_cores", "numpy")
@@ -82,7 +82,7 @@ def numpy_step(
         searched: Worlds and columns that were searched, each pair once.
         pod: Probability of detection.
         tables: Of each of the K drifts the probabilities (9, S, S) of the steps from each cell, see
-            `belief_kernels`; None where its persons stand still.
+            `motion_kernels`; None where its persons stand still.
     """
     worlds, columns = searched
     belief.reshape(*belief.shape[:2], -1)[worlds, :, columns] *= 1 - pod
@@ -142,7 +142,7 @@ class _Search:
                     self._shared(pool)
                     continue
                 side = self.forecast.side
-                mine = self._layers().reshape(self.batch, -1, side, side)
+                mine = self._components().reshape(self.batch, -1, side, side)
                 taken["two_cores"] += _seconds(partial(self._shared, pool))
                 searched, tables = self._searched(step), self._tables(step)
                 taken["numpy"] += _seconds(partial(numpy_step, mine, searched, POD, tables))
@@ -164,13 +164,13 @@ class _Search:
     def _searched(self, step: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         """Return `searched` of `numpy_step`."""
         worlds, drones = np.nonzero(self.actions[step] == self.rules.action_set.search)
-        col, row = (self.cells[step, worlds, drones] + belief_kernels.MARGIN).T
+        col, row = (self.cells[step, worlds, drones] + motion_kernels.MARGIN).T
         return worlds, row * self.forecast.side + col
 
     def _tables(self, step: int) -> list[NDArray[np.float64] | None]:
         """Return `tables` of `numpy_step`."""
-        slot = self.forecast.look(self.forecast.first_step + step)
-        directions = self.forecast.steps.directions[slot].tolist()
+        slot = self.forecast.prepare(self.forecast.first_step + step)
+        directions = self.forecast.moves.directions[slot].tolist()
         return [
             None if direction == STAND_STILL else self.table(slot, direction)
             for direction in directions
@@ -182,28 +182,28 @@ class _Search:
         # Each row is a person in one cell, and its distribution after the step.
         before, count = np.eye(side * side), side * side
         boxes = np.tile([0, side, 0, side, 0, 0, side], (count, 1))
-        mass = belief_kernels.Mass(before, boxes, np.eye(count), np.ones(count))
-        scratch = layer_kernels.new_scratch(count)
-        of_slot = forecast.steps.at(slot)._replace(directions=np.array([direction]))
-        layer_kernels.predict(forecast.constants, forecast.sea, mass, of_slot, scratch)
+        mass = component_kernels.Mass(before, boxes, np.eye(count), np.ones(count))
+        scratch = component_kernels.new_scratch(count)
+        of_slot = forecast.moves.at(slot)._replace(directions=np.array([direction]))
+        component_kernels.predict(forecast.constants, forecast.sea, mass, of_slot, scratch)
         after = np.empty_like(before)
-        belief_kernels.unpack(mass, side, after)
+        component_kernels.unpack(mass, side, after)
         table = np.zeros((STEPS, side * side))
         for step in range(STEPS):
             offset = (step // 3 - 1) * side + step % 3 - 1
             table[step, max(-offset, 0) : side * side - max(offset, 0)] = after.diagonal(offset)
         return table.reshape(-1, side, side)
 
-    def _layers(self) -> NDArray[np.float64]:
-        """Return the beliefs' layers cell by cell, (B, K, S S) float64; each belief sums to 1."""
+    def _components(self) -> NDArray[np.float64]:
+        """Return the components cell by cell, (B, K, S S) float64; each belief sums to 1."""
         masses = self.beliefs.masses
-        layers = np.empty_like(masses.layers)
-        for b, out in enumerate(layers):
-            mass = belief_kernels.Mass(*(array[b] for array in masses))
-            belief_kernels.unpack(mass, self.forecast.side, out)
-        return layers / masses.totals[:, :, None]
+        components = np.empty_like(masses.components)
+        for b, out in enumerate(components):
+            mass = component_kernels.Mass(*(array[b] for array in masses))
+            component_kernels.unpack(mass, self.forecast.side, out)
+        return components / masses.totals[:, :, None]
 
     def _compare(self, belief: NDArray[np.float64]) -> None:
-        for mine, ours in zip(belief, self._layers(), strict=True):
+        for mine, ours in zip(belief, self._components(), strict=True):
             if not np.allclose(mine, ours.reshape(mine.shape), rtol=1e-9, atol=TOLERANCE):
                 raise BenchmarkError("NumPy's belief is another one")

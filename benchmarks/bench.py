@@ -30,7 +30,7 @@ from benchmarks import (
 )
 from benchmarks.processes import BenchmarkError
 from benchmarks.published import BASELINE, LIMIT, V1, V2, Unavailable, build, install, versions
-from dsse_ros.progress_bar import progress, say
+from dsse_ros.base.progress_bar import progress, say
 
 RESULTS = Path(__file__).with_name("results")
 BUSY = 0.5

@@ -31,14 +31,16 @@ from benchmarks.bench import RESULTS, machine, own_versions
 from benchmarks.intervals import LEVEL
 from benchmarks.planner_tables import BASELINE
 from benchmarks.reference_values import GREEDY, PPO, REINFORCE, SWEEP, Source
-from dsse_ros.campaign.estimates import clusters, of_mean, of_share
-from dsse_ros.planners import Planner, Search, load_planner, planner_for
+from dsse_ros.base.fields import FieldError
+from dsse_ros.base.progress_bar import progress, say
 from dsse_ros.planners.batch import play_missions
 from dsse_ros.planners.mission_batches import PlayedMissions
-from dsse_ros.progress_bar import progress, say
-from dsse_ros.scenario.definition import SearchDefinition
-from dsse_ros.scenario.scenario import scenario_and_rules
-from dsse_ros.search import FieldError, Rules, Scenario
+from dsse_ros.planners.planner import Planner, Search
+from dsse_ros.planners.registry import load_planner, planner_for
+from dsse_ros.results.campaign.estimates import clusters, of_mean, of_share
+from dsse_ros.world.scenario.definition import SearchDefinition
+from dsse_ros.world.scenario.rules import Rules
+from dsse_ros.world.scenario.scenario import Scenario, scenario_and_rules
 
 RESULTS_PAGE = ROOT / "docs" / "results.md"
 PAGES = (RESULTS_PAGE, ROOT / "docs" / "drift.md")
@@ -47,11 +49,9 @@ SEED = 20_000_000
 """Seed of the first mission; planners are tuned on other seeds."""
 PLANNERS = (
     "random", "sweep", "creeping_line", "expanding_square", "spiral", "sector", "greedy",
-    "optimal_effort", "route", "belief_greedy", "belief", "forward_backward",
+    "effort_allocation", "route", "belief_greedy", "belief",
 )  # fmt: skip
-AT_SEA = tuple(name for name in PLANNERS if name != "forward_backward")
-"""Planners of the incidents; with their particles, `forward_backward` takes seconds per step."""
-PLANNER_SEEDS = {"belief": 32, "forward_backward": 16, "route": 16}
+PLANNER_SEEDS = {"belief": 32, "route": 16}
 """Number of shared seeds of slow planners; missions of other planners have their own seeds."""
 PARTS = ("cases", "disturbed", "faults", "incidents")
 
@@ -183,7 +183,7 @@ FAULTS: dict[str, tuple[str, dict[str, Any]]] = {
 }
 """Title and fields of the scenario by fault; planners know them."""
 FAULT_CASE = "santos_4"
-FAULT_PLANNERS = ("random", "sweep", "greedy", "optimal_effort", "belief_greedy", "belief")
+FAULT_PLANNERS = ("random", "sweep", "greedy", "effort_allocation", "belief_greedy", "belief")
 FAULT_MISSIONS = 400
 """Maximum: missions with faults differ from each other, so each has its own planner."""
 
@@ -410,8 +410,7 @@ def main(argv: list[str] | None = None) -> int:
     if "faults" in parts and arguments.planners is None:
         results["faults"] = run_faults(arguments.missions, workers)
     if "incidents" in parts:
-        at_sea = [name for name in chosen if name in AT_SEA]
-        flown = incidents.run(_with(incidents.BASELINE, at_sea), workers)
+        flown = incidents.run(_with(incidents.BASELINE, chosen), workers)
         results = merged(results, flown)
     if complete:
         results |= {"seconds": round(time.perf_counter() - began), "machine": machine()}

@@ -12,7 +12,7 @@ from statistics import median
 import numpy as np
 from std_msgs.msg import Header
 
-from dsse_ros.search import parallel_env
+from dsse_ros.search.environments.factories import parallel_env
 from msg_adapters.occupancy import occupancy_grid
 
 GRID_SIZE = 1000

@@ -1,6 +1,6 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""What `forward_backward` gains over `belief` if a decision may take 50 ms of CPU time.
+"""What `ForwardBackward` gains over `belief` if a decision may take 50 ms of CPU time.
 
 With one person, a plan is open-loop: the mean time to a find is the sum over the steps of the
 probability that the belief leaves for later. So a mission of each seed is computed, not drawn.
@@ -22,13 +22,13 @@ import numpy as np
 from benchmarks.bench import RESULTS, machine, own_versions, rounded
 from benchmarks.compare import CASES
 from benchmarks.intervals import quantile
-from dsse_ros.belief.forecasts import forecast_for
+from benchmarks.paths.forward_backward import ForwardBackward, ForwardBackwardOptions
 from dsse_ros.planners.beam_search import BeamSearch, steps_planned
 from dsse_ros.planners.belief import DRIFT_SAMPLES
-from dsse_ros.planners.forward_backward import ForwardBackward
-from dsse_ros.planners.options import BeamOptions, ForwardBackwardOptions
+from dsse_ros.planners.options import BeamOptions
 from dsse_ros.planners.planner import DecisionPoint
-from dsse_ros.step.looks import looks_of
+from dsse_ros.search.belief.forecasts import forecast_for
+from dsse_ros.search.step.looks import looks_of
 
 BUDGET_MS = 50.0
 CHOSEN = ("v2", "santos_8", "santos_4")
@@ -42,7 +42,7 @@ def mean_steps(key: str, options: BeamOptions, seed: int, most: int | None = Non
 
     Args:
         key: Of `CASES`.
-        options: Of the planner, which is `forward_backward` if they are its options.
+        options: Of the planner, which is `ForwardBackward` if they are its options.
         seed: Seed of the planner.
         most: Steps played; None for the limit of the scenario.
     """
@@ -84,7 +84,7 @@ def run(key: str, seeds: int) -> dict[str, Any]:
             mean_steps(key, options, 0, most=2)
         times = {
             name: np.array([mean_steps(key, options, seed) for seed in range(seeds)])
-            for name, options in (("belief", plain), ("forward_backward", improved))
+            for name, options in (("belief", plain), ("improved", improved))
         }
     before, after = times.values()
     error = math.sqrt((before.var(ddof=1) + after.var(ddof=1)) / seeds)
@@ -101,13 +101,13 @@ def run(key: str, seeds: int) -> dict[str, Any]:
 def table(rows: list[dict[str, Any]]) -> str:
     """Return the gains as a table in Markdown."""
     lines = [
-        f"| Case | `belief` | `forward_backward`, {BUDGET_MS:g} ms | Steps gained | Seeds |",
+        f"| Case | `belief` | `ForwardBackward`, {BUDGET_MS:g} ms | Steps gained | Seeds |",
         "| --- | --- | --- | --- | --- |",
     ]
     for row in rows:
         reach = row["interval"][1] - row["gain"]
         lines.append(
-            f"| {row['title']} | {row['belief']:.2f} | {row['forward_backward']:.2f} | "
+            f"| {row['title']} | {row['belief']:.2f} | {row['improved']:.2f} | "
             f"{row['gain']:.3f} ± {reach:.3f} | {row['seeds']} |"
         )
     return "\n".join(lines)

@@ -18,9 +18,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numba import cuda
 
-from dsse_ros.search import VectorEnv, vector_env
-from dsse_ros.search.device_vector_env import DeviceVectorEnv
-from dsse_ros.targets.motion import STAND_STILL
+from dsse_ros.search.environments.device_vector_env import DeviceVectorEnv
+from dsse_ros.search.environments.factories import vector_env
+from dsse_ros.search.environments.vector_env import VectorEnv
+from dsse_ros.world.targets.motion import STAND_STILL
 
 WARM_UP, AT_ONCE = 5, 10
 """Steps before the measurement, and between looks at the clock."""

@@ -19,7 +19,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from dsse_ros.scenario.actions import ACTION_VECTORS
+from dsse_ros.world.scenario.actions import ACTION_VECTORS
 
 TIES = ("quicksort", "stable")
 """`quicksort`: the order of NumPy's quicksort without vector instructions.

@@ -23,26 +23,28 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.intervals import LEVEL
-from dsse_ros.belief.ensemble_belief import PathsFlown
-from dsse_ros.belief.forecasts import forecast_for
-from dsse_ros.campaign.estimates import of_mean, of_share
-from dsse_ros.drift.flow import utc
-from dsse_ros.drift.leeway import leeway_classes
-from dsse_ros.drift.tracks import displaced
-from dsse_ros.planners import load_planner, registry
+from dsse_ros.base.progress_bar import progress, say
+from dsse_ros.planners import registry
 from dsse_ros.planners.batch import play_missions
 from dsse_ros.planners.planner import Search, cells_of
 from dsse_ros.planners.play import PlayedStep, play
-from dsse_ros.progress_bar import progress, say
-from dsse_ros.scenario.actions import STRAIGHT
-from dsse_ros.scenario.definition import SearchDefinition
-from dsse_ros.scenario.scenario import ResolvedScenario, Scenario
-from dsse_ros.scenario.swarm import number_of
-from dsse_ros.search import Rules, SearchEnv, parallel_env, profile
-from dsse_ros.searchers.registry import SEARCHERS
-from dsse_ros.searchers.searcher import Searcher
-from dsse_ros.sensors.sensor import SEARCH
-from dsse_ros.step.looks import looks_of
+from dsse_ros.planners.registry import load_planner
+from dsse_ros.results.campaign.estimates import of_mean, of_share
+from dsse_ros.search.belief.ensemble_belief import PathsFlown
+from dsse_ros.search.belief.forecasts import forecast_for
+from dsse_ros.search.environments.factories import parallel_env
+from dsse_ros.search.environments.parallel_env import SearchEnv
+from dsse_ros.search.step.looks import looks_of
+from dsse_ros.world.drift.flow import utc
+from dsse_ros.world.drift.tracks import displaced
+from dsse_ros.world.scenario.actions import STRAIGHT
+from dsse_ros.world.scenario.definition import SearchDefinition
+from dsse_ros.world.scenario.rules import Rules, profile
+from dsse_ros.world.scenario.scenario import ResolvedScenario, Scenario
+from dsse_ros.world.scenario.swarm import number_of
+from dsse_ros.world.searchers.registry import SEARCHERS
+from dsse_ros.world.searchers.searcher import Searcher
+from dsse_ros.world.sensors.sensor import SEARCH
 
 SEED = 30_000_000
 COUNT, MISSIONS = 20, 500
@@ -78,6 +80,16 @@ ERRORS = {
 }
 """What is wrong about the drift of the persons, by the field `truth` of the incident."""
 
+CLASSES = (
+    "PIW-1", "PIW-2", "PIW-3", "PIW-4", "PIW-5", "PIW-6", "LIFE-RAFT-NB-1",
+    "LIFE-RAFT-NB-2", "LIFE-RAFT-NB-3", "LIFE-RAFT-NB-4", "LIFE-RAFT-NB-5",
+    "LIFE-RAFT-SB-6", "LIFE-RAFT-DB-10", "LIFE-RAFT-DB-12", "LIFE-RAFT-DB-15",
+    "PERSON-POWERED-VESSEL-1", "PERSON-POWERED-VESSEL-2", "PERSON-POWERED-VESSEL-3",
+    "SKIFF-1", "SKIFF-2", "SKIFF-3", "SPORT-BOAT", "FISHING-VESSEL-1", "LIFE-RAFT-DB-11",
+    "REFUGEE-RAFT-1", "SLDMB",
+)  # fmt: skip
+"""Classes of leeway that the objects are of. Another order or number draws other incidents."""
+
 Floats = NDArray[np.float64]
 Update = Callable[[Any], None]
 """Updates a belief with the looks of a step."""
@@ -98,7 +110,7 @@ def incident(number: int) -> dict[str, Any]:
         return round(float(rng.uniform(low, high)), 3)
 
     at = drawn(-60, 60), drawn(-178, 178)
-    key, other = rng.choice(list(leeway_classes()), 2, replace=False).tolist()
+    key, other = rng.choice(CLASSES, 2, replace=False).tolist()
     wind = {"speed": drawn(1, 12), "from": drawn(0, 360), "error": drawn(0.5, 2)}
     current = {"speed": drawn(0, 0.8), "toward": drawn(0, 360), "error": drawn(0.05, 0.2)}
     # The coast is to leeward.
@@ -182,7 +194,7 @@ class Plan:
 
     def pos(self, scenario: Scenario, rules: Rules) -> Floats:
         """Return the POS after each step, (L,)."""
-        belief = forecast_for(scenario, rules).belief()
+        belief = forecast_for(scenario, rules).of_pos.belief()
         pos = np.empty(len(self._looked))
         for step, update in enumerate(self._looked):
             update(belief)
@@ -220,12 +232,12 @@ def _looks_at_cells(scenario: ResolvedScenario, rules: Rules) -> Callable[[Playe
 
 def _looks_on_paths(env: SearchEnv) -> Callable[[PlayedStep], Update]:
     """Return what updates a belief with the looks of a step, in metres."""
-    flight, kinds = env.world.flight, env.world.looks.kind
-    assert flight is not None
+    metres, kinds = env.world.metres, env.world.looks.kind
+    assert metres is not None
     everybody = np.ones(len(kinds), np.bool_)
 
     def looked_in(_: PlayedStep) -> Update:
-        paths = PathsFlown(flight.eyes, kinds, flight.paths[0].copy(), everybody, ~everybody)
+        paths = PathsFlown(metres.detectors, kinds, metres.paths[0].copy(), everybody, ~everybody)
         return lambda belief: belief.update_in_passing(paths)
 
     return looked_in

@@ -24,21 +24,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.intervals import LEVEL, contains
-from dsse_ros.belief.forecasts import forecast_for
-from dsse_ros.campaign.estimates import wilson
-from dsse_ros.live.admission import Admission, Clocks
-from dsse_ros.live.beliefs import LiveBeliefs
-from dsse_ros.live.inputs import read
-from dsse_ros.live.keeper import Forecasts, Keeper
-from dsse_ros.live.places import inside
-from dsse_ros.progress_bar import say
-from dsse_ros.result import Accepted
-from dsse_ros.scenario.actions import ACTION_VECTORS
-from dsse_ros.scenario.frames import cell_centre
-from dsse_ros.scenario.incident import Incident
-from dsse_ros.scenario.incident_grid import positions
-from dsse_ros.search import SearchEnv, parallel_env
-from dsse_ros.search.world_beliefs import WorldBeliefs
+from dsse_ros.base.progress_bar import say
+from dsse_ros.base.result import Accepted
+from dsse_ros.mission.live.admission import Admission, Clocks
+from dsse_ros.mission.live.beliefs import LiveBeliefs
+from dsse_ros.mission.live.inputs import read
+from dsse_ros.mission.live.live_search import Forecasts, LiveSearch
+from dsse_ros.mission.live.places import inside
+from dsse_ros.results.campaign.estimates import wilson
+from dsse_ros.search.belief.forecasts import forecast_for
+from dsse_ros.search.environments.factories import parallel_env
+from dsse_ros.search.environments.parallel_env import SearchEnv
+from dsse_ros.search.environments.world_beliefs import WorldBeliefs
+from dsse_ros.world.scenario.actions import ACTION_VECTORS
+from dsse_ros.world.scenario.frames import cell_centre
+from dsse_ros.world.scenario.incident import Incident
+from dsse_ros.world.scenario.incident_grid import positions
 
 STEPS, LATE = 110, 93
 """Steps of a mission; the step after which late inputs come, 20 minutes into it."""
@@ -72,14 +73,14 @@ def env_of(false_alarms: float, truth: str = "none") -> SearchEnv:
 
 @cache
 def forecasts_of(env: SearchEnv) -> Forecasts:
-    """Return what makes the forecasts of keepers; that of the environment's scenario is kept."""
+    """Return what makes forecasts of live searches; that of the environment's scenario is kept."""
     first = forecast_for(env.scenario, env.rules)
     return lambda scenario: first if scenario is env.scenario else forecast_for(scenario, env.rules)
 
 
-def new_keeper(env: SearchEnv) -> Keeper:
-    """Return a keeper of the environment's scenario."""
-    return Keeper(env.scenario, env.rules, forecasts_of(env))
+def new_live_search(env: SearchEnv) -> LiveSearch:
+    """Return a live search of the environment's scenario."""
+    return LiveSearch(env.scenario, env.rules, forecasts_of(env))
 
 
 class Plan:
@@ -214,16 +215,16 @@ CASES = (
 )
 
 
-def take(keeper: Keeper, kind: str, values: Mapping[str, Any]) -> str:
-    """Have a keeper take an input now; return the contact that it is of, "" for none."""
+def take(live_search: LiveSearch, kind: str, values: Mapping[str, Any]) -> str:
+    """Have a live search take an input now; return the contact that it is of, "" for none."""
     parsed = read(kind, values)
     assert isinstance(parsed, Accepted), parsed
-    now_s = len(keeper.steps) * keeper.scenario.step_duration_s
-    checked = Admission(keeper).check(parsed.value, Clocks(now_s, now_s, float))
+    now_s = len(live_search.steps) * live_search.scenario.step_duration_s
+    checked = Admission(live_search).check(parsed.value, Clocks(now_s, now_s, float))
     if not isinstance(checked, Accepted) or checked.value is None:
         # Too many contacts are open.
         return ""
-    keeper.apply(checked.value)
+    live_search.apply(checked.value)
     return str(checked.value.derived.get("contact", ""))
 
 
@@ -244,7 +245,7 @@ class LiveMission:
         assert incident is not None
         self._inputs, law = case.inputs(self._rng, incident)
         self._truth = self._track(law)
-        self._keeper = new_keeper(self._env)
+        self._live_search = new_live_search(self._env)
         self._real: set[str] = set()
         self._checked: dict[str, float] = {}
         self._found = False
@@ -254,7 +255,8 @@ class LiveMission:
         """Return a track of the law, (T, 2) metres to the east and north in the map frame."""
         s = self._scenario
         origin, side_m = (s.origin_lat, s.origin_lon, s.origin_alt), s.grid_size * s.cell_size
-        track = positions(law, origin, side_m, s.step_duration_s, STEPS, self._rng, 1)[:, 0]
+        tracks, _ = positions(law, origin, side_m, s.step_duration_s, STEPS, self._rng, 1)
+        track = tracks[:, 0]
         return np.stack([track[:, 0], side_m - track[:, 1]], axis=1)
 
     def _cell_at(self, step: int) -> tuple[int, int]:
@@ -263,13 +265,17 @@ class LiveMission:
 
     def fly(self) -> Outcome:
         """Fly it to its end."""
-        world, beliefs, keeper = self._env.world, LiveBeliefs(self._env.world), self._keeper
+        world, beliefs, live_search = (
+            self._env.world,
+            LiveBeliefs(self._env.world),
+            self._live_search,
+        )
         for step in range(STEPS):
             joint = self._plan.actions()
             beliefs.before_step(joint[None])
             self._env.advance(joint)
             done = beliefs.looks()
-            keeper.step(done)
+            live_search.step(done)
             here = self._cell_at(step)
             detected = set()
             for drone, number, cell in zip(done.drones, done.numbers, done.cells, strict=True):
@@ -311,9 +317,9 @@ class LiveMission:
                 self._real.add(taken)
 
     def _take(self, kind: str, name: str = "", **values: Any) -> str:
-        """Have the keeper take an input, see `take`."""
+        """Have the live search take an input, see `take`."""
         self._number += 1
-        return take(self._keeper, kind, {"id": name or f"i{self._number}", **values})
+        return take(self._live_search, kind, {"id": name or f"i{self._number}", **values})
 
     def _verify(self, step: int) -> None:
         """Note the probability of contacts that are five steps old, and dismiss false ones.
@@ -323,31 +329,31 @@ class LiveMission:
         if self._real & self._checked.keys():
             return
         old_s = (step - 4) * self._scenario.step_duration_s
-        for contact in self._keeper.contacts.of_state("open"):
-            last = self._keeper.contacts.last(contact.name)
+        for contact in self._live_search.contacts.of_state("open"):
+            last = self._live_search.contacts.last(contact.name)
             if contact.name in self._checked or last.time_s > old_s:
                 continue
-            self._checked[contact.name] = self._keeper.probability(contact) or 0.0
+            self._checked[contact.name] = self._live_search.probability(contact) or 0.0
             if contact.name not in self._real:
                 self._take("dismiss", contact=contact.name)
             else:
                 return
 
     def _outcome(self) -> Outcome:
-        keeper, case = self._keeper, self._case
+        live_search, case = self._live_search, self._case
         for report in self._inputs:
             if report.kind == "searched":
                 step = round(report.values["time"] / self._scenario.step_duration_s)
-                ring = [keeper.place({"lat": lat, "lon": lon})
+                ring = [live_search.place({"lat": lat, "lon": lon})
                         for lon, lat in report.values["geometry"]["coordinates"][0]]  # fmt: skip
                 there = inside(self._truth[step : step + 1], [np.array(ring)])[0]
                 self._found |= bool(there) and self._rng.random() < POD_OF_OTHERS
         stated = self._checked
         if not case.verified:
-            stated = {contact.name: keeper.probability(contact) or 0.0
-                      for contact in keeper.contacts.of_state("open")}  # fmt: skip
+            stated = {contact.name: live_search.probability(contact) or 0.0
+                      for contact in live_search.contacts.of_state("open")}  # fmt: skip
         chances = [(chance, name in self._real) for name, chance in stated.items()]
-        return Outcome(keeper.pos, self._found, chances)
+        return Outcome(live_search.pos, self._found, chances)
 
 
 def bins(pairs: Sequence[tuple[float, bool]]) -> list[tuple[int, float, float, bool]]:
@@ -382,7 +388,7 @@ def through_the_door(missions: int) -> tuple[int, int, float]:
         simulated, live = env_of(0.0, "simulated"), env_of(0.0)
         plans = [Plan(env, np.random.default_rng([7, seed]), seed) for env in (simulated, live)]
         known, beliefs = WorldBeliefs(simulated.world), LiveBeliefs(live.world)
-        keeper, found = beliefs.keeper, False
+        live_search, found = beliefs.live_search, False
         for step in range(STEPS):
             joint = [plan.actions() for plan in plans]
             known.before_step(joint[0][None])
@@ -400,13 +406,13 @@ def through_the_door(missions: int) -> tuple[int, int, float]:
                 col, row = before.tracks.truth[step, before.track[0, 0]].tolist()
                 x, y = cell_centre(live.scenario.grid_size, live.scenario.cell_size, col, row)
                 place = {"x": x, "y": y, "radius": RADIUS_M, "drone": finders[0]}
-                assert take(keeper, "detection", {"id": "detection", **place}) == "c1"
-                take(keeper, "confirm", {"id": "confirm", "contact": "c1"})
+                assert take(live_search, "detection", {"id": "detection", **place}) == "c1"
+                take(live_search, "confirm", {"id": "confirm", "contact": "c1"})
                 found = bool(person["found"])
                 break
         finds += found
-        differ += found != keeper.over
-        largest = max(largest, abs(float(known.pos[0]) - keeper.pos))
+        differ += found != live_search.over
+        largest = max(largest, abs(float(known.pos[0]) - live_search.pos))
     return finds, differ, largest
 
 

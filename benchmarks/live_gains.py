@@ -27,22 +27,23 @@ from benchmarks.live import (
     RADIUS_M,
     Case,
     Report,
-    new_keeper,
+    new_live_search,
     nothing,
     sighting,
     take,
     wind,
 )
-from dsse_ros.live.beliefs import LiveBeliefs
-from dsse_ros.live.keeper import Keeper
-from dsse_ros.live.step_looks import StepLooks
-from dsse_ros.planners import planner_for
+from dsse_ros.base.progress_bar import say
+from dsse_ros.mission.live.beliefs import LiveBeliefs
+from dsse_ros.mission.live.live_search import LiveSearch
+from dsse_ros.mission.live.step_looks import StepLooks
 from dsse_ros.planners.belief import BeliefPlanner
-from dsse_ros.progress_bar import say
-from dsse_ros.scenario.frames import cell_centre
-from dsse_ros.scenario.incident import Incident
-from dsse_ros.scenario.incident_grid import positions
-from dsse_ros.search import SearchEnv, parallel_env
+from dsse_ros.planners.registry import planner_for
+from dsse_ros.search.environments.factories import parallel_env
+from dsse_ros.search.environments.parallel_env import SearchEnv
+from dsse_ros.world.scenario.frames import cell_centre
+from dsse_ros.world.scenario.incident import Incident
+from dsse_ros.world.scenario.incident_grid import positions
 
 STEPS = 185
 """Steps of a mission: 40 minutes."""
@@ -117,14 +118,15 @@ class Arm:
         self._inputs, _ = case.inputs(rng, scenario.incident)
         origin = scenario.origin_lat, scenario.origin_lon, scenario.origin_alt
         self._side_m = scenario.grid_size * scenario.cell_size
-        self._truth: NDArray[np.float64] = positions(
+        tracks, _ = positions(
             scenario.incident, origin, self._side_m, scenario.step_duration_s, STEPS, rng, 1
-        )[:, 0]
+        )
+        self._truth: NDArray[np.float64] = tracks[:, 0]
         self._starts = rng.permutation(scenario.grid_size**2)[: scenario.num_drones]
         # Both arms have their own chance of what drones detect, from the same seed.
         self._rng = np.random.default_rng([7, seed])
         self._planner = planner_of(self._env).with_seed(seed)
-        self._known = Keeper(scenario, self._env.rules, self._planner.forecasts)
+        self._known = LiveSearch(scenario, self._env.rules, self._planner.forecasts)
         self._detected: list[int] = []
         self._real: set[str] = set()
 
@@ -133,7 +135,7 @@ class Arm:
         env, size = self._env, self._env.scenario.grid_size
         starts = [(int(start) % size, int(start) // size) for start in self._starts]
         observations, infos = env.reset(seed=0, options={"drones_positions": starts})
-        looks, judge = LiveBeliefs(env.world), new_keeper(env)
+        looks, judge = LiveBeliefs(env.world), new_live_search(env)
         for step in range(STEPS):
             known = {"step": step, "belief": self._known.belief}
             joint: Any = self._planner(
@@ -184,14 +186,18 @@ class Arm:
 
     def _dismiss(self, step: int, cells: Sequence[tuple[int, ...]]) -> None:
         """Dismiss false contacts at which a drone has looked again."""
-        scenario, keeper = self._env.scenario, self._known
+        scenario, live_search = self._env.scenario, self._known
         now_s = (step + 1) * scenario.step_duration_s
-        for contact in keeper.contacts.of_state("open"):
-            last, x, y = keeper.contact_now(contact, now_s)
+        for contact in live_search.contacts.of_state("open"):
+            last, x, y = live_search.contact_now(contact, now_s)
             cell = int(x // scenario.cell_size), int((self._side_m - y) // scenario.cell_size)
             old = now_s - last.time_s >= BACK_STEPS * scenario.step_duration_s
             if old and cell in cells and contact.name not in self._real:
-                take(keeper, "dismiss", {"id": f"no{step}{contact.name}", "contact": contact.name})
+                take(
+                    live_search,
+                    "dismiss",
+                    {"id": f"no{step}{contact.name}", "contact": contact.name},
+                )
 
 
 def main(argv: Sequence[str] | None = None) -> int:

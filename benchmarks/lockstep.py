@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from benchmarks import ROOT
 from benchmarks.processes import BenchmarkError, Process, last_line
 from benchmarks.workload import random_walks
-from dsse_ros.scenario.rules import profile
+from dsse_ros.world.scenario.rules import profile
 
 DRONES = 20
 GRID_SIZE = 40
@@ -67,7 +67,7 @@ def _measure(num_drones: int, rounds: int, seconds: float) -> dict[str, Any]:
         starts = _write_walk(workload, "paper", num_drones)
         domains = {"sim_node": _environment(0), "ping_pong": _environment(1)}
         stack.enter_context(
-            _node("dsse_ros.nodes.sim_node", _parameters(starts), domains["sim_node"])
+            _node("dsse_ros.ros.nodes.sim_node", _parameters(starts), domains["sim_node"])
         )
         subprocess.run(
             [sys.executable, "-m", "benchmarks.ros.capture", "sim_node", workload, recording],
@@ -112,7 +112,7 @@ def measure_belief(
                 for offset, (name, parameters) in enumerate(BELIEFS.items()):
                     domain = _environment(offset)
                     arguments = _parameters(starts, rules=rules, **parameters)
-                    stack.enter_context(_node("dsse_ros.nodes.sim_node", arguments, domain))
+                    stack.enter_context(_node("dsse_ros.ros.nodes.sim_node", arguments, domain))
                     peers[name] = stack.enter_context(Process("lockstep", environment=domain))
                     peers[name].set_up({"node": "sim_node", "workload": str(workload)})
                     peers[name].rate(seconds)

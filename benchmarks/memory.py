@@ -13,7 +13,7 @@ import numpy as np
 from benchmarks.processes import Process
 from benchmarks.speed import CALLS, configuration
 from benchmarks.workload import random_walks
-from dsse_ros.scenario.rules import profile
+from dsse_ros.world.scenario.rules import profile
 
 GRID_SIZE, NUM_DRONES, BATCH = 40, 5, 1024
 RUNS: dict[str, tuple[str, dict[str, Any]]] = {

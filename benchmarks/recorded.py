@@ -14,7 +14,7 @@ from pathlib import Path
 
 from benchmarks.lockstep import DRONES, _environment, _node, _parameters, _take_turns, _write_walk
 from benchmarks.processes import BenchmarkError, Process
-from dsse_ros.private_files import open_private
+from dsse_ros.base.private_files import open_private
 
 KINDS = {
     "plain": "alone",
@@ -49,11 +49,11 @@ def measure(
             port = _free_port()
             if offset >= 1:
                 bag = ["--ros-args", "-p", f"bag:={folder / kind}.mcap"]
-                stack.enter_context(_node("dsse_ros.nodes.recorder", bag, domain))
+                stack.enter_context(_node("dsse_ros.ros.nodes.recorder", bag, domain))
             if offset >= 2:
                 of_page = ["--ros-args", "-p", f"port:={port}", "-p", f"token_file:={token_file}"]
-                stack.enter_context(_node("dsse_ros.nodes.dashboard", of_page, domain))
-            stack.enter_context(_node("dsse_ros.nodes.sim_node", _parameters(starts), domain))
+                stack.enter_context(_node("dsse_ros.ros.nodes.dashboard", of_page, domain))
+            stack.enter_context(_node("dsse_ros.ros.nodes.sim_node", _parameters(starts), domain))
             peers[kind] = stack.enter_context(Process("lockstep", environment=domain))
             peers[kind].set_up({"node": "sim_node", "workload": str(workload)})
             peers[kind].rate(seconds)

@@ -31,10 +31,10 @@ from benchmarks.greedy_batch import TIES, GreedyBatch
 from benchmarks.intervals import LEVEL, contains, of_mean
 from benchmarks.pages import with_table
 from benchmarks.reference_values import GREEDY, SWEEP, Source
-from dsse_ros.campaign.estimates import wilson
-from dsse_ros.progress_bar import progress
-from dsse_ros.scenario.scenario import scenario_and_rules
-from dsse_ros.search.world import World
+from dsse_ros.base.progress_bar import progress
+from dsse_ros.results.campaign.estimates import wilson
+from dsse_ros.search.environments.world import World
+from dsse_ros.world.scenario.scenario import scenario_and_rules
 
 SEED = 2023
 JUDGED_TIES = "quicksort"

@@ -13,10 +13,13 @@ from typing import Any
 import numpy as np
 
 from benchmarks import ROOT
-from dsse_ros.planners import planner_for, play
 from dsse_ros.planners.planner import Infos, Observations
-from dsse_ros.scenario.scenario import Scenario, scenario_and_rules
-from dsse_ros.search import World, parallel_env, profile
+from dsse_ros.planners.play import play
+from dsse_ros.planners.registry import planner_for
+from dsse_ros.search.environments.factories import parallel_env
+from dsse_ros.search.environments.world import World
+from dsse_ros.world.scenario.rules import profile
+from dsse_ros.world.scenario.scenario import Scenario, scenario_and_rules
 
 KAYAK = ROOT / "config" / "kayak.yaml"
 BATCH, STEPS = 1024, 50

@@ -1,6 +1,6 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""Search problems with known values, planned by `forward_backward` and played in the world.
+"""Search problems with known values, planned by `ForwardBackward` and played in the world.
 
 The value of a problem is the probability of success of all looks.
 """
@@ -17,15 +17,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks import mpso
-from benchmarks.path_bound import upper_bound
-from dsse_ros.belief.forecasts import forecast_for
-from dsse_ros.planners.forward_backward import ForwardBackward
-from dsse_ros.planners.options import ForwardBackwardOptions
+from benchmarks.paths.bound import upper_bound
+from benchmarks.paths.forward_backward import ForwardBackward, ForwardBackwardOptions
 from dsse_ros.planners.planner import DecisionPoint
-from dsse_ros.scenario.rules import Rules
-from dsse_ros.scenario.scenario import Scenario, scenario_and_rules
-from dsse_ros.search.world import World
-from dsse_ros.step.looks import looks_of
+from dsse_ros.search.belief.forecasts import forecast_for
+from dsse_ros.search.environments.world import World
+from dsse_ros.search.step.looks import looks_of
+from dsse_ros.world.scenario.rules import Rules
+from dsse_ros.world.scenario.scenario import Scenario, scenario_and_rules
 
 SEED = 1
 WORLDS = 20_000

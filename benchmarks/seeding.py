@@ -6,7 +6,9 @@ from __future__ import annotations
 
 import time
 
-from dsse_ros.search import Scenario, World, profile
+from dsse_ros.search.environments.world import World
+from dsse_ros.world.scenario.rules import profile
+from dsse_ros.world.scenario.scenario import Scenario
 
 WORLDS = 100_000
 

@@ -15,7 +15,7 @@ import numpy as np
 
 from benchmarks.processes import BenchmarkError, CBaseline, Implementation, Limit, Process
 from benchmarks.workload import batch_size, random_walks
-from dsse_ros.scenario.rules import profile
+from dsse_ros.world.scenario.rules import profile
 
 LIMIT = 100
 # Calls of an episode that ends by its time limit.

@@ -13,7 +13,7 @@ import time
 from benchmarks import ROOT
 
 FIRST_STEP = """
-from dsse_ros.search import parallel_env
+from dsse_ros.search.environments.factories import parallel_env
 env = parallel_env()
 env.reset(seed=0)
 env.step({agent: 0 for agent in env.agents})

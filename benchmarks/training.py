@@ -25,9 +25,9 @@ from numpy.typing import NDArray
 from sb3_contrib import MaskablePPO
 from stable_baselines3.common.callbacks import BaseCallback
 
-from dsse_ros.search import vector_env
-from dsse_ros.search.drone_slots import DroneSlots, SlotStep
-from dsse_ros.search.wrappers import FLATTENED
+from dsse_ros.search.environments.drone_slots import DroneSlots, SlotStep
+from dsse_ros.search.environments.factories import vector_env
+from dsse_ros.search.environments.wrappers import FLATTENED
 from dsse_ros.training.vec_env import DroneVecEnv
 
 GRID, DRONES, WORLDS, STEPS = 40, 4, 64, 32

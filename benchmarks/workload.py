@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dsse_ros.planners.sweep import shares
-from dsse_ros.scenario.actions import ACTION_VECTORS
+from dsse_ros.world.scenario.actions import ACTION_VECTORS
 
 MAP_BYTES = 1 << 29
 """Maximum memory of the maps of one batch."""

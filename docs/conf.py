@@ -35,6 +35,7 @@ NAVIGATION = {
         "docs/belief",
         "docs/planners",
         "docs/results",
+        "docs/plan_search",
         "docs/operate",
         "docs/security",
         "docs/dashboard",
@@ -48,6 +49,7 @@ NAVIGATION = {
         "docs/troubleshooting",
     ],
     "Reference": [
+        "docs/words",
         "docs/frames",
         "docs/topics",
         "docs/parameters",
@@ -55,6 +57,7 @@ NAVIGATION = {
         "docs/profiles",
         "docs/sensors",
         "docs/drift",
+        "docs/leeway",
         "docs/flight",
         "docs/flights",
         "docs/faults",

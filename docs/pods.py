@@ -11,9 +11,9 @@ import matplotlib as mpl
 import numpy as np
 from numpy.typing import NDArray
 
-from dsse_ros.scenario.actions import ACTION_VECTORS
-from dsse_ros.scenario.scenario import scenario_and_rules
-from dsse_ros.step.looks import looks_of
+from dsse_ros.search.step.looks import looks_of
+from dsse_ros.world.scenario.actions import ACTION_VECTORS
+from dsse_ros.world.scenario.scenario import scenario_and_rules
 
 mpl.use("Agg")
 import matplotlib.pyplot as plt  # noqa: E402

@@ -18,11 +18,13 @@ from collections.abc import Collection, Mapping
 from pathlib import Path
 from typing import Any
 
-from dsse_ros.bridge.custody import MAY_ORDER, NEXT, Custody, Event
-from dsse_ros.bridge.settings import BridgeSettings
-from dsse_ros.campaign.config import CampaignSettings, PlannerEntry
-from dsse_ros.dashboard.settings import DashboardSettings
-from dsse_ros.nodes.settings import (
+from dsse_ros import PROFILES, Rules, Scenario, parallel_env
+from dsse_ros.base.fields import Spec, specs
+from dsse_ros.planners.options import PatternOptions
+from dsse_ros.planners.registry import OPTIONS
+from dsse_ros.planners.search_plan.units_file import UnitFields
+from dsse_ros.results.campaign.config import CampaignSettings, PlannerEntry
+from dsse_ros.ros.nodes.settings import (
     RUN_TIME_SETTINGS,
     PlannerSettings,
     RecorderSettings,
@@ -30,13 +32,13 @@ from dsse_ros.nodes.settings import (
     SimSettings,
     ViewerSettings,
 )
-from dsse_ros.planners.options import PatternOptions
-from dsse_ros.planners.registry import OPTIONS
-from dsse_ros.scenario.fault_fields import FAULTS, FaultFields
-from dsse_ros.scenario.fields import Spec, specs
-from dsse_ros.scenario.rules import GROUPS
-from dsse_ros.search import PROFILES, Rules, Scenario, parallel_env
-from dsse_ros.tak.settings import CotSettings
+from dsse_ros.screens.dashboard.settings import DashboardSettings
+from dsse_ros.screens.tak.settings import CotSettings
+from dsse_ros.vehicles.fleet.custody import MAY_ORDER, NEXT, Custody, Event
+from dsse_ros.vehicles.fleet.settings import BridgeSettings
+from dsse_ros.world.drift.leeway import Component, leeway_classes
+from dsse_ros.world.scenario.fault_fields import FAULTS, FaultFields
+from dsse_ros.world.scenario.rules import GROUPS
 from msg_adapters.topics import TOPICS, Topic, published_by, subscribed_by
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -221,6 +223,24 @@ def events_table() -> str:
     return table(["When", "State before → after"], rows)
 
 
+def leeway_table() -> str:
+    """Return the classes of leeway with their coefficients."""
+
+    def shown_component(component: Component) -> str:
+        slope, offset, std = component
+        return f"{slope:g} {offset:+g} ± {std:g}"
+
+    rows = [
+        [
+            f"`{key}`", category.description, ", ".join(f"`{name}`" for name in category.aliases),
+            *(shown_component(part) for part in (category.downwind, category.right, category.left)),
+            category.source,
+        ]
+        for key, category in leeway_classes().items()
+    ]  # fmt: skip
+    return table(["Class", "Object", "Also", "Downwind", "Right", "Left", "Source"], rows)
+
+
 QOS = {
     "latched": "latched",
     "complete": "latched, 1000",
@@ -282,6 +302,7 @@ TABLES = {
     "events": events_table,
     "campaign": lambda: fields_table(CampaignSettings),
     "campaign_planner": lambda: fields_table(PlannerEntry),
+    "search_units": lambda: fields_table(UnitFields),
     "sim_node": lambda: settings_table(SimSettings, RUN_TIME_SETTINGS),
     "planner_node": lambda: settings_table(PlannerSettings),
     "mavlink_bridge": lambda: settings_table(BridgeSettings),
@@ -295,6 +316,7 @@ TABLES = {
     "rules": rules_table,
     "planner_options": planner_options_table,
     "cards": cards_table,
+    "leeway": leeway_table,
 }
 PAGES = tuple(
     f"docs/{name}.md"
@@ -303,7 +325,9 @@ PAGES = tuple(
         "dashboard",
         "faults",
         "flight",
+        "leeway",
         "parameters",
+        "plan_search",
         "planners",
         "profiles",
         "recording",

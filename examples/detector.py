@@ -20,8 +20,8 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import String
 
-from dsse_ros.scenario.agents import AgentsInfo, agents_from_json
-from dsse_ros.scenario.geodesy import geodetic_to_map
+from dsse_ros.world.scenario.agents import AgentsInfo, agents_from_json
+from dsse_ros.world.scenario.geodesy import geodetic_to_map
 from msg_adapters.stamps import to_nanoseconds
 from msg_adapters.step_report import step_report_from_message
 
@@ -65,9 +65,11 @@ def hidden_track(info: AgentsInfo, seed: int) -> NDArray[np.float64]:
     """
     scenario = None if info.definition is None else info.definition.scenario
     incident = getattr(scenario, "incident", None)
-    if incident is None or incident.laid is None:
+    if incident is None or incident.grid_summary is None:
         raise ValueError("the search has no incident: state where the person is as person:=[x, y]")
-    times_s = incident.laid.begins_s + info.step_duration_s * np.arange(info.timestep_limit + 1)
+    times_s = incident.grid_summary.begins_s + info.step_duration_s * np.arange(
+        info.timestep_limit + 1
+    )
     track = incident.followed.tracks(times_s, 1, np.random.default_rng(seed))
     x_m, y_m, _ = geodetic_to_map(info.frame, track.lats_deg[:, 0], track.lons_deg[:, 0], 0.0)
     return np.stack([x_m, y_m], axis=1)

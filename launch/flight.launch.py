@@ -5,8 +5,7 @@
 from launch import LaunchContext, LaunchDescription
 from launch_ros.actions import Node
 
-from dsse_ros.autopilots import AUTOPILOTS
-from dsse_ros.nodes.launching import (
+from dsse_ros.ros.nodes.launching import (
     argument,
     description,
     leave_to_bridge,
@@ -14,6 +13,7 @@ from dsse_ros.nodes.launching import (
     mission_nodes,
     node,
 )
+from dsse_ros.vehicles.autopilots import AUTOPILOTS
 
 ARGUMENTS = [
     argument("mode", "What the vehicles fly: guided or mission."),

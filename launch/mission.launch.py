@@ -5,7 +5,7 @@
 from launch import LaunchContext, LaunchDescription
 from launch_ros.actions import Node
 
-from dsse_ros.nodes.launching import description, mission_arguments, mission_nodes
+from dsse_ros.ros.nodes.launching import description, mission_arguments, mission_nodes
 
 
 def nodes(context: LaunchContext) -> list[Node]:

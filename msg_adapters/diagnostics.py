@@ -24,6 +24,9 @@ _LEVELS = {
 _PREFIX = "dsse_ros: "
 """Start of the names on /diagnostics, by which aggregators group them."""
 
+OF_OBJECT = "object."
+"""Start of the keys of what the object of an incident may be."""
+
 
 def status_name(node: str, drone: str = "") -> str:
     """Return the name on /diagnostics of the status of a node, or of one of its drones.

@@ -65,6 +65,8 @@ FLIGHT_FIELDS = (("heading", "<f8"), ("airspeed", "<f8"), ("turn_action", "<f8")
 """Fields of a drone in a step in metres; `path` follows."""
 
 _PATH, _LOOKED = "path", "looked"
+FLOWN_FIELDS = (("wind", "<f8", (2,)),)
+"""Fields of a drone in a step in metres that vehicles have flown; `looked` comes before."""
 _ALL_FOUND = "all_found"
 _MASK = "action_mask"
 
@@ -99,7 +101,8 @@ def step_report_dtype(
     and speed_action (float64, -1 to 1, those of the step) and path (float64 x 2 path_points,
     metres to the east and to the south of the grid's north-west corner, at equal times of the step
     up to the present) follow. If vehicles have flown it, looked (uint8 x path_points: whether the
-    vehicle looked right before the path, and on each piece of it).
+    vehicle looked right before the path, and on each piece of it) and wind (float64 x 2: the wind
+    after the step, to the east and to the north, m/s, the same for all drones).
 
     Raises:
         ValueError: If the number of actions is not 1 to `MAX_ACTIONS`, or 0 in metres.
@@ -113,7 +116,9 @@ def step_report_dtype(
     else:
         mask = ((_MASK, "u1", (int(num_actions),)),)
     flight = (*FLIGHT_FIELDS, (_PATH, "<f8", (2 * path_points,))) if path_points else ()
-    of_vehicles = ((_LOOKED, "u1", (path_points,)),) if path_points else VEHICLE_FIELDS
+    of_vehicles = (
+        ((_LOOKED, "u1", (path_points,)), *FLOWN_FIELDS) if path_points else VEHICLE_FIELDS
+    )
     further = (
         *(COVERAGE_FIELDS if coverage else ()),
         *(FAULT_FIELDS if faults else ()),
@@ -132,6 +137,14 @@ def path_of(report: NDArray[Any]) -> NDArray[np.float64]:
 def looked_of(report: NDArray[Any]) -> NDArray[np.bool_] | None:
     """Return whether drones in metres looked (N, K + 1), if vehicles have flown the step."""
     return report[_LOOKED] > 0 if _LOOKED in (report.dtype.names or ()) else None
+
+
+def wind_of(report: NDArray[Any]) -> tuple[float, float] | None:
+    """Return the wind of a report to the east and to the north, m/s, if vehicles fly in metres."""
+    if "wind" not in (report.dtype.names or ()):
+        return None
+    east, north = report["wind"][0].tolist()
+    return east, north
 
 
 def _dtype_of(num_actions: int, names: Collection[str], path_points: int = 0) -> np.dtype[Any]:

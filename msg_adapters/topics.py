@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 Qos = Literal["latched", "complete", "reliable", "command", "queued", "sensor"]
-"""Quality of service; `dsse_ros.runtime.qos` has the profiles."""
+"""Quality of service; `dsse_ros.ros.runtime.qos` has the profiles."""
 
 Reading = Literal["followed", "compared", "belief", "after report", "between steps", "once"]
 """How `replay` reads a topic. It follows the messages, or compares them with its own. These may
@@ -320,6 +320,14 @@ TOPICS = {
         subscriber_qos={"sim_node": "reliable"},
         content="[state](flight.md#vehicle-state) of the vehicle: its task, who controls it, "
         "whether it is lost",
+    ),
+    "vehicle_wind": Topic(
+        type_name="geometry_msgs/msg/Vector3Stamped",
+        qos="command",
+        publishers=("mavlink_bridge", *_PEOPLE),
+        subscribers=_SIM,
+        content="[in metres](flight.md#wind), with `vehicle_time` `followed`: velocity of the air "
+        "where the vehicles fly, m/s in `map`",
     ),
     "joint_action": Topic(
         type_name="std_msgs/msg/Int32MultiArray",

@@ -8,5 +8,12 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[1]
 # Most rows fly with the helpers of the tests.
 sys.path += [
-    str(ROOT / "test" / folder) for folder in ("nodes", "flight", "bridge", "search", "recording")
+    str(ROOT / "test" / folder)
+    for folder in (
+        "ros/nodes",
+        "vehicles/control",
+        "vehicles/fleet",
+        "search/environments",
+        "mission/recording",
+    )
 ]

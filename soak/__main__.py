@@ -17,8 +17,8 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.bench import machine, own_versions, rounded
-from dsse_ros.progress_bar import progress, say
-from dsse_ros.whole_files import write_whole
+from dsse_ros.base.progress_bar import progress, say
+from dsse_ros.base.whole_files import write_whole
 from soak import ROOT
 from soak.rigs import use_defaults_of_dds
 from soak.row import Row, Run
@@ -26,7 +26,15 @@ from soak.rows import ROWS
 from soak.table import RESULTS
 
 BUILD = ROOT / ".venv" / "soak"
-CODE = ("dsse_ros", "msg_adapters", "soak", "config", "test/nodes", "test/flight", "benchmarks/ros")
+CODE = (
+    "dsse_ros",
+    "msg_adapters",
+    "soak",
+    "config",
+    "test/ros/nodes",
+    "test/vehicles/control",
+    "benchmarks/ros",
+)
 """What a result depends on; a row measured under the same conditions is not measured again."""
 SUFFIXES = (".py", ".yaml", ".js", ".css", ".html", ".xml")
 

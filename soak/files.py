@@ -11,7 +11,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
-from dsse_ros.search import Snapshot
+from dsse_ros.search.environments.snapshot import Snapshot
 from soak.rigs import Sim, domain
 from soak.row import Figures, Row, Run, zero
 from soak.traffic import SEARCHED

@@ -14,8 +14,8 @@ from typing import Any
 
 from autopilot.running import Running, running_autopilot
 
-from dsse_ros.scenario.frames import GridFrame
-from dsse_ros.scenario.geodesy import map_to_geodetic
+from dsse_ros.world.scenario.frames import GridFrame
+from dsse_ros.world.scenario.geodesy import map_to_geodetic
 from soak.rigs import DOWN, SEARCH, UP, Bridge, Sim, domain
 from soak.row import Figures, Goal, Row, Run, zero
 

@@ -8,19 +8,34 @@ import itertools
 import os
 import random
 import socket
+import statistics
 import time
 from collections import Counter
+from pathlib import Path
 from typing import Any
+from unittest.mock import patch
 
 from autopilot.wire import Codec, mavlink
 from fuzz import any_message
 from hostile_messages import GRID_SIZE, hostile
+from live_fuzz import fuzz
 
-from dsse_ros.mission.command_intake import CommandIntake
-from dsse_ros.mission.mission import Mission
-from dsse_ros.scenario.frames import GridFrame
-from dsse_ros.search import parallel_env
-from soak.rigs import SEARCH, UP, Bridge, Rig, domain, open_files, resident_bytes, threads
+from dsse_ros.mission.run.command_intake import CommandIntake
+from dsse_ros.mission.run.mission import Mission
+from dsse_ros.ros.runtime.discovery import variable
+from dsse_ros.search.environments.factories import parallel_env
+from dsse_ros.world.scenario.frames import GridFrame
+from soak.rigs import (
+    ENVIRONMENT,
+    SEARCH,
+    UP,
+    Bridge,
+    Rig,
+    domain,
+    open_files,
+    resident_bytes,
+    threads,
+)
 from soak.row import Figures, Goal, Row, Run, zero
 
 SCENARIO: dict[str, Any] = {
@@ -29,6 +44,8 @@ SCENARIO: dict[str, Any] = {
     "person_initial_position": (7, 7),
     "probability_of_detection": 0.0,
 }
+DYNAMIC = Path(__file__).with_name("fastdds_dynamic.xml")
+"""Profile of Fast DDS."""
 MEMORY = Goal("growth_mib", most=5.0)
 SENDERS = ((1, 1), (1, 1), (1, 1), (2, 1), (245, 191), (255, 190), (0, 0), (1, 100))
 """Senders as system and component, most often the vehicle's own."""
@@ -65,14 +82,7 @@ def hostile_adapters(run: Run) -> Figures:
 
 def take(intake: CommandIntake, topic: str, message: Any) -> bool:
     """Pass the message of a topic to a mission, and return whether it is a new command."""
-    if topic == "joint_action":
-        return intake.joint_action(message)
-    name, _, kind = topic.partition("/")
-    takes = {
-        "cmd_action_name": intake.action_name,
-        "command_pose": intake.goal,
-    }
-    return takes[kind](int(name.removeprefix("drone")), message)
+    return intake.topics()[topic](message)
 
 
 def hostile_dds(run: Run) -> Figures:
@@ -101,6 +111,33 @@ def hostile_dds(run: Run) -> Figures:
         "messages": number,
         "miscounted": sum((expected - counted).values()) + sum((counted - expected).values()),
         "changed": changed,
+    }
+
+
+def hostile_live(run: Run) -> Figures:
+    """Send a live search what once ended its nodes, and copies of inputs with values replaced.
+
+    Growth is that of the mean memory of a node from the second to the last of six parts of the
+    time: what is kept for the next missions has its size by then. Fast DDS frees the memory of
+    messages; by default it keeps that of the largest for each place in a queue.
+    """
+    freeing = {variable(): str(DYNAMIC), "RMW_FASTRTPS_USE_QOS_FROM_XML": "1"}
+    with patch.dict(os.environ), patch.dict(ENVIRONMENT, freeing), domain(run.folder) as rig:
+        fuzzed = fuzz(rig, seed=0, seconds=run.size(3600.0, 5.0))
+    growth = {
+        name: statistics.mean(values[-part:]) - statistics.mean(values[part : 2 * part])
+        for name, values in fuzzed.memory_mib.items()
+        for part in [max(len(values) // 6, 1)]
+        if len(values) > 1
+    }
+    return {
+        "inputs": fuzzed.inputs,
+        "accepted": fuzzed.answers["ok"],
+        "unanswered": fuzzed.inputs - fuzzed.answers.total(),
+        "missions": fuzzed.missions,
+        "growth_mib": max(growth.values(), default=0.0),
+        **{f"{name}_growth_mib": grown for name, grown in growth.items()},
+        **{f"{name}_mib": values for name, values in fuzzed.memory_mib.items()},
     }
 
 
@@ -239,6 +276,18 @@ ROWS = (
         hostile_dds,
         "{messages} messages: {miscounted} miscounted, {changed} steps done",
         zero("miscounted", "changed"),
+    ),
+    Row(
+        "hostile_live",
+        "An hour of hostile inputs to live searches, 20 a second, among them all that once ended a "
+        "node: no node ends, each input is answered, memory flat where Fast DDS frees its own",
+        hostile_live,
+        "{inputs} inputs in {missions} missions, {accepted} accepted: {unanswered} unanswered, "
+        "memory {growth_mib:+.1f} MiB in the node where it grows most",
+        (
+            Goal("unanswered", most=0),
+            Goal("growth_mib", most=5.0, timed=True),
+        ),
     ),
     Row(
         "hostile_mavlink",

@@ -11,8 +11,10 @@ from typing import Any
 
 import numpy as np
 
-from dsse_ros.mission.mission import Mission
-from dsse_ros.search import HOLD, Snapshot, SnapshotError, parallel_env
+from dsse_ros.mission.run.mission import Mission
+from dsse_ros.search.environments.factories import parallel_env
+from dsse_ros.search.environments.snapshot import Snapshot, SnapshotError
+from dsse_ros.search.step.constants import NO_ACTION
 from msg_adapters.step_report import step_report_from_message
 from soak.late_joiner import join
 from soak.rigs import DOWN, SEARCH, UP, Bridge, Process, Rig, Sim, autopilots, domain, fly
@@ -56,7 +58,7 @@ def planner_killed(run: Run) -> Figures:
             began_s = time.monotonic()
             report = others_fly(sim, kill)
             policy_s.append(time.monotonic() - began_s)
-            unheld += int(report["action"][0]) != HOLD
+            unheld += int(report["action"][0]) != NO_ACTION
             disturbed += report["action"][1:].tolist() != [kill % ACTIONS] * 2
             began_s = time.monotonic()
             planner = start_planner(rig, sim)
@@ -80,7 +82,8 @@ def start_planner(rig: Rig, sim: Sim) -> Process:
 
     def led() -> bool:
         return any(
-            step_report_from_message(message)["action"][0] != HOLD for message in sim.reports[seen:]
+            step_report_from_message(message)["action"][0] != NO_ACTION
+            for message in sim.reports[seen:]
         )
 
     rig.until(led, "a step that the planner leads")

@@ -15,7 +15,7 @@ import sys
 import threading
 from typing import Any
 
-from dsse_ros.scenario.fields import Spec, specs
+from dsse_ros.base.fields import Spec, specs
 from soak import ROOT
 from soak.rigs import ENVIRONMENT, Sim, domain
 from soak.row import Figures, Row, Run, zero
@@ -74,7 +74,7 @@ def allowed(spec: Spec, value: Any) -> bool | None:
 def specs_of(node: str) -> dict[str, Spec]:
     """Return the fields that are parameters of a node."""
     if node == "sim_node":
-        from dsse_ros.nodes.settings import SIM_PARAMETERS
+        from dsse_ros.ros.nodes.settings import SIM_PARAMETERS
 
         return dict(SIM_PARAMETERS)
     names = {
@@ -84,18 +84,18 @@ def specs_of(node: str) -> dict[str, Spec]:
         "foxglove_viewer": "ViewerSettings",
     }
     if node == "mavlink_bridge":
-        from dsse_ros.bridge.settings import BridgeSettings
+        from dsse_ros.vehicles.fleet.settings import BridgeSettings
 
         return specs(BridgeSettings)
     if node == "dashboard":
-        from dsse_ros.dashboard.settings import DashboardSettings
+        from dsse_ros.screens.dashboard.settings import DashboardSettings
 
         return specs(DashboardSettings)
     if node == "cot_gateway":
-        from dsse_ros.tak.settings import CotSettings
+        from dsse_ros.screens.tak.settings import CotSettings
 
         return specs(CotSettings)
-    return specs(getattr(importlib.import_module("dsse_ros.nodes.settings"), names[node]))
+    return specs(getattr(importlib.import_module("dsse_ros.ros.nodes.settings"), names[node]))
 
 
 def of_start(node: str) -> list[tuple[str, str]]:
@@ -186,7 +186,7 @@ def start_all(
 
 def _starts(node: str, cases: list[tuple[str, str]], out: Any) -> None:
     """Print exit code and error of a node for each case, until one has started."""
-    main = importlib.import_module(f"dsse_ros.nodes.{node}").main
+    main = importlib.import_module(f"dsse_ros.ros.nodes.{node}").main
     for name, text in cases:
         watch = threading.Timer(GIVE_UP_S, os._exit, (9,))
         watch.daemon = True

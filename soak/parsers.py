@@ -40,7 +40,8 @@ class Parser:
 
 
 def _yaml() -> tuple[Take, list[bytes]]:
-    from dsse_ros.search import Scenario, profile
+    from dsse_ros.world.scenario.rules import profile
+    from dsse_ros.world.scenario.scenario import Scenario
 
     def read(path: Path) -> None:
         scenario = Scenario.read(path)
@@ -53,7 +54,7 @@ def _yaml() -> tuple[Take, list[bytes]]:
 
 
 def _geojson() -> tuple[Take, list[bytes]]:
-    from dsse_ros.scenario.area import Area, area_mask
+    from dsse_ros.world.scenario.area import Area, area_mask
 
     def read(path: Path) -> None:
         area_mask(Area.read(str(path)), False, 8, 130.0, (-24.0, -46.0, 0.0))
@@ -73,8 +74,8 @@ def _commands() -> tuple[Take, list[bytes]]:
     from rclpy.serialization import deserialize_message, serialize_message
     from std_msgs.msg import Int32MultiArray, String
 
-    from dsse_ros.mission import command_parsers
-    from dsse_ros.scenario.frames import GridFrame
+    from dsse_ros.mission.run import command_parsers
+    from dsse_ros.world.scenario.frames import GridFrame
     from msg_adapters.commands import joint_action_message
     from msg_adapters.poses import pose_from_message
 
@@ -112,7 +113,7 @@ def _observations() -> tuple[Take, list[bytes]]:
     from sensor_msgs.msg import Image, PointCloud2
     from std_msgs.msg import String
 
-    from dsse_ros.scenario.agents import agents_from_json
+    from dsse_ros.world.scenario.agents import agents_from_json
     from msg_adapters.images import image_to_probability
     from msg_adapters.mission_report import mission_report_from_message
     from msg_adapters.step_report import step_report_from_message
@@ -153,10 +154,10 @@ def _mavlink() -> tuple[Take, list[bytes]]:
     from autopilot.wire import mavlink
     from fuzz import any_message
 
-    from dsse_ros.flight.commands import ControllerSettings
-    from dsse_ros.flight.vehicle_controller import VehicleController
-    from dsse_ros.mavlink.codec import Codec
-    from dsse_ros.mavlink.messages import Address
+    from dsse_ros.vehicles.control.commands import ControllerSettings
+    from dsse_ros.vehicles.control.vehicle_controller import VehicleController
+    from dsse_ros.vehicles.mavlink.codec import Codec
+    from dsse_ros.vehicles.mavlink.messages import Address
 
     ours, vehicle = Address(245, 191), Address(7, 1)
     settings = ControllerSettings(autopilot="ardupilot")
@@ -180,9 +181,9 @@ def _mavlink() -> tuple[Take, list[bytes]]:
 
 
 def _snapshots() -> tuple[Take, list[bytes]]:
-    from dsse_ros.mission.mission import Mission
-    from dsse_ros.search import Snapshot, SnapshotError, parallel_env
-    from dsse_ros.search.snapshot import MAGIC, VERSION
+    from dsse_ros.mission.run.mission import Mission
+    from dsse_ros.search.environments.factories import parallel_env
+    from dsse_ros.search.environments.snapshot import MAGIC, VERSION, Snapshot, SnapshotError
 
     fields: dict[str, Any] = {"grid_size": 5, "num_drones": 2, "rules": "v2"}
     mission = Mission(parallel_env(**fields), seed=1)
@@ -239,8 +240,8 @@ def _bags() -> tuple[Take, list[bytes]]:
     from flown import write
     from mcap.writer import Writer
 
-    from dsse_ros.recording.bag import read_bag
-    from dsse_ros.recording.bag_replay import Replay
+    from dsse_ros.mission.recording.bag import read_bag
+    from dsse_ros.mission.recording.bag_replay import Replay
 
     chunked, flat = _file("seed.mcap"), _file("flat.mcap")
     chunked.unlink(missing_ok=True)
@@ -287,7 +288,7 @@ def _file(name: str) -> Path:
 
 def _from_file(name: str, read: Callable[[Path], object]) -> Take:
     """Return what writes bytes to a file and reads it; a refusal must be on one line."""
-    from dsse_ros.search import FieldError
+    from dsse_ros.base.fields import FieldError
 
     path = _file(name)
 
@@ -309,22 +310,38 @@ PARSERS = {
     "yaml": Parser(
         "scenarios in YAML",
         _yaml,
-        ("dsse_ros.scenario.yaml_file", "dsse_ros.scenario.scenario", "dsse_ros.scenario.fields"),
+        (
+            "dsse_ros.world.scenario.yaml_file",
+            "dsse_ros.world.scenario.scenario",
+            "dsse_ros.base.fields",
+        ),
     ),
-    "geojson": Parser("areas in GeoJSON", _geojson, ("dsse_ros.scenario.area",)),
+    "geojson": Parser("areas in GeoJSON", _geojson, ("dsse_ros.world.scenario.area",)),
     "commands": Parser(
-        "commands", _commands, ("dsse_ros.mission.command_parsers", "dsse_ros.scenario.frames")
+        "commands",
+        _commands,
+        ("dsse_ros.mission.run.command_parsers", "dsse_ros.world.scenario.frames"),
     ),
     "observations": Parser(
         "agents, maps and reports",
         _observations,
-        ("dsse_ros.scenario.agents", "msg_adapters.step_report", "dsse_ros.scenario.json_keys"),
+        (
+            "dsse_ros.world.scenario.agents",
+            "msg_adapters.step_report",
+            "dsse_ros.world.scenario.json_keys",
+        ),
     ),
     "mavlink": Parser(
-        "MAVLink bytes", _mavlink, ("dsse_ros.mavlink.codec", "dsse_ros.flight.vehicle_controller")
+        "MAVLink bytes",
+        _mavlink,
+        ("dsse_ros.vehicles.mavlink.codec", "dsse_ros.vehicles.control.vehicle_controller"),
     ),
     "snapshots": Parser(
-        "snapshots", _snapshots, ("dsse_ros.search.snapshot", "dsse_ros.mission.mission")
+        "snapshots",
+        _snapshots,
+        ("dsse_ros.search.environments.snapshot", "dsse_ros.mission.run.mission"),
     ),
-    "bags": Parser("bags", _bags, ("dsse_ros.recording.bag", "dsse_ros.recording.bag_replay")),
+    "bags": Parser(
+        "bags", _bags, ("dsse_ros.mission.recording.bag", "dsse_ros.mission.recording.bag_replay")
+    ),
 }

@@ -25,12 +25,12 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from dsse_ros.belief.belief import Belief, Forecast
-from dsse_ros.scenario.rules import Rules
-from dsse_ros.scenario.scenario import ResolvedScenario, scenario_and_rules
-from dsse_ros.search.world import World
-from dsse_ros.search.world_beliefs import DRIFT_SAMPLES, WorldBeliefs
-from dsse_ros.step.looks import searches_of
+from dsse_ros.search.belief.belief import Belief, Forecast
+from dsse_ros.search.environments.world import World
+from dsse_ros.search.environments.world_beliefs import DRIFT_SAMPLES, WorldBeliefs
+from dsse_ros.search.step.looks import searches_of
+from dsse_ros.world.scenario.rules import Rules
+from dsse_ros.world.scenario.scenario import ResolvedScenario, scenario_and_rules
 from soak.row import Figures, Goal, Row, Run
 
 SEED = 50_000_000

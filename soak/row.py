@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeVar
 
-from dsse_ros.progress_bar import progress
+from dsse_ros.base.progress_bar import progress
 
 T = TypeVar("T")
 

@@ -21,7 +21,6 @@ from hypothesis.stateful import (
     rule,
     run_state_machine_as_test,
 )
-from paper_reference import PaperWorld
 from play import missions, person_cells
 from test_against_reference import (
     CHOICES,
@@ -31,9 +30,12 @@ from test_against_reference import (
 )
 from virtual_flight import VirtualFlight
 
-from dsse_ros.flight.orders import GoTo, Hold, Land, Return, TakeOff
-from dsse_ros.mission.step_scheduler import Due, StepScheduler, Timing
-from dsse_ros.search import SearchEnv, Snapshot, parallel_env
+from dsse_ros.mission.run.step_scheduler import Due, StepScheduler, Timing
+from dsse_ros.search.environments.factories import parallel_env
+from dsse_ros.search.environments.parallel_env import SearchEnv
+from dsse_ros.search.environments.snapshot import Snapshot
+from dsse_ros.search.plain import PlainSearch
+from dsse_ros.vehicles.control.orders import GoTo, Hold, Land, Return, TakeOff
 from soak.row import Figures, Row, Run, zero
 
 STEPS_OF_EXAMPLE = 50
@@ -47,7 +49,7 @@ class WorldMachine(RuleBasedStateMachine):
 
     def __init__(self) -> None:
         super().__init__()
-        self.kept: list[tuple[bytes, PaperWorld]] = []
+        self.kept: list[tuple[bytes, PlainSearch]] = []
 
     @initialize(fields=missions(max_drones=4), seed=st.integers(0, 2**32 - 1))
     def begin(self, fields: dict[str, Any], seed: int) -> None:

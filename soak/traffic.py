@@ -12,7 +12,7 @@ import numpy as np
 from std_msgs.msg import Int32MultiArray, String
 
 from benchmarks import lockstep
-from dsse_ros.search import profile
+from dsse_ros.world.scenario.rules import profile
 from msg_adapters.step_report import step_report_from_message
 from soak.rigs import Rig, domain
 from soak.row import Figures, Goal, Row, Run, zero

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks.worker import play_walks, serve
-from dsse_ros.search import parallel_env, vector_env
+from dsse_ros.search.environments.factories import parallel_env, vector_env
 
 
 def make(config: dict[str, Any]) -> Iterator[int]:

@@ -21,8 +21,8 @@ from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Int32MultiArray
 
-from dsse_ros.runtime.qos import RELIABLE
-from dsse_ros.runtime.run_node import new_executor
+from dsse_ros.ros.runtime.qos import RELIABLE
+from dsse_ros.ros.runtime.run_node import new_executor
 from msg_adapters.commands import joint_action_message
 from msg_adapters.step_report import step_report_dtype
 

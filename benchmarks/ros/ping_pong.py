@@ -21,8 +21,8 @@ from rclpy.serialization import deserialize_message
 from std_msgs.msg import Int32MultiArray
 
 from benchmarks.ros.peer import REPORT, STEP_AT, message_type, profile_of
-from dsse_ros.runtime.qos import RELIABLE
-from dsse_ros.runtime.run_node import new_executor
+from dsse_ros.ros.runtime.qos import RELIABLE
+from dsse_ros.ros.runtime.run_node import new_executor
 
 NAME = "ping_pong"
 # Messages that sim_node sends after the report of a step.
@@ -88,7 +88,7 @@ def main(recording: str, steps: str) -> None:
     rclpy.init()
     executor = new_executor()
     executor.add_node(PingPong(json.loads(Path(recording).read_text()), int(steps)))
-    # As in sim_node, see `dsse_ros.runtime.run_node`.
+    # As in sim_node, see `dsse_ros.ros.runtime.run_node`.
     while rclpy.ok():
         executor.spin_once(timeout_sec=0.1)
 

@@ -11,14 +11,17 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from dsse_ros.base.fields import FieldError
+from dsse_ros.base.whole_files import whole_file
 from dsse_ros.cli.command_line import Parser, place
-from dsse_ros.drift.flow import seconds, utc
-from dsse_ros.drift.kernels import degrees_per_metre
-from dsse_ros.drift.tracks import Sighting
-from dsse_ros.mission.scenario_files import find_scenario
-from dsse_ros.runtime.exit_codes import fail
-from dsse_ros.scenario.geodesy import mean_lon
-from dsse_ros.search import FieldError, Scenario
+from dsse_ros.mission.files.scenario_files import scenario_with_incident
+from dsse_ros.ros.runtime.exit_codes import fail
+from dsse_ros.world.drift.flow import utc
+from dsse_ros.world.drift.kernels import degrees_per_metre
+from dsse_ros.world.drift.tracks import Sighting
+from dsse_ros.world.scenario.geodesy import mean_lon
+from dsse_ros.world.scenario.incident import time_of
+from dsse_ros.world.scenario.place_checks import check_near
 
 INTERVAL_S = 600.0
 """Time between two lines of the table."""
@@ -49,13 +52,6 @@ def parse(argv: list[str] | None) -> argparse.Namespace:
     return parser.parse_args(argv)
 
 
-def _time(name: str, text: str) -> float:
-    try:
-        return seconds(text)
-    except ValueError:
-        raise FieldError(f"{name} must be a time like 2026-01-17T14:00Z, got {text!r}") from None
-
-
 def _times(first_s: float, last_s: float) -> NDArray[np.float64]:
     """Return times from the find back to the earliest, both included."""
     if not 0 < first_s - last_s <= MAX_BACK_S:
@@ -77,14 +73,14 @@ def main(argv: list[str] | None = None) -> int:
             )
         if arguments.seed < 0:
             raise FieldError(f"seed must be an integer >= 0, got {arguments.seed}")
-        incident = Scenario.from_yaml(find_scenario(arguments.scenario)).incident
-        if incident is None:
-            raise FieldError(f"scenario must have an incident, got {arguments.scenario!r}")
+        _, incident = scenario_with_incident(arguments.scenario)
         found = Sighting(
-            *place("found", arguments.found), _time("time", arguments.time), arguments.radius
+            *place("found", arguments.found), time_of("time", arguments.time), arguments.radius
         )
+        for sighting in incident.sightings[:1]:
+            check_near("found", found[:2], sighting[:2])
         if arguments.until is not None:
-            until_s = _time("until", arguments.until)
+            until_s = time_of("until", arguments.until)
         else:
             until_s = min(
                 (sighting.time_s for sighting in incident.sightings), default=found.time_s
@@ -101,9 +97,10 @@ def main(argv: list[str] | None = None) -> int:
     if arguments.out is not None:
         table = np.stack([tracks.lats_deg[-1], tracks.lons_deg[-1]], axis=1)
         try:
-            np.savetxt(
-                arguments.out, table, "%.6f", delimiter=",", header="lat_deg,lon_deg", comments=""
-            )
+            with whole_file(arguments.out) as part:
+                np.savetxt(
+                    part, table, "%.6f", delimiter=",", header="lat_deg,lon_deg", comments=""
+                )
         except OSError as error:
             return fail("backtrack", f"out: {str(arguments.out)!r}: {error.strerror}")
     return 0

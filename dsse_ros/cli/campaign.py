@@ -10,14 +10,13 @@ from pathlib import Path
 
 from tqdm import tqdm
 
-from dsse_ros.campaign import report
-from dsse_ros.campaign.chunks import Results, job
-from dsse_ros.campaign.config import Campaign
-from dsse_ros.campaign.engines import ENGINES, WorkerError
+from dsse_ros.base.fields import FieldError
 from dsse_ros.cli.command_line import Parser, make_folder
-from dsse_ros.cli.start import not_found
-from dsse_ros.runtime.exit_codes import FAILED, fail
-from dsse_ros.search import FieldError
+from dsse_ros.results.campaign import report
+from dsse_ros.results.campaign.chunks import Results, job
+from dsse_ros.results.campaign.config import Campaign
+from dsse_ros.results.campaign.engines import ENGINES, WorkerError
+from dsse_ros.ros.runtime.exit_codes import FAILED, fail
 
 
 def parse(argv: list[str] | None) -> argparse.Namespace:
@@ -73,8 +72,6 @@ def main(argv: list[str] | None = None) -> int:
     except WorkerError as error:
         fail("campaign", error)
         return FAILED
-    except ImportError as error:
-        return not_found("campaign", error)
     except OSError as error:
         fail("campaign", f"out: {error.filename or str(out)!r}: {error.strerror or error}")
         return FAILED

@@ -5,38 +5,45 @@
 from __future__ import annotations
 
 import argparse
-import math
 import re
 import sys
 from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NoReturn
 
-from dsse_ros.mission.scenario_files import find_scenario
-from dsse_ros.nodes.settings import (
+from dsse_ros.base.fields import FieldError, Spec, check_known, shown
+from dsse_ros.mission.files.scenario_files import find_scenario
+from dsse_ros.planners.registry import (
+    COVERAGE_PLANNERS,
+    DEFAULT_PLANNER,
+    PLANNER_NAMES,
+    check_options,
+    check_task,
+    default_planner,
+    read_options,
+)
+from dsse_ros.ros.nodes.settings import (
     FULL_NAMES,
     PROFILE,
     SCENARIO_FILE,
     SHORT_NAMES,
     SIM_PARAMETERS,
 )
-from dsse_ros.planners import PLANNER_NAMES, check_options, check_task, read_options
-from dsse_ros.runtime.exit_codes import fail
-from dsse_ros.runtime.ros_arguments import (
+from dsse_ros.ros.runtime.exit_codes import fail
+from dsse_ros.ros.runtime.ros_arguments import (
     from_ros,
     known_parameters,
     split_ros_arguments,
     typed_names,
     without_prefix,
 )
-from dsse_ros.scenario.fields import Spec, check_known, shown
-from dsse_ros.scenario.rules import AUTO
-from dsse_ros.scenario.scenario import ResolvedScenario
-from dsse_ros.search import PROFILES, FieldError, Rules, Scenario, profile
+from dsse_ros.world.scenario.place_checks import LAT, LON
+from dsse_ros.world.scenario.rules import AUTO, PROFILES, Rules, profile
+from dsse_ros.world.scenario.scenario import ResolvedScenario, Scenario
 
 DEFAULT_SCENARIO = "santos"
 MAX_SEED = 2**62
-SIM_NODE, PLANNER_NODE = "sim_node", "planner_node"
+SIM_NODE, PLANNER_NODE, DASHBOARD = "sim_node", "planner_node", "dashboard"
 _OF_SEARCH = {
     SCENARIO_FILE: ("scenario", SIM_PARAMETERS[SCENARIO_FILE]),
     PROFILE: ("rules", SIM_PARAMETERS[PROFILE]),
@@ -57,6 +64,7 @@ class Parser(argparse.ArgumentParser):
         super().__init__(**options)
         # For argparse, `-24.0,-46.4` would be an option, as it is no number.
         self._negative_number_matcher = re.compile(r"-\.?\d")
+        self.register("type", int, integer)
 
     def add(self, flag: str, **options: Any) -> None:
         """Add an argument, as `add_argument` does."""
@@ -72,9 +80,10 @@ class Parser(argparse.ArgumentParser):
         self.add("--scenario", default=scenario, help="YAML file or name")
         usual = "profile; auto is sea with an incident, else paper"
         self.add("--rules", default=AUTO, choices=(AUTO, *PROFILES), help=usual)
-        self.add("--planner", default="greedy", choices=PLANNER_NAMES, help="planner")
+        usual = f"planner (default: {DEFAULT_PLANNER}, for coverage {COVERAGE_PLANNERS[0]})"
+        self.add("--planner", choices=PLANNER_NAMES, help=usual)
         self.add("--model", help="ONNX file of the planner onnx, by default that of this package")
-        options = "options of the planner, such as heading=45 for sweep"
+        options = "options of the planner, such as horizon=10 for belief"
         self.add("--planner-options", nargs="+", default=(), metavar="NAME=VALUE", help=options)
         self.add("--num-drones", type=int, help="number of drones, by default the scenario's")
         seeded = "random seed of the map, the persons and the planner"
@@ -133,20 +142,29 @@ class Parser(argparse.ArgumentParser):
         sys.exit(fail(self.prog, message))
 
 
-def _overrides(ros: Sequence[str]) -> dict[str, Any]:
-    """Return the parameters that ROS arguments give to the nodes of a search.
+def integer(text: str) -> int:
+    """Return a whole number; none that begins with 0, which ROS would take for an octal one.
 
     Raises:
-        FieldError: If an argument is not allowed.
+        ValueError: If the text is no such number.
     """
-    # Without ROS arguments the programs run without ROS.
-    from dsse_ros.runtime.run_node import overrides_of
+    if re.match(r"\s*[-+]?0\d", text):
+        raise ValueError
+    return int(text)
 
-    return overrides_of((PLANNER_NODE, SIM_NODE), ros)
+
+def _overrides(ros: Sequence[str]) -> dict[str, Any]:
+    """Return the parameters that ROS arguments give to the nodes of a search."""
+    # Without ROS arguments the programs run without ROS.
+    from dsse_ros.ros.runtime.run_node import overrides_of
+
+    return overrides_of((PLANNER_NODE, SIM_NODE), ros, others=(DASHBOARD,))
 
 
 def search_of(arguments: argparse.Namespace) -> tuple[Path, ResolvedScenario, Rules]:
     """Return scenario file, scenario and rules of a command line with `Parser.add_search`.
+
+    A planner that was not chosen becomes that of the rules.
 
     Raises:
         FieldError: If one of them, or the seed, is not allowed.
@@ -160,6 +178,7 @@ def search_of(arguments: argparse.Namespace) -> tuple[Path, ResolvedScenario, Ru
         scenario.rules_of(arguments.rules), **without_prefix("rules.", arguments.fields)
     )
     if "planner" in arguments:
+        arguments.planner = arguments.planner or default_planner(rules)
         check_task(arguments.planner, rules)
         check_options(arguments.planner, options_of(arguments))
     return path, scenario.resolve(rules), rules
@@ -188,13 +207,14 @@ def place(name: str, text: str) -> tuple[float, float]:
     Raises:
         FieldError: If the value is not LAT,LON.
     """
+    parts = text.split(",")
     try:
-        lat_deg, lon_deg = (float(part) for part in text.split(","))
+        lat_deg, lon_deg = (float(part) for part in parts)
+        return LAT.check(name, lat_deg), LON.check(name, lon_deg)
     except ValueError:
-        lat_deg = lon_deg = math.nan
-    if not (abs(lat_deg) <= 85 and abs(lon_deg) <= 360):
-        raise FieldError(f"{name} must be LAT,LON up to 85 and 360 degrees, got {text!r}")
-    return lat_deg, lon_deg
+        raise FieldError(
+            f"{name} must be LAT,LON up to {LAT.high:g} and {LON.high:g} degrees, got {text!r}"
+        ) from None
 
 
 def make_folder(name: str, folder: Path) -> None:

@@ -10,21 +10,24 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from dsse_ros.base.fields import FieldError
+from dsse_ros.base.whole_files import whole_file, write_whole
 from dsse_ros.cli.command_line import Parser, make_folder, options_of, search_of
 from dsse_ros.cli.mission_file import FILE_HELP, add_mission_file, choose, pictures, read
-from dsse_ros.cli.start import not_found
-from dsse_ros.mission.flight_mission import mission_of
-from dsse_ros.mission.mission_log import MissionLog
-from dsse_ros.planners import planner_for, play
-from dsse_ros.report.geotiff import write_geotiff
-from dsse_ros.report.gis import GisMission, gis_mission
-from dsse_ros.report.gpx import gpx_text
-from dsse_ros.report.kml import kml_text
-from dsse_ros.report.recomputed import forecast_for
-from dsse_ros.report.record import chosen_steps
-from dsse_ros.runtime.exit_codes import fail
-from dsse_ros.scenario.frames import scenario_frame
-from dsse_ros.search import HOLD, FieldError, search_env
+from dsse_ros.mission.files.mission_log import MissionLog
+from dsse_ros.mission.run.mission import Mission
+from dsse_ros.planners.play import play
+from dsse_ros.planners.registry import planner_for
+from dsse_ros.results.report.geotiff import write_geotiff
+from dsse_ros.results.report.gis import GisMission, gis_mission
+from dsse_ros.results.report.gpx import gpx_text
+from dsse_ros.results.report.kml import kml_text
+from dsse_ros.results.report.recomputed import forecast_for
+from dsse_ros.results.report.record import chosen_steps
+from dsse_ros.ros.runtime.exit_codes import fail
+from dsse_ros.search.environments.parallel_env import SearchEnv
+from dsse_ros.search.step.constants import NO_ACTION
+from dsse_ros.world.scenario.scenario import scenario_frame
 
 MAPS = 2
 """The start and the end of the mission."""
@@ -51,9 +54,9 @@ def record_search(arguments: argparse.Namespace, path: Path) -> None:
         FieldError: If scenario, rules or planner are not allowed, or the file cannot be written.
     """
     _, scenario, rules = search_of(arguments)
-    env, seed = search_env(scenario, rules), arguments.seed
+    env, seed = SearchEnv(scenario, rules), arguments.seed
     # The mission repeats the actions: the same seed gives the same search.
-    mission = mission_of(search_env(scenario, rules), seed, belief=False)
+    mission = Mission(SearchEnv(scenario, rules), seed, belief=False)
     policy = planner_for(env, arguments.planner, seed=seed, **options_of(arguments))
     log = MissionLog(
         path, scenario_frame(env.scenario), covers=rules.covers,
@@ -61,7 +64,7 @@ def record_search(arguments: argparse.Namespace, path: Path) -> None:
     )  # fmt: skip
     log.write(mission, mission.result)
     for step in play(env, policy, seed=seed):
-        none: Any = None if rules.in_metres else HOLD
+        none: Any = None if rules.in_metres else NO_ACTION
         actions: Mapping[str, Any] = step.actions
         mission.command_all([actions.get(name, none) for name in env.possible_agents])
         log.write(mission, mission.advance("hold"))
@@ -81,9 +84,10 @@ def write_files(folder: Path, mission: GisMission) -> list[Path]:
         **({folder / "pod.tif": pods} if pods else {}),
     }
     for path, bands in rasters.items():
-        write_geotiff(path, mission.frame, bands)
-    kml.write_text(kml_text(mission), encoding="utf-8")
-    gpx.write_text(gpx_text(mission.tracks, mission.places), encoding="utf-8")
+        with whole_file(path) as part:
+            write_geotiff(part, mission.frame, bands)
+    write_whole(kml, kml_text(mission).encode())
+    write_whole(gpx, gpx_text(mission.tracks, mission.places).encode())
     return [*rasters, kml, gpx]
 
 
@@ -102,8 +106,6 @@ def main(argv: list[str] | None = None) -> int:
         shown = pictures(record, wanted, forecast_for(record, None), bag)
     except FieldError as error:
         return fail("export_gis", error)
-    except ImportError as error:
-        return not_found("export_gis", error)
     try:
         written = write_files(arguments.out, gis_mission(record, shown))
     except OSError as error:

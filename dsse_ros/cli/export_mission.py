@@ -13,25 +13,31 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dsse_ros.bridge.vehicle_missions import (
+from dsse_ros.base.fields import FieldError, Spec, specs
+from dsse_ros.base.whole_files import write_whole
+from dsse_ros.cli.command_line import Parser, options_of, place, search_of
+from dsse_ros.cli.mission_file import FILE_HELP, add_choice, choose, read
+from dsse_ros.cli.pattern_mission import PatternMission, add_pattern, check_no_pattern
+from dsse_ros.planners.play import play
+from dsse_ros.planners.registry import planner_for
+from dsse_ros.ros.runtime.exit_codes import fail
+from dsse_ros.search.environments.compiler import prepared_env
+from dsse_ros.search.environments.parallel_env import SearchEnv
+from dsse_ros.vehicles.fleet.vehicle_missions import (
     FlightSettings,
     layers,
     search_missions,
     write_missions,
 )
-from dsse_ros.cli.command_line import Parser, options_of, search_of
-from dsse_ros.cli.mission_file import FILE_HELP, add_choice, choose, read
-from dsse_ros.cli.pattern_mission import PatternMission, add_pattern, check_no_pattern
-from dsse_ros.cli.start import not_found
-from dsse_ros.mission_items.items import Home
-from dsse_ros.planners import planner_for, play
-from dsse_ros.runtime.exit_codes import fail
-from dsse_ros.scenario.fields import specs
-from dsse_ros.scenario.frames import GridFrame, scenario_frame
-from dsse_ros.search import FieldError, SearchEnv
-from dsse_ros.search.compiler import prepared_env
+from dsse_ros.vehicles.mission_items.items import Home
+from dsse_ros.world.scenario.frames import GridFrame
+from dsse_ros.world.scenario.geodesy import map_to_geodetic
+from dsse_ros.world.scenario.place_checks import LAT, LON, check_near
+from dsse_ros.world.scenario.scenario import ResolvedScenario, scenario_frame
 
 LENGTHS = ("acceptance_radius", "search_altitude", "search_hold", "altitude_step")
+MAX_ALT_M = 100_000.0
+"""Highest home."""
 OPTIONS = ("autopilot", "merge_legs", *LENGTHS)
 """Parameters of the flight that are options of the same name."""
 
@@ -63,8 +69,8 @@ def search(
 
 def searched_cells(
     arguments: argparse.Namespace,
-) -> tuple[GridFrame, NDArray[np.int64], NDArray[np.bool_], bool]:
-    """Return the grid and what `search` returns, of the recorded mission if there is one.
+) -> tuple[ResolvedScenario, NDArray[np.int64], NDArray[np.bool_], bool]:
+    """Return the scenario and what `search` returns, of the recorded mission if there is one.
 
     Raises:
         FieldError: If the file, the scenario or the planner is not allowed.
@@ -74,21 +80,38 @@ def searched_cells(
         missions, _ = read(arguments)
         record = choose(missions, arguments.mission)
         found = bool(record.found.any())
-        return scenario_frame(record.scenario), record.cells, record.searched, found
+        return record.scenario, record.cells, record.searched, found
     _, scenario, rules = search_of(arguments)
     env = prepared_env(scenario, rules)
     played = search(env, arguments.planner, arguments.seed, options_of(arguments))
-    return scenario_frame(env.scenario), *played
+    return env.scenario, *played
 
 
 def _home(text: str) -> Home:
+    """Return the home of an option LAT,LON,ALT.
+
+    Raises:
+        FieldError: If the value is not LAT,LON,ALT.
+    """
+    lat_lon, _, alt = text.rpartition(",")
     try:
-        lat_deg, lon_deg, alt_m = (float(part) for part in text.split(","))
+        lat_deg, lon_deg = place("home", lat_lon)
+        alt_m = Spec("float", "", low=-MAX_ALT_M, high=MAX_ALT_M).check("home", float(alt))
     except ValueError:
-        raise FieldError(f"home must be LAT,LON,ALT, got {text!r}") from None
-    if not (abs(lat_deg) <= 90 and abs(lon_deg) <= 180 and abs(alt_m) <= 1e5):
-        raise FieldError(f"home must be a place on Earth, got {text!r}")
-    return Home(lat_deg, lon_deg, alt_m)
+        raise FieldError(
+            f"home must be LAT,LON,ALT up to {LAT.high:g} and {LON.high:g} degrees and "
+            f"{MAX_ALT_M:g} m, got {text!r}"
+        ) from None
+    # Autopilots have no longitudes beyond the antimeridian.
+    return Home(lat_deg, lon_deg - 360 * round(lon_deg / 360), alt_m)
+
+
+def _check_home(home: Home | None, frame: GridFrame) -> None:
+    """Check that a home, if there is one, is near the grid."""
+    if home is not None:
+        half_m = frame.side_m / 2
+        middle = map_to_geodetic(frame, half_m, half_m, 0.0)[:2]
+        check_near("home", (home.lat_deg, home.lon_deg), middle, within_m=half_m)
 
 
 def parse(argv: list[str] | None) -> argparse.Namespace:
@@ -129,7 +152,7 @@ def main(argv: list[str] | None = None) -> int:
     try:
         if arguments.gpx:
             # It needs an extra.
-            from dsse_ros.report.gpx import gpx_text
+            from dsse_ros.results.report.gpx import gpx_text
         settings = FlightSettings(**{name: getattr(arguments, name) for name in OPTIONS})
         home = _home(arguments.home) if arguments.home else None
         if arguments.pattern is not None:
@@ -137,26 +160,28 @@ def main(argv: list[str] | None = None) -> int:
                 raise FieldError(f"file must not be given with pattern, got {arguments.file}")
             _, scenario, _ = search_of(arguments)
             of_pattern = PatternMission(arguments, scenario)
+            _check_home(home, of_pattern.frame)
             mission = of_pattern.mission(settings, home)
             missions, result = {"drone0": mission}, "\n".join(of_pattern.summary(mission)) + "\n"
         else:
             check_no_pattern(arguments)
-            frame, cells, searched, found = searched_cells(arguments)
+            scenario, cells, searched, found = searched_cells(arguments)
+            frame = scenario_frame(scenario)
+            _check_home(home, frame)
             drones = cells.shape[1]
             tracks = [(cells[:, i], searched[:, i]) for i in range(drones)]
             frames = layers(frame, settings, drones)
-            flown = search_missions(frames, tracks, settings, [home] * drones)
+            speeds_mps = [scenario.speeds[kind] for kind in scenario.kind_of]
+            flown = search_missions(frames, tracks, settings, [home] * drones, speeds_mps)
             missions = {f"drone{i}": mission for i, mission in enumerate(flown)}
             result = f"{'found' if found else 'not found'} after {len(cells) - 1} steps; "
     except FieldError as error:
         return fail("export_mission", error)
-    except ImportError as error:
-        return not_found("export_mission", error)
     try:
         written = write_missions(arguments.out, missions, arguments.autopilot)
         if arguments.gpx:
             written.append(arguments.out / "missions.gpx")
-            written[-1].write_text(gpx_text(routes=missions), encoding="utf-8")
+            write_whole(written[-1], gpx_text(routes=missions).encode())
     except OSError as error:
         return fail("export_mission", f"out: {str(arguments.out)!r}: {error.strerror}")
     print(f"{result}{len(written)} files in {arguments.out}")

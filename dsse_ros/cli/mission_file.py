@@ -9,14 +9,15 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
-from dsse_ros.belief.protocol import TargetForecast
+from dsse_ros.base.fields import FieldError
 from dsse_ros.cli.command_line import Parser, search_of
-from dsse_ros.report.recomputed import follow_belief, views
-from dsse_ros.report.record import RecordedMission, is_bag, read_csv
-from dsse_ros.scenario.definition import SearchDefinition
-from dsse_ros.scenario.limits import LARGEST_GRID_CELLS
-from dsse_ros.search import FieldError
-from dsse_ros.view.mission_view import MissionView
+from dsse_ros.picture.mission_view import MissionView
+from dsse_ros.results.report.logs import read_csv
+from dsse_ros.results.report.recomputed import follow_belief, views
+from dsse_ros.results.report.record import RecordedMission, is_bag
+from dsse_ros.search.belief.protocol import TargetForecast
+from dsse_ros.world.scenario.definition import SearchDefinition
+from dsse_ros.world.scenario.limits import LARGEST_GRID_CELLS
 
 FILE_HELP = "CSV of record_file, or bag of the recorder"
 
@@ -58,8 +59,6 @@ def pictures(
     """Return the maps of recorded steps: the belief, or what the drones observed.
 
     Args:
-        record: The mission.
-        wanted: Numbers of recorded steps.
         forecast: For its belief, None if that is not to be computed.
         bag: Its `MissionBag`, None if it is of a CSV.
 
@@ -94,7 +93,7 @@ def read(arguments: argparse.Namespace) -> tuple[list[RecordedMission], Any]:
     if not is_bag(arguments.file):
         return read_csv(arguments.file, definition_of, arguments.max_cells), None
     # A log is read without them.
-    from dsse_ros.report.bags import MissionBag
+    from dsse_ros.results.report.bags import MissionBag
 
     bag = MissionBag(arguments.file, arguments.namespace, definition_of, arguments.max_cells)
     return bag.missions, bag

@@ -7,7 +7,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from types import MappingProxyType
 
-from dsse_ros.extras import page
+from dsse_ros.base.extras import page
 
 _NODES: Mapping[str, tuple[str, str, str]] = MappingProxyType(
     {
@@ -50,12 +50,7 @@ def is_wanted(arguments: Sequence[str]) -> bool:
 
 
 def node_help(name: str, command: str) -> str:
-    """Return the help of a node.
-
-    Args:
-        name: Name of the node.
-        command: How it was called.
-    """
+    """Return the help of a node."""
     does, example, about = _NODES[name]
     call = f"ros2 run dsse_ros {name}" if f"lib/dsse_ros/{name}" in command else command
     return (

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import contextlib
 import json
+import os
 import signal
 import subprocess
 import sys
@@ -13,10 +14,10 @@ from collections.abc import Collection, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
-from dsse_ros.private_files import open_private
-from dsse_ros.runtime.exit_codes import BAD_INPUT
-from dsse_ros.runtime.ros_arguments import pairs
-from dsse_ros.search.compiler import progress
+from dsse_ros.base.private_files import open_private
+from dsse_ros.ros.runtime.exit_codes import BAD_INPUT
+from dsse_ros.ros.runtime.ros_arguments import full_name, pairs, reaching
+from dsse_ros.search.environments.compiler import progress
 
 STOP_S = 10.0
 """Wall time a process has to end after it was interrupted."""
@@ -37,6 +38,7 @@ def process(
     """
     # With -m, a source tree in the working directory would come before the installation.
     program = f"import sys; del sys.path[0]; from dsse_ros.cli.start import {module}; "
+    program += f"from dsse_ros.ros.runtime.interrupts import end_with; end_with({os.getpid()}); "
     command = [sys.executable, "-c", program + f"sys.exit({module}())", "--ros-args", *ros]
     for name, value in parameters.items():
         # ROS parses the value as YAML, so texts need quotes.
@@ -74,10 +76,10 @@ def check_running(child: subprocess.Popen[bytes], name: str, log: Path) -> None:
     raise MissionFailed(f"{name} ended with code {code}; see {log}")
 
 
-def ros_for(parameters: Collection[str], ros: Sequence[str]) -> list[str]:
+def ros_for(node: str, parameters: Collection[str], ros: Sequence[str]) -> list[str]:
     """Return ROS arguments without parameters for other nodes."""
     kept: list[str] = []
-    for flag, value in pairs(ros):
+    for flag, value in pairs(reaching([full_name(node, ros)], ros)):
         name = value.partition(":=")[0]
         if flag != "--param" or ":" in name or name in parameters:
             kept += [flag, value] if value else [flag]

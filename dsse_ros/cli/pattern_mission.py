@@ -10,23 +10,23 @@ from dataclasses import replace
 
 import numpy as np
 
-from dsse_ros.bridge.vehicle_missions import FlightSettings
+from dsse_ros.base.fields import FieldError, specs
 from dsse_ros.cli.command_line import Parser, place
-from dsse_ros.mission_items.items import NAV_WAYPOINT, Home, VehicleMission
-from dsse_ros.mission_items.track_missions import TrackStyle, track_mission
 from dsse_ros.planners.patterns import SearchPattern
-from dsse_ros.scenario.fields import FieldError, specs
-from dsse_ros.scenario.frames import scenario_frame
-from dsse_ros.scenario.geodesy import cell_to_geodetic
-from dsse_ros.scenario.scenario import ResolvedScenario
-from dsse_ros.sensors.search_theory import (
+from dsse_ros.vehicles.autopilots import AUTOPILOTS
+from dsse_ros.vehicles.fleet.vehicle_missions import FlightSettings
+from dsse_ros.vehicles.mission_items.items import NAV_WAYPOINT, Home, VehicleMission
+from dsse_ros.vehicles.mission_items.track_missions import TrackStyle, track_mission
+from dsse_ros.world.scenario.geodesy import cell_to_geodetic
+from dsse_ros.world.scenario.scenario import ResolvedScenario, scenario_frame
+from dsse_ros.world.sensors.search_theory import (
     coverage,
     inverse_cube_pod,
     random_search_pod,
     search_radius,
     total_probable_error,
 )
-from dsse_ros.sensors.swept_strip import width_of
+from dsse_ros.world.sensors.swept_strip import width_of
 
 OPTIONS = specs(SearchPattern)
 _OTHERS = ("datum", "sweep_width", "errors", "search")
@@ -59,6 +59,9 @@ class PatternMission:
     Args:
         arguments: The command line.
         scenario: Where the datum is if not given, and how high and fast the vehicle flies.
+
+    Attributes:
+        frame: A grid of one cell of 1 m, with the datum as its origin.
 
     Raises:
         FieldError: If a value is not allowed.
@@ -95,7 +98,7 @@ class PatternMission:
         else:
             lat_deg, lon_deg = place("datum", arguments.datum)
         # Cells of 1 m, and the datum as their origin: headings are true there.
-        self._frame = replace(
+        self.frame = replace(
             frame, grid_size=1, cell_size_m=1.0, origin_lat_deg=lat_deg, origin_lon_deg=lon_deg,
             alt_m=frame.alt_of(0), alts_m=(),
         )  # fmt: skip
@@ -104,10 +107,14 @@ class PatternMission:
         """Return the mission: the turning points, at the altitude of the scenario."""
         spacing_m = self._pattern.track_spacing or self._pattern.length
         return track_mission(
-            self._frame,
+            self.frame,
             self._pattern.track.points_m * (1, -1) + (-0.5, 0.5),
             home=home,
-            style=TrackStyle(acceptance_radius_m=min(settings.acceptance_radius, spacing_m / 2)),
+            style=TrackStyle(
+                acceptance_radius_m=min(settings.acceptance_radius, spacing_m / 2),
+                speed_mps=self._speed_mps,
+                airspeed=AUTOPILOTS[settings.autopilot].circles,
+            ),
         )
 
     def summary(self, mission: VehicleMission) -> Iterator[str]:

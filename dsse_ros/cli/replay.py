@@ -11,15 +11,16 @@ import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
+from dsse_ros.base.fields import FieldError
 from dsse_ros.cli.command_line import Parser
-from dsse_ros.live.journal import is_journal
-from dsse_ros.mission.mission_journal import replayed as replayed_journal
-from dsse_ros.mission.status import counted
-from dsse_ros.recording.bag import read_bag
-from dsse_ros.recording.bag_replay import Replay, ReplayedMission
-from dsse_ros.runtime.exit_codes import FAILED, fail
-from dsse_ros.scenario.limits import LARGEST_GRID_CELLS
-from dsse_ros.search import FieldError
+from dsse_ros.mission.files.journal_repair import repair
+from dsse_ros.mission.files.mission_journal import replayed as replayed_journal
+from dsse_ros.mission.live.journal import is_journal
+from dsse_ros.mission.recording.bag import read_bag
+from dsse_ros.mission.recording.bag_replay import Replay, ReplayedMission
+from dsse_ros.mission.run.status import counted
+from dsse_ros.ros.runtime.exit_codes import FAILED, fail
+from dsse_ros.world.scenario.limits import LARGEST_GRID_CELLS
 
 
 def line(mission: ReplayedMission) -> str:
@@ -75,6 +76,18 @@ def _replay_journal(path: Path) -> int:
     return 0
 
 
+def _repair_journal(path: Path, new: Path) -> int:
+    """Write a copy of a damaged journal, and print what it lacks; return the exit code."""
+    try:
+        kept, lost = repair(path, new)
+    except FieldError as error:
+        return fail("replay", error)
+    for missing in lost:
+        print(missing)
+    print(f"{counted(kept, 'record')} in {new}")
+    return 0
+
+
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the program; returns its exit code.
 
@@ -90,7 +103,15 @@ def main(argv: Sequence[str] | None = None) -> int:
         default=LARGEST_GRID_CELLS,
         help="number of cells of the largest grid to replay",
     )
+    parser.add_argument(
+        "--repaired",
+        type=Path,
+        metavar="NEW",
+        help="write a copy of a damaged journal, without what is damaged, to this new file",
+    )
     arguments = parser.parse_args(argv)
+    if arguments.repaired:
+        return _repair_journal(arguments.bag, arguments.repaired)
     if is_journal(arguments.bag):
         return _replay_journal(arguments.bag)
     replayed = different = 0

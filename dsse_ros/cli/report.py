@@ -12,24 +12,24 @@ from pathlib import Path
 
 from tqdm import tqdm
 
-from dsse_ros.belief.protocol import TargetForecast
+from dsse_ros.base.fields import FieldError
+from dsse_ros.base.progress_bar import progress
 from dsse_ros.cli.command_line import Parser, make_folder
 from dsse_ros.cli.mission_file import FILE_HELP, add_mission_file, choose, pictures, read
-from dsse_ros.cli.start import not_found
-from dsse_ros.progress_bar import progress
-from dsse_ros.report.recomputed import (
+from dsse_ros.picture.rendering import MissionView
+from dsse_ros.results.report.recomputed import (
     LARGEST_BELIEF_GRID,
     follow_belief,
     forecast_for,
+    object_shares,
     with_coverage,
     with_waits,
 )
-from dsse_ros.report.record import RecordedMission, chosen_steps
-from dsse_ros.report.report import MissionReport
-from dsse_ros.runtime.exit_codes import fail
-from dsse_ros.scenario.rules import AUTO
-from dsse_ros.search import PROFILES, FieldError
-from dsse_ros.view.rendering import MissionView
+from dsse_ros.results.report.record import RecordedMission, chosen_steps
+from dsse_ros.results.report.report import MissionReport
+from dsse_ros.ros.runtime.exit_codes import fail
+from dsse_ros.search.belief.protocol import TargetForecast
+from dsse_ros.world.scenario.rules import AUTO, PROFILES
 
 
 def parse(argv: list[str] | None) -> argparse.Namespace:
@@ -82,12 +82,13 @@ def main(argv: list[str] | None = None) -> int:
             if mission.pos is None and (forecast := forecast_for(mission, forecast)) is not None:
                 missions[i] = replace(mission, pos=follow_belief(mission, forecast)[0])
         record = missions[at] = with_waits(missions[at])
-        shown = pictures(record, wanted, forecast_for(record, forecast), bag)
+        forecast = forecast_for(record, forecast)
+        if forecast is not None:
+            record = missions[at] = replace(record, object_shares=object_shares(record, forecast))
+        shown = pictures(record, wanted, forecast, bag)
         make_folder("out", arguments.out)
     except FieldError as error:
         return fail("report", error)
-    except ImportError as error:
-        return not_found("report", error)
     source = arguments.file.resolve().name
     report = MissionReport(record, shown, missions, source, tuple(notices(record, shown)))
     try:

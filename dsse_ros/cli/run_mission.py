@@ -31,10 +31,17 @@ from sensor_msgs.msg import Image, PointCloud2
 from std_msgs.msg import Float64MultiArray
 from tqdm import tqdm
 
+from dsse_ros.base.fields import FieldError, specs
+from dsse_ros.base.private_files import open_private
 from dsse_ros.cli.command_line import DEFAULT_SCENARIO, Parser, make_folder, search_of
 from dsse_ros.cli.node_process import MissionFailed, check_running, compiling, process, ros_for
-from dsse_ros.dashboard.settings import DashboardSettings
-from dsse_ros.nodes.settings import (
+from dsse_ros.picture.movie import check_movie, save_movie
+from dsse_ros.picture.rendering import MissionView, save_picture
+from dsse_ros.results.report.logs import read_csv
+from dsse_ros.results.report.recomputed import mission_views
+from dsse_ros.results.report.record import RecordedMission
+from dsse_ros.results.report.texts import summary
+from dsse_ros.ros.nodes.settings import (
     PROFILE,
     SCENARIO_FILE,
     SHORT_NAMES,
@@ -42,21 +49,15 @@ from dsse_ros.nodes.settings import (
     PlannerSettings,
     SimSettings,
 )
-from dsse_ros.nodes.sim_parameters import draw_run_id
-from dsse_ros.private_files import open_private
-from dsse_ros.report.recomputed import mission_views
-from dsse_ros.report.record import RecordedMission, read_csv
-from dsse_ros.report.texts import summary
-from dsse_ros.runtime.exit_codes import fail
-from dsse_ros.runtime.interrupts import Stop, on_signals
-from dsse_ros.runtime.qos import requested
-from dsse_ros.runtime.ros_arguments import OF_EVERY_NODE, pairs
-from dsse_ros.runtime.run_node import init_ros, leave_ros, spinning
-from dsse_ros.scenario.fields import specs
-from dsse_ros.scenario.scenario import ResolvedScenario
-from dsse_ros.search import FieldError, Rules
-from dsse_ros.view.movie import check_movie, save_movie
-from dsse_ros.view.rendering import MissionView, save_picture
+from dsse_ros.ros.nodes.sim_parameters import draw_run_id
+from dsse_ros.ros.runtime.exit_codes import fail
+from dsse_ros.ros.runtime.interrupts import Stop, on_signals
+from dsse_ros.ros.runtime.qos import requested
+from dsse_ros.ros.runtime.ros_arguments import OF_EVERY_NODE, pairs
+from dsse_ros.ros.runtime.run_node import init_ros, leave_ros, spinning
+from dsse_ros.screens.dashboard.settings import DashboardSettings
+from dsse_ros.world.scenario.rules import Rules
+from dsse_ros.world.scenario.scenario import ResolvedScenario
 from msg_adapters.images import image_to_probability
 from msg_adapters.pos import pos_from_message
 from msg_adapters.stamps import to_nanoseconds
@@ -159,7 +160,7 @@ def live_page(
         yield None
         return
     log: Path = arguments.out / "dashboard.log"
-    ros = ros_for(_DASHBOARD_NAMES, arguments.ros)
+    ros = ros_for("dashboard", _DASHBOARD_NAMES, arguments.ros)
     parameters: dict[str, Any] = {}
     if not any(value.startswith("port:=") for _, value in pairs(ros)):
         try:
@@ -215,9 +216,6 @@ class _Progress:
     """The progress line of a mission, and the reasons to end it.
 
     Args:
-        watcher: Receives the mission's messages.
-        steps: Steps of the mission at most.
-        stop: Whether a signal has come.
         sim_log: Log of `sim_node`.
     """
 
@@ -297,11 +295,6 @@ def fly(
     """Run the mission to its end, with a progress line.
 
     Args:
-        arguments: The command line's.
-        path: Scenario file.
-        scenario: The scenario.
-        rules: Its rules.
-        stop: Whether a signal has come.
         at_end: Called at the end, while the nodes still run.
 
     Raises:
@@ -313,8 +306,8 @@ def fly(
     run_id = draw_run_id(SimSettings(run_id=arguments.run_id))
     sim = _sim_parameters(arguments, path, rules, run_id, belief)
     planner = _planner_parameters(arguments)
-    sim_ros = ros_for(_SIM_NAMES, arguments.ros)
-    planner_ros = ros_for(_PLANNER_NAMES, arguments.ros)
+    sim_ros = ros_for("sim_node", _SIM_NAMES, arguments.ros)
+    planner_ros = ros_for("planner_node", _PLANNER_NAMES, arguments.ros)
     sim_log, planner_log = arguments.out / "sim_node.log", arguments.out / "planner_node.log"
     watcher = Watcher(run_id, belief=belief, pos=belief or rules.covers)
     progress = _Progress(watcher, scenario.timestep_limit, stop, sim_log)

@@ -12,14 +12,14 @@ import importlib
 import os
 import sys
 from functools import partial
-from io import TextIOWrapper
 
+from dsse_ros.base.defects import reason_of
+from dsse_ros.base.extras import pip_install
+from dsse_ros.base.temporary import use_without_home
 from dsse_ros.cli.node_help import is_wanted, node_help
-from dsse_ros.defects import reason_of
-from dsse_ros.extras import pip_install
-from dsse_ros.runtime.exit_codes import MISSING, fail
-from dsse_ros.runtime.interrupts import leave_on_signals
-from dsse_ros.temporary import use_without_home
+from dsse_ros.ros.runtime import standard_streams
+from dsse_ros.ros.runtime.exit_codes import FAILED, MISSING, fail
+from dsse_ros.ros.runtime.interrupts import leave_on_signals
 
 _DASHBOARD = ("dashboard", "make sim VIEW=1")
 _RECORD = ("record", "make sim")
@@ -52,12 +52,30 @@ def start(module: str) -> int:
     Until the program handles signals itself, Ctrl-C ends the process at once, even while something
     is compiled: a node with code 0 as later, others with 130.
     """
-    is_node = module.startswith("nodes.")
+    # Before anything is opened.
+    standard_streams.guard()
+    is_node = module.startswith("ros.nodes.")
     leave_on_signals(code=0 if is_node else None)
-    if isinstance(sys.stdout, TextIOWrapper):
-        # The terminal may lack a letter of a scenario's name.
-        sys.stdout.reconfigure(errors="replace")
     name = module.rpartition(".")[2]
+    try:
+        code = _run(name, module, is_node=is_node)
+    except SystemExit as leaving:
+        # As argparse ends a program after its help.
+        code = int(leaving.code or 0)
+    except ImportError as error:
+        return not_found(name, error)
+    if reason := standard_streams.lost():
+        fail(name, reason)
+        return code or FAILED
+    return code
+
+
+def _run(name: str, module: str, *, is_node: bool) -> int:
+    """Run a program; returns its exit code.
+
+    Raises:
+        ImportError: If something is not installed.
+    """
     use_without_home(os.environ)
     # Programs draw to files; a notebook that starts one leaves its own backend here.
     os.environ.pop("MPLBACKEND", None)
@@ -69,15 +87,12 @@ def start(module: str) -> int:
     if is_node and is_wanted(sys.argv[1:]):
         print(node_help(name, sys.argv[0]))
         return 0
-    try:
-        program = importlib.import_module(f"dsse_ros.{module}")
-    except ImportError as error:
-        return not_found(name, error)
+    program = importlib.import_module(f"dsse_ros.{module}")
     if is_node:
         # Nodes log what they compile.
         code: int = program.main()
         return code
-    from dsse_ros.search.compiler import announced_on_stderr
+    from dsse_ros.search.environments.compiler import announced_on_stderr
 
     with announced_on_stderr():
         code = program.main()
@@ -132,14 +147,14 @@ def missing(error: ImportError) -> str | None:
 
 
 # The executables of `ros2 run dsse_ros`, by name.
-sim_node = partial(start, "nodes.sim_node")
-planner_node = partial(start, "nodes.planner_node")
-mavlink_bridge = partial(start, "nodes.mavlink_bridge")
-show = partial(start, "nodes.show")
-recorder = partial(start, "nodes.recorder")
-foxglove_viewer = partial(start, "nodes.foxglove_viewer")
-cot_gateway = partial(start, "nodes.cot_gateway")
-dashboard = partial(start, "nodes.dashboard")
+sim_node = partial(start, "ros.nodes.sim_node")
+planner_node = partial(start, "ros.nodes.planner_node")
+mavlink_bridge = partial(start, "ros.nodes.mavlink_bridge")
+show = partial(start, "ros.nodes.show")
+recorder = partial(start, "ros.nodes.recorder")
+foxglove_viewer = partial(start, "ros.nodes.foxglove_viewer")
+cot_gateway = partial(start, "ros.nodes.cot_gateway")
+dashboard = partial(start, "ros.nodes.dashboard")
 run_mission = partial(start, _MISSION)
 export_mission = partial(start, "cli.export_mission")
 export_gis = partial(start, "cli.export_gis")
@@ -147,3 +162,4 @@ report = partial(start, "cli.report")
 replay = partial(start, "cli.replay")
 campaign = partial(start, "cli.campaign")
 backtrack = partial(start, "cli.backtrack")
+plan_search = partial(start, "cli.plan_search")

@@ -11,7 +11,7 @@ from importlib.util import find_spec
 from pathlib import Path
 
 from dsse_ros.compat.aliases import VERSIONS, install_aliases
-from dsse_ros.search.compiler import announced_on_stderr
+from dsse_ros.search.environments.compiler import announced_on_stderr
 
 
 def main() -> None:

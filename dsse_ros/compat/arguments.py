@@ -9,7 +9,7 @@ from collections.abc import Callable, Mapping
 from operator import index
 from typing import Any, TypeVar
 
-from dsse_ros.scenario.fields import FieldError
+from dsse_ros.base.fields import FieldError
 
 T = TypeVar("T")
 

@@ -7,7 +7,7 @@ from __future__ import annotations
 from enum import Enum
 from typing import NamedTuple
 
-from dsse_ros.scenario.rules import profile
+from dsse_ros.world.scenario.rules import profile
 
 Actions = Enum(  # type: ignore[misc]
     "Actions",

@@ -5,19 +5,21 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
+from dsse_ros.base.fields import Spec
+from dsse_ros.base.whole_files import write_whole
 from dsse_ros.compat.published import Cell, DroneData, Infos
 from dsse_ros.compat.search import NAMES
 from dsse_ros.compat.swarm import SwarmEnv
-from dsse_ros.scenario.fields import Spec
-from dsse_ros.scenario.rules import Rules, profile
-from dsse_ros.scenario.scenario import Scenario
-from dsse_ros.search.parallel_env import SearchEnv
+from dsse_ros.search.environments.parallel_env import SearchEnv
+from dsse_ros.world.scenario.rules import Rules, profile
+from dsse_ros.world.scenario.scenario import Scenario
 
 Observations = dict[str, tuple[Cell, NDArray[np.float64]]]
 
@@ -52,8 +54,7 @@ class CoverageMatrix:
 
     def save_state(self, output_path: str) -> None:
         """Write the matrix without any visits to a .npy file."""
-        with open(output_path, "wb") as file:
-            np.save(file, self.original_map)
+        write_whole(Path(output_path), lambda file: np.save(file, self.original_map))
 
 
 class CoverageDroneSwarmSearch(SwarmEnv):

@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dsse_ros.scenario.cell_checks import check_cell
-from dsse_ros.scenario.fields import Spec
-from dsse_ros.scenario.scenario import SPECS
-from dsse_ros.search.world import World
+from dsse_ros.base.fields import Spec
+from dsse_ros.search.environments.world import World
+from dsse_ros.world.scenario.cell_checks import check_cell
+from dsse_ros.world.scenario.scenario import SPECS
 
 MULTIPLIER = Spec("float", "Factor on the probability of detection.", low=0)
 _NUMBER = Spec("float", "")
@@ -32,7 +32,7 @@ class Drifting:
 
     @property
     def _record(self) -> Any:
-        """Its element of `motion.PERSONS` or `kernels.WORLDS`."""
+        """Its element of `motion.PERSONS` or `entities.WORLDS`."""
         raise NotImplementedError
 
     @property

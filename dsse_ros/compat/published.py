@@ -13,16 +13,16 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from dsse_ros.base.fields import FieldError, Spec, shown
 from dsse_ros.compat.arguments import with_names
 from dsse_ros.compat.pygame_window import PygameWindow
-from dsse_ros.scenario.cell_checks import check_cell, check_positions
-from dsse_ros.scenario.fields import FieldError, Spec, shown
-from dsse_ros.scenario.rules import Rules
-from dsse_ros.scenario.scenario import SPECS, Scenario
-from dsse_ros.search.parallel_env import SearchEnv
-from dsse_ros.search.rebound import Rebound
-from dsse_ros.step.constants import constants_of
-from dsse_ros.view import rendering
+from dsse_ros.picture import rendering
+from dsse_ros.search.environments.parallel_env import SearchEnv
+from dsse_ros.search.environments.world import Rebound
+from dsse_ros.search.step.constants import constants_of
+from dsse_ros.world.scenario.cell_checks import check_cell, check_positions
+from dsse_ros.world.scenario.rules import Rules
+from dsse_ros.world.scenario.scenario import SPECS, Scenario
 
 Cell = tuple[int, int]
 Infos = dict[str, dict[str, Any]]
@@ -109,11 +109,7 @@ class PublishedEnv(Rebound):
                 )
 
     def _set_up(self, render_mode: str, scenario: Callable[[], Scenario], fps: float = 5) -> None:
-        """Make the search.
-
-        Raises:
-            FieldError: If an argument is not allowed; it has its published name.
-        """
+        """Make the search."""
         self.render_mode = RENDER_MODE.check("render_mode", render_mode)
         self._fps = FPS.check("fps", fps)
         self._window: rendering.Viewer | PygameWindow | None = None
@@ -153,11 +149,7 @@ class PublishedEnv(Rebound):
         return [self.render_mode == "human", *frozen]
 
     def _follow_attributes(self) -> None:
-        """Make the search again if a script has changed what it is made of.
-
-        Raises:
-            FieldError: If an attribute is not allowed; the search stays as it is.
-        """
+        """Make the search again if a script has changed what it is made of."""
         if self._attributes() == self._made_of:
             return
         fields = {field: getattr(self, name) for name, field in self._read_in_reset.items()}
@@ -193,11 +185,7 @@ class PublishedEnv(Rebound):
         return (*self.reward_scheme.values(), self._over, self.timestep_limit, self.grid_size)
 
     def _take_over(self) -> None:
-        """Bring what a script has set into the world.
-
-        Raises:
-            FieldError: If a value is not allowed, or needs a reset first.
-        """
+        """Bring what a script has set into the world."""
         world = self._search.world
         if self.grid_size != world.grid_size:
             raise FieldError(
@@ -211,11 +199,7 @@ class PublishedEnv(Rebound):
         world.constants["timestep_limit"] = limit
 
     def _advance(self, joint: NDArray[np.int8]) -> None:
-        """Advance the search by the drones' actions, with all that a script has set.
-
-        Raises:
-            FieldError: As `_take_over`; the mission stays as it is.
-        """
+        """Advance the search by the drones' actions, with all that a script has set."""
         now = self._settings()
         if now != self._applied:
             self._take_over()
@@ -244,11 +228,7 @@ class PublishedEnv(Rebound):
             check_positions(checked, grid, count, None, apart=True)
 
     def _check_started(self) -> None:
-        """Raise unless there was a reset.
-
-        Raises:
-            FieldError: If there was none.
-        """
+        """Raise unless there was a reset."""
         if not self._begun:
             raise FieldError("Please reset the env before interacting with it")
 

@@ -7,7 +7,7 @@ from __future__ import annotations
 import importlib
 from typing import Any
 
-from dsse_ros.view.rendering import FigureRenderer, MissionView
+from dsse_ros.picture.rendering import FigureRenderer, MissionView
 
 
 class PygameWindow:

@@ -10,15 +10,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from dsse_ros.base.fields import FieldError, Spec, shown
 from dsse_ros.compat.constants import Actions, Reward
 from dsse_ros.compat.drifting import Person, ProbabilityMatrix
 from dsse_ros.compat.published import Cell, DroneData, Infos, no_rewards
 from dsse_ros.compat.swarm import SwarmEnv
-from dsse_ros.scenario.cell_checks import check_cell
-from dsse_ros.scenario.fields import FieldError, Spec, shown
-from dsse_ros.scenario.limits import MAX_PRE_SEARCH_STEPS
-from dsse_ros.scenario.rules import Rules, profile
-from dsse_ros.scenario.scenario import SPECS, Scenario
+from dsse_ros.world.scenario.cell_checks import check_cell
+from dsse_ros.world.scenario.limits import MAX_PRE_SEARCH_STEPS
+from dsse_ros.world.scenario.rules import Rules, profile
+from dsse_ros.world.scenario.scenario import SPECS, Scenario
 
 Observations = dict[str, tuple[Cell, NDArray[np.float32]]]
 
@@ -36,7 +36,7 @@ TIME_STEP = Spec("float", "Duration of a step.", above=0, unit="s")
 _OF_DATUM = (
     "datum_x", "datum_y", "circle_x", "circle_y", "remainder_x", "remainder_y", "scale",
 )  # fmt: skip
-"""State of the map in `kernels.WORLDS`."""
+"""State of the map in `entities.WORLDS`."""
 
 
 class DroneSwarmSearch(SwarmEnv):
@@ -217,11 +217,7 @@ class DroneSwarmSearch(SwarmEnv):
         )  # fmt: skip
 
     def _take_over(self) -> None:
-        """Bring what a script has set into the world, see `SwarmEnv._take_over`.
-
-        Raises:
-            FieldError: As there.
-        """
+        """Bring what a script has set into the world, see `SwarmEnv._take_over`."""
         super()._take_over()
         world, left = self._search.world, set(self.persons_set)
         unknown = [agent for agent in self.agents if agent not in self.rewards_sum]

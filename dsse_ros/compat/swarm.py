@@ -13,13 +13,13 @@ from gymnasium import spaces
 from numpy.typing import NDArray
 from pettingzoo import ParallelEnv
 
+from dsse_ros.base.fields import FieldError, shown
 from dsse_ros.compat.arguments import joint_action
 from dsse_ros.compat.published import Cell, DroneData, Infos, PublishedEnv
-from dsse_ros.scenario.cell_checks import check_positions
-from dsse_ros.scenario.fields import FieldError, shown
-from dsse_ros.scenario.scenario import SPECS
-from dsse_ros.search.agent_spaces import AgentSpaces
-from dsse_ros.search.world import HOLD
+from dsse_ros.search.environments.agents import AgentSpaces
+from dsse_ros.search.step.constants import NO_ACTION
+from dsse_ros.world.scenario.cell_checks import check_positions
+from dsse_ros.world.scenario.scenario import SPECS
 
 
 class SwarmEnv(AgentSpaces, PublishedEnv, ParallelEnv[str, Any, int]):
@@ -74,11 +74,7 @@ class SwarmEnv(AgentSpaces, PublishedEnv, ParallelEnv[str, Any, int]):
         return known
 
     def _start(self, seed: int | None, options: Mapping[str, Any]) -> None:
-        """Start a mission, see `PublishedEnv._start`; agents may have other names or be fewer.
-
-        Raises:
-            FieldError: As there.
-        """
+        """Start a mission, see `PublishedEnv._start`; agents may have other names or be fewer."""
         self._check_agents("possible_agents", self.possible_agents)
         cells, count = options.get("drones_positions"), len(self.possible_agents)
         if cells is not None and count < self._num_drones:
@@ -100,11 +96,7 @@ class SwarmEnv(AgentSpaces, PublishedEnv, ParallelEnv[str, Any, int]):
             )
 
     def _take_over(self) -> None:
-        """Bring what a script has set into the world, see `PublishedEnv._take_over`.
-
-        Raises:
-            FieldError: As there.
-        """
+        """Bring what a script has set into the world, see `PublishedEnv._take_over`."""
         super()._take_over()
         self._check_agents("agents", self.agents)
         if self._over:
@@ -131,7 +123,7 @@ class SwarmEnv(AgentSpaces, PublishedEnv, ParallelEnv[str, Any, int]):
         numbers = joint_action(actions, agents, len(self._search.rules.actions))
         if len(numbers) < self._num_drones:
             # A drone without an agent does nothing.
-            numbers += [HOLD] * (self._num_drones - len(numbers))
+            numbers += [NO_ACTION] * (self._num_drones - len(numbers))
         self._advance(np.array(numbers, np.int8))
         self._publish_cells(len(agents))
         outcome, infos = self._outcome(agents), self._infos()

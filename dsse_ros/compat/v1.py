@@ -11,12 +11,12 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
+from dsse_ros.base.fields import Spec
 from dsse_ros.compat.drifting import ProbabilityMatrix
 from dsse_ros.compat.published import PublishedEnv, no_rewards
-from dsse_ros.scenario.fields import Spec
-from dsse_ros.scenario.rules import Rules, profile
-from dsse_ros.scenario.scenario import Scenario
-from dsse_ros.search.world import HOLD
+from dsse_ros.search.step.constants import NO_ACTION
+from dsse_ros.world.scenario.rules import Rules, profile
+from dsse_ros.world.scenario.scenario import Scenario
 
 Observations = dict[str, dict[str, tuple[tuple[int, int], NDArray[np.float32]]]]
 
@@ -149,7 +149,8 @@ class DroneSwarmSearch(PublishedEnv):
             world.drones["episode_return"] = sums
             known = range(len(search.rules.actions))
             joint = [
-                actions[a] if a in self.agents and actions[a] in known else HOLD for a in agents
+                actions[a] if a in self.agents and actions[a] in known else NO_ACTION
+                for a in agents
             ]
             self._advance(np.array(joint, np.int8))
             self._note_positions()

@@ -1,6 +1,6 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""The wrappers of `dsse_ros.search.wrappers` under the names of DSSE 1.1.9."""
+"""The wrappers of `dsse_ros.search.environments.wrappers` under the names of DSSE 1.1.9."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dsse_ros.search.wrappers import (
+from dsse_ros.search.environments.wrappers import (
     ALL_POSITIONS,
     FLATTENED,
     IN_MATRIX,

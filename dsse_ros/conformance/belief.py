@@ -7,8 +7,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from dsse_ros.belief.protocol import LooksToCome, TargetBelief
-from dsse_ros.step.looks import Looked
+from dsse_ros.search.belief.protocol import LooksToCome, TargetBelief
+from dsse_ros.search.step.looks import Looked
 
 STEPS = 12
 FUTURES = 20_000
@@ -37,8 +37,6 @@ def belief_test(belief: TargetBelief, *, horizon: int = 4, seed: int = 0) -> Non
         _test_expectation(belief, horizon, rng)
         _test_looks(belief, rng)
         _test_futures(belief, horizon, rng)
-        if step == STEPS // 2:
-            _test_chain(belief, horizon)
         _test_copy(belief)
         belief.advance()
     belief.reset()
@@ -151,19 +149,3 @@ def _test_copy(belief: TargetBelief) -> None:
     twin.advance()
     same = np.array_equal(belief.poc(), poc) and belief.pos == pos and belief.step == step
     assert same, "copy: it changes the belief that it was copied from"
-
-
-def _test_chain(belief: TargetBelief, horizon: int) -> None:
-    """Test that the Markov chain brings the person where the belief has them."""
-    chain, ahead, side = belief.chain(horizon), belief.copy(), belief.forecast.side
-    assert chain.starts.shape == (horizon + 1, side**2 + 1), f"chain: {chain.starts.shape} starts"
-    reach = np.zeros(len(chain.persons))
-    reach[: len(chain.prior)] = chain.prior
-    for s in range(chain.starts[-1, 0]):
-        steps = slice(chain.first[s], chain.first[s + 1])
-        np.add.at(reach, chain.to[steps], reach[s] * chain.chance[steps])
-    for starts in chain.starts:
-        sums = np.add.reduceat(np.append(reach, 0.0), starts)[:-1] * (np.diff(starts) > 0)
-        off = float(np.abs(_inner(belief, sums) - ahead.poc()).max())
-        assert off <= TOLERANCE, f"chain: a cell is {off:.3g} off its POC"
-        ahead.advance()

@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, MutableMapping
 from contextlib import contextmanager
 from typing import TypeVar
 
@@ -12,7 +12,7 @@ T = TypeVar("T")
 
 
 @contextmanager
-def registered(registry: dict[str, T], thing: T) -> Iterator[str]:
+def registered(registry: MutableMapping[str, T], thing: T) -> Iterator[str]:
     """Register a thing during the block; yield its name."""
     name = "under_test"
     assert name not in registry, f"{name} is registered already"

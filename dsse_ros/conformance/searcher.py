@@ -15,19 +15,19 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from dsse_ros.base.fields import FieldError
 from dsse_ros.conformance.registered import registered
-from dsse_ros.planners import PERSON_PLANNERS, PLANNERS, planner_for
-from dsse_ros.planners.registry import LOADED_PLANNERS
-from dsse_ros.scenario.action_times import whole_steps
-from dsse_ros.scenario.actions import STRAIGHT
-from dsse_ros.scenario.fields import FieldError
-from dsse_ros.scenario.rules import Rules
-from dsse_ros.scenario.searcher_fields import endurance_steps
-from dsse_ros.search.parallel_env import SearchEnv, parallel_env
-from dsse_ros.search.snapshot import Snapshot
-from dsse_ros.searchers.registry import DEFAULT, SEARCHERS
-from dsse_ros.searchers.searcher import Searcher
-from dsse_ros.sensors.sensor import SEARCH
+from dsse_ros.planners.registry import LOADED_PLANNERS, PERSON_PLANNERS, PLANNERS, planner_for
+from dsse_ros.search.environments.factories import parallel_env
+from dsse_ros.search.environments.parallel_env import SearchEnv
+from dsse_ros.search.environments.snapshot import Snapshot
+from dsse_ros.world.scenario.action_times import whole_steps
+from dsse_ros.world.scenario.actions import STRAIGHT
+from dsse_ros.world.scenario.rules import Rules
+from dsse_ros.world.scenario.searcher_fields import endurance_steps
+from dsse_ros.world.searchers.registry import DEFAULT, SEARCHERS
+from dsse_ros.world.searchers.searcher import Searcher
+from dsse_ros.world.sensors.sensor import SEARCH
 
 GRID = 9
 STEPS = 80
@@ -35,7 +35,6 @@ PLANNED_STEPS = 40
 """Steps for which each planner commands the drones."""
 EFFORT: dict[str, dict[str, Any]] = {
     "belief": {"samples": 128, "width": 4, "horizon": 5},
-    "forward_backward": {"samples": 128, "width": 4, "horizon": 5, "iterations": 1},
 }
 """Options of the planners that plan ahead: less of the work for the same promises."""
 ENDURANCE_STEPS = 2000

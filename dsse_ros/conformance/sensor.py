@@ -8,15 +8,16 @@ from typing import Any
 
 import numpy as np
 
+from dsse_ros.base.fields import FieldError
 from dsse_ros.conformance.registered import registered
-from dsse_ros.scenario.fields import FieldError
-from dsse_ros.scenario.scenario import scenario_and_rules
-from dsse_ros.search.world import HOLD, World
-from dsse_ros.search.world_beliefs import WorldBeliefs
-from dsse_ros.sensors.registry import SENSORS
-from dsse_ros.sensors.sensor import Sensor
-from dsse_ros.step.fault_kernels import IDENTIFYING
-from dsse_ros.step.looks import Looks, looks_of
+from dsse_ros.search.environments.world import World
+from dsse_ros.search.environments.world_beliefs import WorldBeliefs
+from dsse_ros.search.step.constants import NO_ACTION
+from dsse_ros.search.step.fault_kernels import IDENTIFYING
+from dsse_ros.search.step.looks import Looks, looks_of
+from dsse_ros.world.scenario.scenario import scenario_and_rules
+from dsse_ros.world.sensors.registry import SENSORS
+from dsse_ros.world.sensors.sensor import Sensor
 
 SIGMAS = 5.0
 """Largest error of a share of many draws, in standard deviations."""
@@ -59,11 +60,7 @@ def sensor_test(sensor: Sensor, *, rules: str = "v2", seed: int = 0, **fields: A
 
 
 def _play(world: World, looks: Looks, rng: np.random.Generator) -> None:
-    """Simulate missions with random actions, and compare the outcomes with the looks' promises.
-
-    Raises:
-        AssertionError: If they differ.
-    """
+    """Simulate missions with random actions, and compare the outcomes with the looks' promises."""
     beliefs = WorldBeliefs(world)
     expected = variance = alarms = 0.0
     finds = alarmed = 0
@@ -78,7 +75,7 @@ def _play(world: World, looks: Looks, rng: np.random.Generator) -> None:
         done = actions[:, 0] if world.faults is None else world.faults.applied[:, 0]
         kind = looks.kind[np.zeros(WORLDS, np.int64)]
         cells = np.column_stack([drone["x"], drone["y"]])
-        who, row, cell = looks._replace(kind=kind).at(np.where(live, done, HOLD), cells)
+        who, row, cell = looks._replace(kind=kind).at(np.where(live, done, NO_ACTION), cells)
         for person in range(persons.shape[1]):
             was = before[who, person]
             there = (was["x"] == cell[:, 0]) & (was["y"] == cell[:, 1]) & ~was["found"]
@@ -91,7 +88,7 @@ def _play(world: World, looks: Looks, rng: np.random.Generator) -> None:
             finds += int(found.sum())
         if world.faults is not None:
             vain = live & ~drone["found"] & ~world.worlds["done"]
-            rates = looks.false_alarms[0][np.where(vain, done, 0)] * (vain & (done != HOLD))
+            rates = looks.false_alarms[0][np.where(vain, done, 0)] * (vain & (done != NO_ACTION))
             alarms += rates.sum()
             now = world.faults.conditions[:, 0]
             begun = now["until"] == world.worlds["t"] + world.scenario.false_alarm_steps

@@ -4,29 +4,35 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from dsse_ros.belief.ensemble_belief import EnsembleBelief
-from dsse_ros.belief.forecasts import forecast_for
-from dsse_ros.belief.protocol import TargetBelief
-from dsse_ros.conformance.agreement import SIGMAS, excess
 from dsse_ros.conformance.registered import registered
-from dsse_ros.scenario.rules import Rules, profile
-from dsse_ros.scenario.scenario import Scenario
-from dsse_ros.search.world import HOLD, World
-from dsse_ros.step.cell_tracks import last_step_of, tracks_of
-from dsse_ros.targets.ensemble import Ensemble, check_tracks
-from dsse_ros.targets.motion import PersonMotion
-from dsse_ros.targets.registry import MOTIONS, TARGET_MODELS, TargetModel
+from dsse_ros.search.belief.ensemble_belief import EnsembleBelief
+from dsse_ros.search.belief.forecasts import forecast_for
+from dsse_ros.search.belief.protocol import TargetBelief
+from dsse_ros.search.environments.world import World
+from dsse_ros.search.step.cell_tracks import last_step_of, tracks_of
+from dsse_ros.search.step.constants import NO_ACTION
+from dsse_ros.world.scenario.rules import Rules, profile
+from dsse_ros.world.scenario.scenario import Scenario
+from dsse_ros.world.targets.ensemble import Ensemble, WeightedTracks, check_tracks
+from dsse_ros.world.targets.motion import PersonMotion
+from dsse_ros.world.targets.registry import ENSEMBLES, MOTIONS, TargetModel
 
 STEPS = 30
 WORLDS = 4000
 FUTURES = 20_000
 HORIZON = 8
 SUM_TOLERANCE = 1e-6
+
+_LEAST = 10.0
+"""Cells with a smaller expected count are pooled."""
+SIGMAS = 6.0
+"""Samples of the same distribution differ by more than this once in a billion times."""
 
 SCENARIO = Scenario(
     grid_size=15, person_initial_position=(5, 5), timestep_limit=STEPS, pre_search_minutes=1.0
@@ -60,7 +66,7 @@ def target_model_test(
         assert names, "the motion must be registered in MOTIONS before the search is imported"
         _test_search(scenario, chosen.override(person_motion=names[0]), seed)
         return
-    with registered(TARGET_MODELS, model) as name:
+    with registered(ENSEMBLES, model) as name:
         ruled = chosen.override(person_motion=name)
         _test_tracks(model, scenario, ruled, seed)
         _test_search(scenario, ruled, seed)
@@ -72,7 +78,8 @@ def _test_tracks(model: Ensemble, stated: Scenario, rules: Rules, seed: int) -> 
     steps = last_step_of(scenario, rules)
     draws = []
     for _ in range(2):
-        tracks = model.tracks(scenario, steps, np.random.default_rng(seed), 1000)
+        drawn = model.tracks(scenario, steps, np.random.default_rng(seed), 1000)
+        tracks = WeightedTracks(*drawn)
         try:
             check_tracks(tracks, steps)
         except ValueError as error:
@@ -81,7 +88,8 @@ def _test_tracks(model: Ensemble, stated: Scenario, rules: Rules, seed: int) -> 
         # Detect models that draw from NumPy's global generator.
         np.random.random()  # noqa: NPY002
     first, second = draws
-    assert all(np.array_equal(a, b, equal_nan=True) for a, b in zip(first, second, strict=True)), (
+    same = np.array_equal(first.positions, second.positions, equal_nan=True)
+    assert same and np.array_equal(first.weights, second.weights), (
         "tracks: the same generator gives different tracks"
     )
 
@@ -94,13 +102,13 @@ def _test_search(stated: Scenario, rules: Rules, seed: int) -> None:
         each.seed(seed)
         each.reset()
     belief = forecast_for(scenario, rules, horizon=HORIZON).belief()
-    hold = np.full(world.drones.shape, HOLD, np.int8)
+    hold = np.full(world.drones.shape, NO_ACTION, np.int8)
     inflation = _inflation(scenario, rules)
     for step in range(STEPS):
         poc, outside = _poc(belief)
         persons = world.persons
         cells = _counted(persons["x"].ravel(), persons["y"].ravel(), world.grid_size)
-        beyond = excess(cells, np.append(poc.ravel(), outside), inflation)
+        beyond = _excess(cells, np.append(poc.ravel(), outside), inflation)
         assert beyond <= SIGMAS, (
             f"step {step}: persons are not where the belief has them, by {beyond:.1f} sigmas"
         )
@@ -158,8 +166,31 @@ def _test_futures(belief: TargetBelief, seed: int) -> None:
         margin = (forecast.side - g) // 2
         poc, outside = _poc(ahead)
         counts = _counted(col - margin, row - margin, g)
-        beyond = excess(counts, np.append(poc.ravel(), outside))
+        beyond = _excess(counts, np.append(poc.ravel(), outside))
         assert beyond <= SIGMAS, (
             f"futures are not where the belief is after {h} steps, by {beyond:.1f} sigmas"
         )
         ahead.advance()
+
+
+def _excess(
+    counts: NDArray[np.int64], chances: NDArray[np.float64], inflation: float = 1.0
+) -> float:
+    """Return the excess of chi-square over its mean, in standard deviations.
+
+    Args:
+        counts: (K,) count of each of K results.
+        chances: (K,) probability of each result; they sum to 1.
+        inflation: Variance of a count over that of N independent draws from the chances; above 1
+            if the chances are estimated from a sample.
+    """
+    total = int(counts.sum())
+    expected = chances * total
+    few = expected < _LEAST
+    counted = np.append(counts[~few], counts[few].sum()).astype(np.float64)
+    wanted = np.append(expected[~few], expected[few].sum())
+    # Limit the weight of a few counts where hardly any are expected.
+    spread = np.maximum(wanted, 1.0) * inflation
+    chi_square = float(((counted - wanted) ** 2 / spread).sum())
+    freedom = max(len(counted) - 1, 1)
+    return (chi_square - freedom) / math.sqrt(2.0 * freedom)

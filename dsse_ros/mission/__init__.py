@@ -1,3 +1,3 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""Successive missions without ROS: commands, timing of the steps, the log."""
+"""One mission without ROS: its run, its files, its vehicles, live inputs and recordings."""

@@ -9,6 +9,7 @@ the planner takes the one with the most probability.
 
 from __future__ import annotations
 
+import copy
 import heapq
 from collections.abc import Collection, Mapping
 
@@ -16,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dsse_ros.planners.masking import masked_moves
+from dsse_ros.planners.mission_watch import MissionWatch
 from dsse_ros.planners.options import Options
 from dsse_ros.planners.planner import (
     Cell,
@@ -26,8 +28,8 @@ from dsse_ros.planners.planner import (
     cells_of,
     probability_of,
 )
-from dsse_ros.scenario.actions import ActionSet
-from dsse_ros.scenario.swarm import Swarm
+from dsse_ros.world.scenario.actions import ActionSet
+from dsse_ros.world.scenario.swarm import Swarm
 
 CLOSENESS = 0.3
 """Factor on the worth of a cell for each move to it."""
@@ -37,7 +39,8 @@ LONELINESS = 3.0
 
 def make_astar(search: Search, options: Options, *, seed: int) -> AStar:
     """Return a planner for a coverage task; the seed makes no difference."""
-    return AStar(Swarm.of_scenario(search.scenario, search.rules).with_moves())
+    swarm = Swarm.of_scenario(search.scenario, search.rules).with_moves()
+    return AStar(swarm, MissionWatch(search))
 
 
 class AStar(DrawsNothing):
@@ -50,16 +53,25 @@ class AStar(DrawsNothing):
 
     Args:
         swarm: What the drones can do.
+        watch: Recognizes a mission's first observation.
     """
 
-    def __init__(self, swarm: Swarm) -> None:
-        self._swarm = swarm
+    def __init__(self, swarm: Swarm, watch: MissionWatch) -> None:
+        self._swarm, self._watch = swarm, watch
         self._goals: dict[str, Cell] = {}
+
+    def copy(self) -> AStar:
+        """Return an independent copy in the same state."""
+        twin = copy.copy(self)
+        twin._watch = self._watch.copy()
+        return twin
 
     def __call__(self, observations: Observations, infos: Infos) -> dict[str, int]:
         """Return an action number for every observed drone; see `Planner`."""
         if not observations:
             return {}
+        if self._watch.is_new(observations, infos):
+            self._goals = {}
         left, present = probability_of(observations), cells_of(observations)
         cells = dict(zip(observations, present, strict=True))
         actions = dict(zip(cells, self._swarm.actions_of(cells), strict=True))

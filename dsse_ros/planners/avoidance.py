@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 
 from dsse_ros.planners.planner import Cell
-from dsse_ros.scenario.actions import ActionSet
+from dsse_ros.world.scenario.actions import ActionSet
 
 
 def resolve_conflicts(present: Sequence[Cell], requested: Sequence[Cell]) -> list[Cell]:

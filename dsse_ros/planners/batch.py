@@ -18,17 +18,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from dsse_ros.base.fields import FieldError, Spec
 from dsse_ros.planners.belief import BeliefPlanner, Forecasts
 from dsse_ros.planners.mission_batches import ALL, MissionBatch, PlayedMissions, batch_of
 from dsse_ros.planners.planner import Planner, PlannerFactory, Shareable
 from dsse_ros.planners.play import play
 from dsse_ros.planners.registry import check_task, load_planner
-from dsse_ros.scenario.definition import SearchDefinition
-from dsse_ros.scenario.env_options import check_seed
-from dsse_ros.scenario.fields import FieldError, Spec
-from dsse_ros.scenario.scenario import ScenarioSource, scenario_and_rules
-from dsse_ros.scenario.swarm import number_of
-from dsse_ros.search.world import World
+from dsse_ros.search.environments.world import World
+from dsse_ros.world.scenario.definition import SearchDefinition
+from dsse_ros.world.scenario.env_options import check_seed
+from dsse_ros.world.scenario.scenario import ScenarioSource, scenario_and_rules
+from dsse_ros.world.scenario.swarm import number_of
 
 
 @dataclass
@@ -190,11 +190,7 @@ def _groups(
 def _checked_seeds(
     seed: int | Sequence[int], planner_seeds: Sequence[int] | None, count: int
 ) -> tuple[list[int], NDArray[np.int64]]:
-    """Return the seeds of the missions and those of their planners, one for each.
-
-    Raises:
-        FieldError: If one is not allowed.
-    """
+    """Return the seeds of the missions and those of their planners, one for each."""
     if isinstance(seed, int | np.integer) or np.ndim(seed) == 0:
         first = check_seed(seed)
         seeds = list(range(first, first + count))

@@ -1,6 +1,5 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-# mypy: disable-error-code="no-untyped-def"
 """The compiled beam search of the planner `belief` for the best plans of a drone.
 
 The value of a drone's plan is what it finds in M futures, see `Belief.futures`. See `plan_kernels`
@@ -14,8 +13,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from dsse_ros.compiled.jit import compiled, inlined, part
-from dsse_ros.planners.left_scenarios import Left, left_by_others, worth_from, worth_of
+from dsse_ros.base.compiled.jit import compiled, inlined, part
+from dsse_ros.base.compiled.records import Int
 from dsse_ros.planners.plan_kernels import (
     UNIT,
     Moves,
@@ -25,6 +24,7 @@ from dsse_ros.planners.plan_kernels import (
     seen_from,
     step_at,
 )
+from dsse_ros.search.belief.motion_kernels import Flags, Floats, Ints
 
 CAP = 4
 """Nodes kept at each step in one cell."""
@@ -54,7 +54,7 @@ class BeamLevel(NamedTuple):
         gains: (W,) int64 in `UNIT`, discounted finds beyond those of the other drones.
         late: (W,) float64, steps that the path has taken beyond one for each move.
         slowness: (W,) float64, gamma ** late.
-        left: (W, E + 1) int64, number of free scenarios in each place, see `Left`.
+        left: (W, E + 1) int64, number of free scenarios in each place, see `Residual`.
         looks: (W,) int64, number of the path's looks that found some that nobody else finds.
         where: (W, H) int64, positions of these looks, see `Moves`.
         finds: (W, H) int64, what each of them found.
@@ -85,13 +85,33 @@ class Discounts(NamedTuple):
     rest: NDArray[np.float64]
 
 
+class Residual(NamedTuple):
+    """The scenarios that the plans of the other drones leave, by their places: cells at the end.
+
+    Attributes:
+        free: (M / 64,) uint64, a bit for each scenario that they do not find.
+        base: (M,) int64 in `UNIT`, credit of the others' plans for each scenario.
+        places: (M,) int64, place of each scenario; E if no free one ends there.
+        counts: (E + 1,) int64, number of free scenarios in each place.
+        positions: (E + 1,) int64, positions of the places, see `Moves`.
+        worths: (S S,) int64 in `UNIT`, their worth seen from a cell; -1 until it is computed.
+    """
+
+    free: NDArray[np.uint64]
+    base: NDArray[np.int64]
+    places: NDArray[np.int64]
+    counts: NDArray[np.int64]
+    positions: NDArray[np.int64]
+    worths: NDArray[np.int64]
+
+
 class Problem(NamedTuple):
     """What a drone plans for.
 
     Attributes:
         moves: Of the drone's kind.
         scenarios: The scenarios.
-        left: What the others leave of them.
+        residual: What the others leave of them.
         blocked: (H, S S) bool, cells that the drone must not be in after step h + 1.
         discounts: Of a find.
         kappa: Weight of the scenarios left at the end.
@@ -99,7 +119,7 @@ class Problem(NamedTuple):
 
     moves: Moves
     scenarios: Scenarios
-    left: Left
+    residual: Residual
     blocked: NDArray[np.bool_]
     discounts: Discounts
     kappa: float
@@ -124,28 +144,26 @@ class Candidates(NamedTuple):
 
 
 @inlined
-def is_in(bits, s):
+def is_in(bits: NDArray[np.uint64], s: int) -> np.int64:
     """Return 1 if a scenario is in a set of bits, else 0, as int64."""
     return np.int64(bits[s >> SIX] >> (s & BITS) & ONE)
 
 
 @inlined
-def gain_of_move(problem, level, node, h, a, cell, worth):
+def gain_of_move(
+    problem: Problem, level: BeamLevel, node: int, h: int, a: int, cell: int, worth: int
+) -> tuple[np.int64, np.int64]:
     """Return what one more move gains a node, and its finds among the free scenarios.
 
     Args:
-        problem: The problem.
-        level: Of the node.
-        node: Its number.
         h: Step in which the move looks.
-        a: Number of the move.
         cell: The cell after it.
         worth: Of a find then.
     """
-    moves, scenarios, base = problem.moves, problem.scenarios, problem.left.base
+    moves, scenarios, base = problem.moves, problem.scenarios, problem.residual.base
     free, shared = level.free[node], level.shared[node]
     gain = hits = np.int64(0)
-    for look in range(moves.first[a], moves.first[a + 1]):
+    for look in range(moves.starts[a], moves.starts[a + 1]):
         there = cell_seen(moves, cell, look)
         if there < 0:
             continue
@@ -163,19 +181,62 @@ def gain_of_move(problem, level, node, h, a, cell, worth):
     return gain + hits * worth, hits
 
 
-@part
-def expand(problem, tree, level, h, nodes, tried):
-    """Write the moves from the nodes of a step, and return their number.
+@compiled()
+def residual_of(moves: Moves, scenarios: Scenarios, others: Floats) -> Residual:
+    """Return the scenarios that the plans of the others leave.
 
     Args:
-        problem: The problem.
-        tree: The nodes.
-        level: Of the step.
-        h: The step, if the path is not late.
-        nodes: Number of its nodes.
-        tried: `Candidates` out.
+        others: (N, M) float64, credits of their plans, 0 for the drone itself.
     """
-    moves, left, discounts = problem.moves, problem.left, problem.discounts
+    credit = np.zeros(len(scenarios.ends))
+    for n in range(len(others)):
+        for s in range(len(credit)):
+            if others[n, s] > credit[s]:
+                credit[s] = others[n, s]
+    counts = np.zeros(len(moves.positions), np.int64)
+    for s in range(len(credit)):
+        counts[scenarios.ends[s]] += credit[s] == 0.0
+    cells = np.flatnonzero(counts)
+    last = len(cells)
+    numbers = np.full(len(counts), last)
+    for place in range(last):
+        numbers[cells[place]] = place
+    free = np.zeros((len(credit) + 63) >> 6, np.uint64)
+    base = np.empty(len(credit), np.int64)
+    for s in range(len(credit)):
+        free[s >> 6] |= np.uint64(credit[s] == 0.0) << np.uint64(s & 63)
+        base[s] = int(credit[s] * UNIT)
+    left, positions = np.zeros(last + 1, np.int64), np.zeros(last + 1, np.int64)
+    left[:last], positions[:last] = counts[cells], moves.positions[cells]
+    return Residual(
+        free=free, base=base, places=numbers[scenarios.ends], counts=left, positions=positions,
+        worths=np.full(len(counts), -1),
+    )  # fmt: skip
+
+
+@inlined
+def worth_of(moves: Moves, residual: Residual, counts: Ints, cell: int) -> int:
+    """Return the worth to a drone in a cell of as many scenarios at the end in each place."""
+    total, here = 0, moves.positions[cell]
+    for place in range(len(counts)):
+        total += counts[place] * seen_from(moves, here, residual.positions[place])
+    return total
+
+
+@inlined
+def worth_from(moves: Moves, residual: Residual, cell: int) -> int:
+    """Return the worth of the scenarios left at the end to a drone in a cell."""
+    if residual.worths[cell] < 0:
+        residual.worths[cell] = worth_of(moves, residual, residual.counts, cell)
+    return residual.worths[cell]
+
+
+@part
+def expand(
+    problem: Problem, tree: Tree, level: BeamLevel, h: int, nodes: int, tried: Candidates
+) -> int:
+    """Write the moves from the nodes of a step, and return their number."""
+    moves, residual, discounts = problem.moves, problem.residual, problem.discounts
     horizon, found = len(problem.blocked), 0
     for node in range(nodes):
         for a in range(len(moves.steps)):
@@ -183,12 +244,14 @@ def expand(problem, tree, level, h, nodes, tried):
             step = step_at(h, level.late[node] + moves.extra[a])
             if problem.blocked[min(step, horizon - 1), cell] or not moves.able[a]:
                 continue
-            gain, hits, slowness = 0, 0, level.slowness[node] * discounts.extra[a]
+            gain: Int = 0
+            hits: Int = 0
+            slowness = level.slowness[node] * discounts.extra[a]
             if step < horizon:
                 worth = int(discounts.steps[h] * slowness * UNIT)
                 gain, hits = gain_of_move(problem, level, node, step, a, cell, worth)
             gain += level.gains[node]
-            ahead, here = worth_from(moves, left, cell) - hits * UNIT, moves.positions[cell]
+            ahead, here = worth_from(moves, residual, cell) - hits * UNIT, moves.positions[cell]
             for k in range(level.looks[node]):
                 # Of the scenarios left, the path's own looks have found some.
                 ahead -= level.finds[node, k] * seen_from(moves, here, level.where[node, k])
@@ -200,7 +263,7 @@ def expand(problem, tree, level, h, nodes, tried):
 
 
 @part
-def sort_by_rank(ranks, order, starts):
+def sort_by_rank(ranks: Floats, order: Ints, starts: Ints) -> None:
     """Sort moves by rank, the best one first: in buckets, and then by insertion.
 
     Args:
@@ -230,18 +293,21 @@ def sort_by_rank(ranks, order, starts):
 
 
 @part
-def keep_best(problem, tree, level, h, tried, order, in_cell, after):
+def keep_best(
+    problem: Problem,
+    tree: Tree,
+    level: BeamLevel,
+    h: int,
+    tried: Candidates,
+    order: Ints,
+    in_cell: Ints,
+    after: BeamLevel,
+) -> int:
     """Keep the moves of the highest rank as the nodes of the next step, and return their number.
 
     Args:
-        problem: The problem.
-        tree: The nodes, in and out.
-        level: Of the step.
-        h: The step.
-        tried: Of `expand`.
         order: (F,) int64, its moves in order of their ranks.
         in_cell: (S S,) int64 scratch, zeros in and out.
-        after: `BeamLevel` out.
     """
     kept, width = 0, tree.cells.shape[1]
     for k in order:
@@ -260,7 +326,7 @@ def keep_best(problem, tree, level, h, tried, order, in_cell, after):
 
 
 @inlined
-def is_kept(tree, after, h, kept, tried, k):
+def is_kept(tree: Tree, after: BeamLevel, h: int, kept: int, tried: Candidates, k: int) -> bool:
     """Return whether there is a node with the cell and the gain of a move."""
     for node in range(kept):
         if tree.cells[h, node] == tried.cells[k] and after.gains[node] == tried.gains[k]:
@@ -269,16 +335,19 @@ def is_kept(tree, after, h, kept, tried, k):
 
 
 @inlined
-def take(problem, tried, k, level, h, after, kept):
+def take(
+    problem: Problem,
+    tried: Candidates,
+    k: int,
+    level: BeamLevel,
+    h: int,
+    after: BeamLevel,
+    kept: int,
+) -> None:
     """Write to a node of the next level what the path to it has found.
 
     Args:
-        problem: The problem.
-        tried: The moves.
-        k: Number of the move.
-        level: Of the step before.
         h: Step of the move.
-        after: `BeamLevel` out.
         kept: Number of the new node.
     """
     moves, discounts = problem.moves, problem.discounts
@@ -295,9 +364,9 @@ def take(problem, tried, k, level, h, after, kept):
     after.gains[kept] = tried.gains[k]
     after.late[kept] = level.late[node] + moves.extra[a] + moves.rest[a]
     after.slowness[kept] = level.slowness[node] * discounts.extra[a] * discounts.rest[a]
-    hits = 0
+    hits: Int = 0
     if step < len(problem.blocked):
-        for look in range(moves.first[a], moves.first[a + 1]):
+        for look in range(moves.starts[a], moves.starts[a + 1]):
             there = cell_seen(moves, tried.cells[k], look)
             if there >= 0:
                 hits += remove(problem, step, look, there, after, kept)
@@ -308,9 +377,9 @@ def take(problem, tried, k, level, h, after, kept):
 
 
 @inlined
-def remove(problem, h, look, cell, level, node):
+def remove(problem: Problem, h: int, look: int, cell: int, level: BeamLevel, node: int) -> np.int64:
     """Remove from a node what a look at step h detects in a cell; return its free scenarios."""
-    moves, scenarios, places = problem.moves, problem.scenarios, problem.left.places
+    moves, scenarios, places = problem.moves, problem.scenarios, problem.residual.places
     free, shared, left = level.free[node], level.shared[node], level.left[node]
     hits = np.int64(0)
     members = scenarios.members[h, scenarios.starts[h, cell] : scenarios.starts[h, cell + 1]]
@@ -332,47 +401,50 @@ def remove(problem, h, look, cell, level, node):
 
 
 @part
-def write_values(problem, tree, level, depth, values):
+def write_values(
+    problem: Problem, tree: Tree, level: BeamLevel, depth: int, values: Floats
+) -> None:
     """Write the value of the path to each of the last nodes.
 
     Args:
-        problem: The problem.
-        tree: The nodes.
-        level: Of the last step.
         depth: The last step.
         values: (nodes,) float64 out.
     """
     for node in range(len(values)):
-        left = worth_of(problem.moves, problem.left, level.left[node], tree.cells[depth, node])
+        left = worth_of(problem.moves, problem.residual, level.left[node], tree.cells[depth, node])
         values[node] = level.gains[node] + problem.kappa * level.slowness[node] * left
 
 
 @compiled()
-def new_level(width, words, places, horizon):
+def new_level(width: int, words: int, places: int, horizon: int) -> BeamLevel:
     """Return a level of W nodes that are not late."""
     return BeamLevel(
-        np.empty((width, words), np.uint64),
-        np.empty((width, words), np.uint64),
-        np.zeros(width, np.int64),
-        np.zeros(width),
-        np.ones(width),
-        np.empty((width, places), np.int64),
-        np.zeros(width, np.int64),
-        np.empty((width, horizon), np.int64),
-        np.empty((width, horizon), np.int64),
+        free=np.empty((width, words), np.uint64),
+        shared=np.empty((width, words), np.uint64),
+        gains=np.zeros(width, np.int64),
+        late=np.zeros(width),
+        slowness=np.ones(width),
+        left=np.empty((width, places), np.int64),
+        looks=np.zeros(width, np.int64),
+        where=np.empty((width, horizon), np.int64),
+        finds=np.empty((width, horizon), np.int64),
     )
 
 
 @compiled()
-def plan_drone(moves, scenarios, gamma, kappa, width, others, blocked, paths):
+def plan_drone(
+    moves: Moves,
+    scenarios: Scenarios,
+    gamma: float,
+    kappa: float,
+    width: int,
+    others: Floats,
+    blocked: Flags,
+    paths: Ints,
+) -> tuple[int, int]:
     """Search for a drone's best plans, given those of the others.
 
     Args:
-        moves: Of the drone's kind.
-        scenarios: The scenarios.
-        gamma: Discount of a find per step.
-        kappa: Of `Problem`.
-        width: Nodes kept at each step.
         others: (N, M) float64, credits of the plans of the other drones, 0 for the drone itself.
         blocked: Of `Problem`.
         paths: (V, H + 1) int64 out, the best plans, the best one first; the caller sets the first
@@ -383,22 +455,25 @@ def plan_drone(moves, scenarios, gamma, kappa, width, others, blocked, paths):
         path.
     """
     horizon, most = paths.shape[1] - 1, width * len(moves.steps)
-    left = left_by_others(moves, scenarios, others)
+    residual = residual_of(moves, scenarios, others)
     discounts = Discounts(gamma ** np.arange(horizon), gamma**moves.extra, gamma**moves.rest)
-    problem = Problem(moves, scenarios, left, blocked, discounts, kappa)
+    problem = Problem(
+        moves=moves, scenarios=scenarios, residual=residual, blocked=blocked, discounts=discounts,
+        kappa=kappa,
+    )  # fmt: skip
     tree = Tree(np.empty((horizon + 1, width), np.int64), np.empty((horizon + 1, width), np.int64))
-    words, places = (len(scenarios.ends) + 63) >> 6, len(left.counts)
+    words, places = (len(scenarios.ends) + 63) >> 6, len(residual.counts)
     now, after = (
         new_level(width, words, places, horizon),
         new_level(width, words, places, horizon),
     )
     tried = Candidates(
-        np.empty(most, np.int64), np.empty(most, np.int64), np.empty(most, np.int64),
-        np.empty(most, np.int64), np.empty(most),
+        cells=np.empty(most, np.int64), parents=np.empty(most, np.int64),
+        moves=np.empty(most, np.int64), gains=np.empty(most, np.int64), ranks=np.empty(most),
     )  # fmt: skip
     starts, order = np.empty(BUCKETS + 1, np.int64), np.empty(most, np.int64)
     in_cell = np.zeros(len(moves.positions), np.int64)
-    now.free[0], now.shared[0], now.left[0] = left.free, ~left.free, left.counts
+    now.free[0], now.shared[0], now.left[0] = residual.free, ~residual.free, residual.counts
     tree.cells[0, 0] = paths[0, 0]
     nodes, depth = 1, 0
     for h in range(horizon):
@@ -414,7 +489,7 @@ def plan_drone(moves, scenarios, gamma, kappa, width, others, blocked, paths):
 
 
 @part
-def write_paths(tree, depth, order, paths):
+def write_paths(tree: Tree, depth: int, order: Ints, paths: Ints) -> int:
     """Write the paths to the last nodes in this order, (V, H + 1), and return their number."""
     found = min(len(order), len(paths))
     for k in range(found):

@@ -16,20 +16,25 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from dsse_ros.belief.belief_kernels import MARGIN
-from dsse_ros.belief.forecasts import is_ensemble
-from dsse_ros.belief.protocol import LooksToCome, Outlook, TargetBelief, TargetForecast
 from dsse_ros.planners import plan_kernels
 from dsse_ros.planners.beam import plan_drone
 from dsse_ros.planners.options import OF_PARTICLES, SAMPLES, BeamOptions
 from dsse_ros.planners.planner import DecisionPoint, Plans, as_plan
-from dsse_ros.planners.reach import Reach
-from dsse_ros.scenario.action_times import ActionTimes, action_times_of_kinds
-from dsse_ros.scenario.actions import Cell
-from dsse_ros.scenario.rules import Rules
-from dsse_ros.scenario.swarm import Swarm, number_of
-from dsse_ros.step.looks import Looks, looks_of
-from dsse_ros.targets.registry import has_own_drift
+from dsse_ros.search.belief.forecasts import is_ensemble
+from dsse_ros.search.belief.motion_kernels import MARGIN
+from dsse_ros.search.belief.protocol import LooksToCome, Outlook, TargetBelief, TargetForecast
+from dsse_ros.search.environments.ways_home import ways_home
+from dsse_ros.search.step.looks import Looks, looks_of
+from dsse_ros.world.scenario.action_times import (
+    ActionTimes,
+    action_times_of_drones,
+    action_times_of_kinds,
+)
+from dsse_ros.world.scenario.actions import Cell
+from dsse_ros.world.scenario.rules import Rules
+from dsse_ros.world.scenario.scenario import ResolvedScenario
+from dsse_ros.world.scenario.swarm import Swarm, number_of
+from dsse_ros.world.targets.registry import has_own_drift
 
 CLOSENESS = 0.7
 """Factor on the worth of a scenario left at the end of a plan for each move to it."""
@@ -68,12 +73,12 @@ def _moves_of_kinds(
     steps = [(0, 0), *swarm.actions.steps]
     actions = [swarm.actions.action((0, 0), step) for step in steps]
     rows: list[int] = []
-    first = np.zeros((len(looks.first), len(actions) + 1), np.int64)
-    for kind, of_kind in enumerate(looks.first):
-        first[kind, 0] = len(rows)
+    starts = np.zeros((len(looks.starts), len(actions) + 1), np.int64)
+    for kind, of_kind in enumerate(looks.starts):
+        starts[kind, 0] = len(rows)
         for a, action in enumerate(actions):
             rows += range(of_kind[action], of_kind[action + 1])
-            first[kind, a + 1] = len(rows)
+            starts[kind, a + 1] = len(rows)
     y, x = np.indices((side, side)).reshape(2, -1)
     between = np.minimum(np.abs(np.arange(2 * side) - side), side - 1)
     nearness = [
@@ -82,16 +87,18 @@ def _moves_of_kinds(
     ]
     return [
         plan_kernels.Moves(
-            np.array([dy * side + dx for dx, dy in steps]),
-            np.array([step in ((0, 0), *able.steps) for step in steps]),
-            first[kind],
-            looks.offsets[rows],
-            looks.pods[rows],
-            nearness[kind],
-            y * 2 * side + x,
-            (nearness[kind][np.ix_(between, between)] * plan_kernels.UNIT).astype(np.int64).ravel(),
-            np.array(times[kind].takes)[actions] - 1.0,
-            np.array(times[kind].after)[actions],
+            steps=np.array([dy * side + dx for dx, dy in steps]),
+            able=np.array([step in ((0, 0), *able.steps) for step in steps]),
+            starts=starts[kind],
+            offsets=looks.offsets[rows],
+            pods=looks.pods[rows],
+            nearness=nearness[kind],
+            positions=y * 2 * side + x,
+            around=(nearness[kind][np.ix_(between, between)] * plan_kernels.UNIT)
+            .astype(np.int64)
+            .ravel(),
+            extra=np.array(times[kind].takes)[actions] - 1.0,
+            rest=np.array(times[kind].after)[actions],
         )
         for kind, able in enumerate(swarm.of_kinds)
     ]
@@ -100,10 +107,40 @@ def _moves_of_kinds(
 def _fleet_of(kinds: Sequence[plan_kernels.Moves]) -> plan_kernels.PlannedFleet:
     """Return a fleet of one drone of each kind."""
     return plan_kernels.PlannedFleet(
-        np.arange(len(kinds)), kinds[0].steps, np.stack([kind.first for kind in kinds]),
-        kinds[0].offsets, np.stack([kind.extra for kind in kinds]),
-        np.stack([kind.rest for kind in kinds]), len(kinds[0].nearness),
+        kinds=np.arange(len(kinds)), steps=kinds[0].steps,
+        starts=np.stack([kind.starts for kind in kinds]), offsets=kinds[0].offsets,
+        extra=np.stack([kind.extra for kind in kinds]),
+        rest=np.stack([kind.rest for kind in kinds]), side=len(kinds[0].nearness),
     )  # fmt: skip
+
+
+class Reach:
+    """How far the drones can fly and still come home with their battery reserve.
+
+    Args:
+        scenario: A scenario with batteries.
+        rules: The rules of the search.
+    """
+
+    def __init__(self, scenario: ResolvedScenario, rules: Rules) -> None:
+        actions, mask = rules.action_set, scenario.area_mask
+        shares = [times.shares for times in action_times_of_drones(scenario, rules)]
+        ways = ways_home(actions, mask, scenario.grid_size, scenario.drones_positions, shares)
+        self._home = ways.steps * scenario.battery_return + scenario.battery_reserve
+        # A planned step may be a move or a search, so it counts as the one that costs more.
+        self._step = max(scenario.battery_move, scenario.battery_search)
+
+    def beyond(self, drone: int, battery: float, steps: int) -> NDArray[np.bool_]:
+        """Return the cells from which a drone may not get home after steps 1, 2, ..., (H, G, G).
+
+        Args:
+            drone: Number of the drone.
+            battery: Its charge, percent.
+            steps: H.
+        """
+        left = battery - self._step * np.arange(1, steps + 1)
+        beyond: NDArray[np.bool_] = left[:, None, None] < self._home[drone]
+        return beyond
 
 
 @dataclass
@@ -141,7 +178,7 @@ class BeamSearch:
         times = action_times_of_kinds(forecast.scenario, forecast.rules)
         self._kinds = _moves_of_kinds(self._swarm, looks, forecast.side, times)
         self._fleet = _fleet_of(self._kinds)
-        self._most_looks = max(int(np.diff(self._fleet.first, axis=1).max()), 1)
+        self._most_looks = max(int(np.diff(self._fleet.starts, axis=1).max()), 1)
         self._sure = not (self._kinds[0].pods < 1.0).any()
         self._measure = forecast.rules.action_set.distance
         size = forecast.scenario.grid_size
@@ -252,11 +289,11 @@ class BeamSearch:
         counts = [plan.length if n in counted else 0 for n, plan in enumerate(plans)]
         lengths = np.repeat(np.array(counts)[None], len(own_paths), axis=0)
         paths[:, drone], lengths[:, drone] = own_paths, own_lengths
-        first = np.empty(len(paths) + 1, np.int64)
+        starts = np.empty(len(paths) + 1, np.int64)
         looks = np.empty((3, paths.size * self._most_looks), np.int64)
-        plan_kernels.looks_of_plans(fleet, paths, lengths, first, looks)
-        steps, columns, rows = looks[:, : first[-1]]
-        expected = outlook(LooksToCome(first, steps, columns, moves.pods[rows]))
+        plan_kernels.looks_of_plans(fleet, paths, lengths, starts, looks)
+        steps, columns, rows = looks[:, : starts[-1]]
+        expected = outlook(LooksToCome(starts, steps, columns, moves.pods[rows]))
         worth = np.empty(len(paths))
         plan_kernels.worth_of_left(expected.left, moves.nearness, own_paths[:, -1], worth)
         return int(np.argmax(expected.finds + self._options.kappa * worth))
@@ -267,8 +304,9 @@ class BeamSearch:
         futures = belief.futures(self._samples, horizon, self._rng)
         draws = np.zeros((0, 0)) if self._sure else self._rng.random((horizon, self._samples))
         return plan_kernels.Scenarios(
-            futures.persons, draws, futures.starts, futures.members, futures.cells[-1]
-        )
+            persons=futures.persons, draws=draws, starts=futures.starts, members=futures.members,
+            ends=futures.cells[-1],
+        )  # fmt: skip
 
     def _last_plans(
         self, agents: Sequence[Hashable], present: Sequence[Cell], horizon: int

@@ -13,17 +13,13 @@ from __future__ import annotations
 import copy
 import math
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from functools import partial
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from dsse_ros.belief.belief import Forecast
-from dsse_ros.belief.drift_estimate import FIRST_OBSERVED, DriftEstimate
-from dsse_ros.belief.forecasts import forecast_for, is_ensemble
-from dsse_ros.belief.protocol import TargetBelief, TargetForecast
 from dsse_ros.planners.avoidance import approach
 from dsse_ros.planners.beam_search import BeamSearch, steps_planned
 from dsse_ros.planners.masking import is_returning, is_under_way, masked_moves
@@ -43,13 +39,18 @@ from dsse_ros.planners.planner import (
     cells_of,
     probability_of,
 )
-from dsse_ros.scenario.actions import ActionSet, connected_components
-from dsse_ros.scenario.fault_fields import hold_up
-from dsse_ros.scenario.probable_cells import datum_of
-from dsse_ros.scenario.rules import Rules
-from dsse_ros.scenario.scenario import ResolvedScenario
-from dsse_ros.scenario.swarm import Swarm, number_of
-from dsse_ros.step.looks import Looked, looks_of
+from dsse_ros.search.belief.belief import Forecast
+from dsse_ros.search.belief.drift_estimate import FIRST_OBSERVED, DriftEstimate
+from dsse_ros.search.belief.forecasts import forecast_for, is_ensemble
+from dsse_ros.search.belief.protocol import TargetBelief, TargetForecast
+from dsse_ros.search.step.cell_tracks import Draw
+from dsse_ros.search.step.looks import Looked, looks_of
+from dsse_ros.world.scenario.actions import ActionSet, connected_components
+from dsse_ros.world.scenario.fault_fields import hold_up
+from dsse_ros.world.scenario.probable_cells import datum_of
+from dsse_ros.world.scenario.rules import Rules
+from dsse_ros.world.scenario.scenario import ResolvedScenario
+from dsse_ros.world.scenario.swarm import Swarm, number_of
 
 DRIFT_SAMPLES = 16
 """Angles of the persons' own drift in the belief of a tactic; one more costs as much as the first.
@@ -126,7 +127,7 @@ class Forecasts:
             self._rules,
             horizon=self._horizon,
             drift_samples=self._drift_samples,
-            planning=True,
+            draw=Draw.PLANNING,
         )
         before = self._kept[-1] if self._kept else None
         if isinstance(forecast, Forecast) and isinstance(before, Forecast):
@@ -372,19 +373,12 @@ class BeliefPlanner:
         return looked
 
 
-def make_beam(
-    kind: Callable[..., BeamSearch], search: Search, options: BeamOptions, seed: int
-) -> BeliefPlanner:
-    """Return a planner by a beam search of this kind."""
-    return BeliefPlanner(
-        search, partial(kind, options=options), seed=seed, learn_drift=options.learn_drift,
-        horizon=steps_planned(search.rules, options.horizon),
-    )  # fmt: skip
-
-
 def make_belief(search: Search, options: BeamOptions, *, seed: int) -> BeliefPlanner:
     """Return the planner `belief`: beam search on the belief, with scenarios drawn by this seed."""
-    return make_beam(BeamSearch, search, options, seed)
+    return BeliefPlanner(
+        search, partial(BeamSearch, options=options), seed=seed, learn_drift=options.learn_drift,
+        horizon=steps_planned(search.rules, options.horizon),
+    )  # fmt: skip
 
 
 def make_belief_greedy(search: Search, options: BeliefOptions, *, seed: int) -> BeliefPlanner:

@@ -10,12 +10,12 @@ from collections.abc import Hashable, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, ClassVar
 
-from dsse_ros.belief.protocol import TargetBelief, TargetForecast
 from dsse_ros.planners.planner import Cell, DecisionPoint, Plans
-from dsse_ros.planners.route_follower import RouteFollower
-from dsse_ros.scenario.actions import ActionSet
-from dsse_ros.scenario.swarm import Swarm
-from dsse_ros.step.looks import looks_of, moves_look
+from dsse_ros.planners.route_guidance import RouteGuidance
+from dsse_ros.search.belief.protocol import TargetBelief, TargetForecast
+from dsse_ros.search.step.looks import looks_of, moves_look
+from dsse_ros.world.scenario.actions import ActionSet
+from dsse_ros.world.scenario.swarm import Swarm
 
 if TYPE_CHECKING:
     from typing_extensions import Self
@@ -41,7 +41,7 @@ class RoutesOnBelief(ABC):
         looks = looks_of(forecast.scenario, forecast.rules)
         self._in_passing = moves_look(looks, forecast.rules)
         self._seed = seed
-        self._follower: RouteFollower | None = None
+        self._guidance: RouteGuidance | None = None
         self._agents: list[Hashable] = []
         self._planned_at = 0
         self.drawn = False
@@ -64,26 +64,26 @@ class RoutesOnBelief(ABC):
     def copy(self) -> Self:
         """Return an independent copy in the same state."""
         twin = copy.copy(self)
-        twin._follower = None if self._follower is None else self._follower.copy()
+        twin._guidance = None if self._guidance is None else self._guidance.copy()
         return twin
 
     def with_seed(self, seed: int) -> Self:
         """Return a copy that draws with this seed."""
         twin = copy.copy(self)
         twin._seed = seed
-        if self._follower is not None:
-            twin._follower = self._follower.with_seed(seed + self._planned_at)
+        if self._guidance is not None:
+            twin._guidance = self._guidance.with_seed(seed + self._planned_at)
         return twin
 
     def plans(self) -> Plans:
         """See `Planning`."""
-        return {} if self._follower is None else self._follower.plans()
+        return {} if self._guidance is None else self._guidance.plans()
 
     def __call__(self, at: DecisionPoint) -> list[Cell]:
         """Return the cell that each drone goes to; see `Tactic`."""
         belief, agents, present, *_ = at
         due = belief.step >= self._planned_at + self.period or list(agents) != self._agents
-        if self._follower is None or due:
+        if self._guidance is None or due:
             steps = max(1, min(self.period, self._limit - belief.step))
             routes = self.plan(belief, present, steps, self._swarm.actions_of(agents))
             if self._in_passing:
@@ -93,13 +93,13 @@ class RoutesOnBelief(ABC):
                     for cell, route in zip(present, routes, strict=True)
                 ]
             # `BeliefPlanner` keeps drones under way apart.
-            self._follower = RouteFollower(
+            self._guidance = RouteGuidance(
                 replace(self._swarm, may_be_under_way=False), seed=self._seed + belief.step,
                 in_passing=self._in_passing,
             )  # fmt: skip
             size = belief.forecast.scenario.grid_size
-            self._follower.start(agents, routes, size)
+            self._guidance.start(agents, routes, size)
             self._agents, self._planned_at = list(agents), belief.step
-        cells = self._follower.next_cells(agents, present)
-        self.drawn = self.drawn or self._follower.drawn
+        cells = self._guidance.next_cells(agents, present)
+        self.drawn = self.drawn or self._guidance.drawn
         return cells

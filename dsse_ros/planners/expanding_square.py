@@ -19,8 +19,8 @@ from numpy.typing import NDArray
 
 from dsse_ros.planners.patterns import square_legs
 from dsse_ros.planners.planner import Cell
-from dsse_ros.scenario.actions import ActionSet, connected_components
-from dsse_ros.scenario.probable_cells import datum_of
+from dsse_ros.world.scenario.actions import ActionSet, connected_components
+from dsse_ros.world.scenario.probable_cells import datum_of
 
 _MOVES = {0: (0, -1), 90: (1, 0), 180: (0, 1), 270: (-1, 0)}
 """Move (d_col, d_row) of each heading."""

@@ -23,9 +23,9 @@ from dsse_ros.planners.planner import (
     cells_of,
     probability_of,
 )
-from dsse_ros.scenario.actions import ActionSet, connected_components
-from dsse_ros.scenario.probable_cells import most_probable
-from dsse_ros.scenario.swarm import Swarm
+from dsse_ros.world.scenario.actions import ActionSet, connected_components
+from dsse_ros.world.scenario.probable_cells import most_probable
+from dsse_ros.world.scenario.swarm import Swarm
 
 
 class Greedy(DrawsNothing):

@@ -11,8 +11,8 @@ import numpy as np
 
 from dsse_ros.planners.avoidance import resolve_actions
 from dsse_ros.planners.planner import Cell, Infos
-from dsse_ros.scenario.actions import ActionSet
-from dsse_ros.scenario.swarm import Swarm
+from dsse_ros.world.scenario.actions import ActionSet
+from dsse_ros.world.scenario.swarm import Swarm
 
 
 def is_returning(info: Mapping[str, Any]) -> bool:

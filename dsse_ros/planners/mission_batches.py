@@ -11,11 +11,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dsse_ros.search.agent_actions import action_of
-from dsse_ros.search.flight_env import STRAIGHT_ON, flight_action_of, states_of
-from dsse_ros.search.flights import Flights
-from dsse_ros.search.observation import AgentObservation, Observation, Started, agent_infos
-from dsse_ros.search.world import HOLD, World
+from dsse_ros.search.environments.agents import (
+    AgentObservation,
+    Observation,
+    Started,
+    agent_infos,
+)
+from dsse_ros.search.environments.metres_drones import MetresDrones
+from dsse_ros.search.environments.space import STRAIGHT_ON, action_of, states_of, turn_and_speed_of
+from dsse_ros.search.environments.world import World
+from dsse_ros.search.step.constants import NO_ACTION
 
 
 @dataclass(frozen=True)
@@ -132,7 +137,7 @@ class MissionBatch:
 
     def nothing(self) -> NDArray[Any]:
         """Return the actions (M, N) of drones that do nothing."""
-        return np.full(self.world.drones.shape, HOLD, np.int8)
+        return np.full(self.world.drones.shape, NO_ACTION, np.int8)
 
     def fly(self, joint: NDArray[Any]) -> NDArray[np.float64]:
         """Advance the world by actions (M, N); return how far each drone flew, (M, N) in cells."""
@@ -157,7 +162,9 @@ class MissionBatch:
         for drone in range(world.num_drones):
             results.path_length_m[:] += legs[:, drone]
         if not world.rules.in_metres:
-            results.collisions[:] += _collisions(world.drones, here & ~world.drones["clear"])
+            results.collisions[:] += _collisions(
+                world.drones, here & ~world.drones["cannot_collide"]
+            )
         done = world.worlds["done"]
         found = going & done & (world.worlds["num_missing"] == 0)
         results.found[found] = True
@@ -173,12 +180,12 @@ class MissionBatch:
 
 
 class FlightBatch(MissionBatch):
-    """A `MissionBatch` whose drones fly by a turn and a speed; see `FlightEnv`."""
+    """A `MissionBatch` whose drones fly by a turn and a speed; see `SearchEnv`."""
 
     @property
-    def _flights(self) -> Flights:
-        assert self.world.flight is not None
-        return self.world.flight
+    def _flights(self) -> MetresDrones:
+        assert self.world.metres is not None
+        return self.world.metres
 
     def _observe(self, mission: int, live: list[int], columns: dict[str, Iterable[Any]]) -> Started:
         """See `MissionBatch`."""
@@ -191,7 +198,7 @@ class FlightBatch(MissionBatch):
 
     def action_of(self, agent: str, actions: Mapping[str, Any]) -> Any:
         """See `MissionBatch`."""
-        return flight_action_of(agent, actions)
+        return turn_and_speed_of(agent, actions)
 
     def nothing(self) -> NDArray[Any]:
         """Return the actions (M, N, 2) of drones that fly straight on."""
@@ -200,7 +207,7 @@ class FlightBatch(MissionBatch):
     def fly(self, joint: NDArray[Any]) -> NDArray[np.float64]:
         """See `MissionBatch`."""
         self._flights.actions[:] = joint
-        self.world.step(np.full(self.world.drones.shape, HOLD, np.int8))
+        self.world.step(np.full(self.world.drones.shape, NO_ACTION, np.int8))
         pieces = np.diff(self._flights.paths, axis=2)
         far: NDArray[np.float64] = np.hypot(pieces[..., 0], pieces[..., 1]).sum(axis=2)
         return far / self.world.scenario.cell_size

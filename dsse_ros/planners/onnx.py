@@ -20,16 +20,16 @@ The last four come from the scenario; a drift that was learned from the maps rep
 `positions`, a drone that is out of the search keeps its last cell. The first output is (N, A):
 a score of each action. A drone does the action with the highest score among those that its mask
 allows. The metadata `dsse_ros` of the file is a JSON object with `actions` (their names by number),
-`rules` (the name of the profile) and, if the model fits one size only, `grid_size` and
-`num_drones`. With `"observe": "belief"`, `probability` is the belief: if drones observe the map,
-the planner keeps its own belief. With `"avoid_collisions": true`, the planner never sends a drone
-into another one's cell: a drone that has to give way searches where it is.
+`rules` (the name of the profile). It has `grid_size` and `num_drones` if the model fits one size
+only, and `pod`, the lowest and highest POD of a look, if it was tried on these only. With
+`"observe": "belief"`, `probability` is the belief: if drones observe the map, the planner keeps its
+own belief. With `"avoid_collisions": true`, the planner never sends a drone into another one's
+cell: a drone that has to give way searches where it is.
 """
 
 from __future__ import annotations
 
 import copy
-import json
 from collections.abc import Callable, Hashable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
@@ -38,12 +38,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dsse_ros.belief.protocol import TargetForecast
-from dsse_ros.defects import reason_of
-from dsse_ros.extras import pip_install
+from dsse_ros.base.defects import reason_of
+from dsse_ros.base.extras import pip_install
+from dsse_ros.base.fields import FieldError, shown
+from dsse_ros.base.json_reader import read_json
 from dsse_ros.planners.avoidance import resolve_actions
 from dsse_ros.planners.belief import BeliefPlanner
 from dsse_ros.planners.masking import apply_masks
+from dsse_ros.planners.mission_watch import MissionWatch
 from dsse_ros.planners.options import OnnxOptions
 from dsse_ros.planners.planner import (
     Cell,
@@ -56,16 +58,17 @@ from dsse_ros.planners.planner import (
     cells_of,
     probability_of,
 )
-from dsse_ros.scenario.actions import ActionSet
-from dsse_ros.scenario.env_options import OBSERVED
-from dsse_ros.scenario.fields import FieldError, shown
-from dsse_ros.scenario.rules import Rules
-from dsse_ros.scenario.scenario import ResolvedScenario
-from dsse_ros.scenario.swarm import Swarm
-from dsse_ros.search.world_beliefs import DRIFT_SAMPLES
-from dsse_ros.search.wrappers import own_first
-from dsse_ros.step.constants import area_of, constants_of
-from dsse_ros.step.masks import mask_table
+from dsse_ros.search.belief.protocol import TargetForecast
+from dsse_ros.search.environments.world_beliefs import DRIFT_SAMPLES
+from dsse_ros.search.environments.wrappers import own_first
+from dsse_ros.search.step.constants import area_of, constants_of
+from dsse_ros.search.step.looks import searches_of
+from dsse_ros.search.step.masks import mask_table
+from dsse_ros.world.scenario.actions import ActionSet
+from dsse_ros.world.scenario.env_options import OBSERVED
+from dsse_ros.world.scenario.rules import Rules
+from dsse_ros.world.scenario.scenario import ResolvedScenario
+from dsse_ros.world.scenario.swarm import Swarm
 
 try:
     import onnxruntime
@@ -106,6 +109,10 @@ class Policy:
         twin = copy.copy(self)
         twin._cells = dict(self._cells)
         return twin
+
+    def forget(self) -> None:
+        """Forget the drones of the last mission."""
+        self._cells = {}
 
     def __deepcopy__(self, memo: dict[int, Any]) -> Policy:
         return self.copy()
@@ -157,19 +164,23 @@ class OnnxPlanner(DrawsNothing):
 
     def __init__(self, policy: Policy, search: Search, swarm: Swarm | None = None) -> None:
         self._policy, self._search, self._swarm = policy, search, swarm
+        self._watch = MissionWatch(search)
         # Of the mission, where neither the search nor the infos count them.
         self._calls = 0
 
     def copy(self) -> OnnxPlanner:
         """Return an independent copy in the same state; the model is shared."""
         twin = copy.copy(self)
-        twin._policy = self._policy.copy()
+        twin._watch, twin._policy = self._watch.copy(), self._policy.copy()
         return twin
 
     def __call__(self, observations: Observations, infos: Infos) -> dict[str, int]:
         """Return an action number for every drone, see `Planner`."""
         if not observations:
             return {}
+        if self._watch.is_new(observations, infos):
+            self._policy.forget()
+            self._calls = 0
         present = dict(zip(observations, cells_of(observations), strict=True))
         masks = np.stack([infos[name]["action_mask"] for name in observations])
         step = infos[next(iter(observations))].get("step", self._search.steps_done)
@@ -312,7 +323,7 @@ def _metadata(metadata: Mapping[str, str], search: Search) -> dict[str, Any]:
         FieldError: If the metadata is missing, or does not fit the search.
     """
     try:
-        stated = json.loads(metadata[METADATA])
+        stated = read_json(metadata[METADATA], METADATA)
         actions, rules = list(stated["actions"]), stated["rules"]
     except (KeyError, TypeError, ValueError):
         raise FieldError(
@@ -334,4 +345,28 @@ def _metadata(metadata: Mapping[str, str], search: Search) -> dict[str, Any]:
             raise FieldError(
                 f"model must have {name} {value!r}, as the search has, got {shown(of_model[name])}"
             )
+    _check_pods(of_model.get("pod"), scenario, search.rules)
     return {**of_model, "observe": observed}
+
+
+def _check_pods(stated: object, scenario: ResolvedScenario, rules: Rules) -> None:
+    """Raise unless every POD of a search is in the range of a model; None for any POD.
+
+    Raises:
+        FieldError: If a POD is outside, or the range is not one.
+    """
+    if stated is None:
+        return
+    try:
+        low, high = map(float, stated)  # type: ignore[call-overload]
+    except (TypeError, ValueError):
+        raise FieldError(
+            f"model: pod must be the lowest and highest POD, got {shown(stated)}"
+        ) from None
+    pods = [pod for _, of_persons in searches_of(scenario, rules, [(0, 0)]) for pod in of_persons]
+    for pod in pods:
+        if not low <= pod <= high:
+            raise FieldError(
+                f"model is for a POD of {low:g} to {high:g}, got {pod:g}; "
+                "the planner belief takes any"
+            )

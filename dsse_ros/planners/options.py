@@ -12,8 +12,8 @@ from dataclasses import dataclass
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
+from dsse_ros.base.fields import FieldError, Spec, check_all, check_known, field, specs
 from dsse_ros.planners.patterns import SearchPattern
-from dsse_ros.scenario.fields import Spec, check_all, check_known, field, specs
 
 if TYPE_CHECKING:
     from typing_extensions import Self
@@ -60,6 +60,16 @@ PATTERNS: Mapping[str, str] = MappingProxyType(
 """The `SearchPattern` that a planner flies if it has options."""
 
 
+_NEEDED: Mapping[str, tuple[str, ...]] = MappingProxyType(
+    {
+        **dict.fromkeys(("PS", "CS"), ("track_spacing", "length", "width")),
+        "SS": ("track_spacing", "length"),
+        "VS": ("length",),
+    }
+)
+"""Options that each `SearchPattern` needs."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class PatternOptions(Options):
     """Options of the planners of `PATTERNS`: the fields of `SearchPattern`, and its datum.
@@ -85,7 +95,13 @@ class PatternOptions(Options):
     def _made(cls, planner: str, values: Mapping[str, Any]) -> Self:
         if not values:
             return cls()
-        fields = {"length": None, **values, "pattern": PATTERNS[planner]}
+        fields = {**values, "pattern": PATTERNS[planner]}
+        needed = _NEEDED[fields["pattern"]]
+        if missing := [name for name in needed if name not in values]:
+            raise FieldError(
+                f"a pattern of planner {planner} must have {', '.join(needed)}, got no "
+                f"{', '.join(missing)}"
+            )
         datum = fields.pop("datum", None)
         return cls(datum=datum, pattern=SearchPattern(**fields))
 
@@ -127,24 +143,6 @@ class BeamOptions(BeliefOptions):
         "their last plans. The same seed then need not give the same mission.", None, low=0,
         high=1e9, unit="ms",
     )  # fmt: skip
-
-
-@dataclass(frozen=True, kw_only=True)
-class ForwardBackwardOptions(BeamOptions):
-    """Options of the improvement of plans, see `path_search.improve`."""
-
-    iterations: int = field(
-        "int", "How often one or two drones get other paths.", 2, low=0, high=10**9
-    )
-    budget_ms: float | None = field(
-        "float", "Wall time of a decision, in place of iterations. The same seed then need not "
-        "give the same mission.", None, low=0, high=1e9, unit="ms",
-    )  # fmt: skip
-    proof_width: int = field(
-        "int", "Paths that branch and bound keeps to prove the plan of a single drone optimal, if "
-        "kappa is 0; 1: no proof.", 1, low=1, high=10**4,
-    )  # fmt: skip
-    revisits: bool = field("bool", "Whether a drone may be in a cell twice.", True)
 
 
 @dataclass(frozen=True, kw_only=True)

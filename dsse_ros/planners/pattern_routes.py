@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from dsse_ros.planners.patterns import SearchPattern
 from dsse_ros.planners.planner import Cell
 from dsse_ros.planners.sweep import split
-from dsse_ros.scenario.actions import ActionSet, connected_components
-from dsse_ros.scenario.probable_cells import datum_of
+from dsse_ros.world.scenario.actions import ActionSet, connected_components
+from dsse_ros.world.scenario.probable_cells import datum_of
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from dsse_ros.scenario.fields import FieldError, check_all, field
+from dsse_ros.base.fields import FieldError, check_all, field
 
 MAX_LANES = 1000
 

@@ -1,11 +1,10 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-# mypy: disable-error-code="no-untyped-def"
 """Moves, looks and finds of plans, compiled, for the planner `belief`.
 
 A plan is a path of H + 1 cells, the present one first; staying in a cell searches it. Where moves
 take longer than a step, a plan is late: it looks in later steps, and no longer after the horizon.
-Cells are the columns of a belief, see `belief_kernels`.
+Cells are the columns of a belief, see `component_kernels`.
 """
 
 from __future__ import annotations
@@ -16,9 +15,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from dsse_ros.belief.belief_kernels import MARGIN
-from dsse_ros.compiled.breadth_first import ROUNDING
-from dsse_ros.compiled.jit import compiled, inlined, kernel
+from dsse_ros.base.compiled.breadth_first import ROUNDING
+from dsse_ros.base.compiled.jit import compiled, inlined, kernel
+from dsse_ros.search.belief.motion_kernels import MARGIN, Floats, Ints
 
 UNIT = 1 << 40
 """A find, where finds are added as integers: such sums do not depend on their order."""
@@ -30,7 +29,7 @@ class Moves(NamedTuple):
     Attributes:
         steps: (A,) int64, what each move adds to a cell's number; 0, the search, comes first.
         able: (A,) bool, whether the kind can do the move.
-        first: (A + 1,) int64, the looks of move a are first[a] .. first[a + 1] - 1.
+        starts: (A + 1,) int64, the looks of move a are starts[a] .. starts[a + 1] - 1.
         offsets: (L, 2) int64, (dx, dy) of a look from the cell that the move leads to.
         pods: (L, P) float64, POD of each person.
         nearness: (S, S) float64, worth of a scenario left at the end by its distance, [y, x].
@@ -43,7 +42,7 @@ class Moves(NamedTuple):
 
     steps: NDArray[np.int64]
     able: NDArray[np.bool_]
-    first: NDArray[np.int64]
+    starts: NDArray[np.int64]
     offsets: NDArray[np.int64]
     pods: NDArray[np.float64]
     nearness: NDArray[np.float64]
@@ -73,13 +72,13 @@ class Scenarios(NamedTuple):
 
 
 @inlined
-def step_at(h, late):
+def step_at(h: int, late: float) -> int:
     """Return the step in which a look is made that is late for step h: the one in which it ends."""
     return h + int(math.ceil(late - ROUNDING))
 
 
 @kernel
-def column_at(side, cell, dx, dy):
+def column_at(side: int, cell: int, dx: int, dy: int) -> int:
     """Return the cell at this offset from another one, -1 off the grid."""
     x, y = cell % side + dx, cell // side + dy
     if min(x, y) < MARGIN or max(x, y) >= side - MARGIN:
@@ -88,7 +87,7 @@ def column_at(side, cell, dx, dy):
 
 
 @inlined
-def cell_seen(moves, cell, look):
+def cell_seen(moves: Moves, cell: int, look: int) -> int:
     """Return the cell that a look sees from a cell, -1 off the grid."""
     dx, dy = moves.offsets[look, 0], moves.offsets[look, 1]
     if dx == 0 and dy == 0:
@@ -98,21 +97,21 @@ def cell_seen(moves, cell, look):
 
 
 @inlined
-def seen_from(moves, here, there):
+def seen_from(moves: Moves, here: int, there: int) -> int:
     """Return the worth of a scenario at the end at a position to a drone at another one, int64."""
     side = len(moves.nearness)
     return moves.around[2 * side * side + side + here - there]
 
 
 @inlined
-def detects(moves, scenarios, h, look, s):
+def detects(moves: Moves, scenarios: Scenarios, h: int, look: int, s: int) -> bool:
     """Return whether a look at step h detects the person of scenario s in the cell it sees."""
     draws = scenarios.draws
     return len(draws) == 0 or draws[h, s] < moves.pods[look, scenarios.persons[s]]
 
 
 @kernel
-def move_between(steps, cell, after):
+def move_between(steps: Ints, cell: int, after: int) -> int:
     """Return the number of the move from a cell to another one."""
     for a in range(len(steps)):
         if cell + steps[a] == after:
@@ -126,7 +125,7 @@ class PlannedFleet(NamedTuple):
     Attributes:
         kinds: (N,) int64, kinds of the drones.
         steps: (A,) int64, as in `Moves`.
-        first: (K, A + 1) int64, as in `Moves`.
+        starts: (K, A + 1) int64, as in `Moves`.
         offsets: (L, 2) int64, as in `Moves`.
         extra: (K, A) float64, as in `Moves`.
         rest: (K, A) float64, as in `Moves`.
@@ -135,7 +134,7 @@ class PlannedFleet(NamedTuple):
 
     kinds: NDArray[np.int64]
     steps: NDArray[np.int64]
-    first: NDArray[np.int64]
+    starts: NDArray[np.int64]
     offsets: NDArray[np.int64]
     extra: NDArray[np.float64]
     rest: NDArray[np.float64]
@@ -143,9 +142,11 @@ class PlannedFleet(NamedTuple):
 
 
 @inlined
-def add_looks(fleet, kind, move, cell, step, looks, count):
+def add_looks(
+    fleet: PlannedFleet, kind: int, move: int, cell: int, step: int, looks: Ints, count: int
+) -> int:
     """Write the looks of a move into a cell behind the `count` looks there; return their number."""
-    for k in range(fleet.first[kind, move], fleet.first[kind, move + 1]):
+    for k in range(fleet.starts[kind, move], fleet.starts[kind, move + 1]):
         there = column_at(fleet.side, cell, fleet.offsets[k, 0], fleet.offsets[k, 1])
         if there >= 0:
             looks[0, count], looks[1, count], looks[2, count] = step, there, k
@@ -154,22 +155,23 @@ def add_looks(fleet, kind, move, cell, step, looks, count):
 
 
 @compiled()
-def looks_of_plans(fleet, paths, lengths, first, looks):
+def looks_of_plans(
+    fleet: PlannedFleet, paths: Ints, lengths: Ints, starts: Ints, looks: Ints
+) -> None:
     """Write the looks of plans of all drones, step by step and in a step drone by drone.
 
     Args:
-        fleet: A `PlannedFleet`.
         paths: (V, N, H + 1) int64.
         lengths: (V, N) int64, number of planned steps of each path.
-        first: (V + 1,) int64 out: the looks of plan v are first[v] .. first[v + 1] - 1.
+        starts: (V + 1,) int64 out: the looks of plan v are starts[v] .. starts[v + 1] - 1.
         looks: (3, Q) int64 out: the step of each look, its column and its number.
     """
     count, plans, drones, last = 0, paths.shape[0], paths.shape[1], paths.shape[2] - 1
-    first[0] = 0
+    starts[0] = 0
     for v in range(plans):
         done, late = np.zeros(drones, np.int64), np.zeros(drones)
         for step, n in np.ndindex(last, drones):
-            kind, path = fleet.kinds[n], paths[v, n]
+            kind, path = int(fleet.kinds[n]), paths[v, n]
             for h in range(done[n], lengths[v, n]):
                 a = move_between(fleet.steps, path[h], path[h + 1])
                 if a >= 0:
@@ -178,19 +180,17 @@ def looks_of_plans(fleet, paths, lengths, first, looks):
                     late[n] += fleet.extra[kind, a] + fleet.rest[kind, a]
                     count = add_looks(fleet, kind, a, path[h + 1], step, looks, count)
                 done[n] = h + 1
-        first[v + 1] = count
+        starts[v + 1] = count
 
 
 @kernel
-def credit_plan(moves, scenarios, path, length, gamma, credit):
+def credit_plan(
+    moves: Moves, scenarios: Scenarios, path: Ints, length: int, gamma: float, credit: Floats
+) -> None:
     """Write the credit of a plan for each scenario: gamma ** (step of its first find), or 0.
 
     Args:
-        moves: Of the drone's kind.
-        scenarios: The scenarios.
         path: (H + 1,) int64.
-        length: Number of planned steps.
-        gamma: Discount per step.
         credit: (M,) float64 out.
     """
     credit[:] = 0.0
@@ -203,7 +203,7 @@ def credit_plan(moves, scenarios, path, length, gamma, credit):
                 break
             found = worth * gamma ** (late + moves.extra[a])
             late += moves.extra[a] + moves.rest[a]
-            for k in range(moves.first[a], moves.first[a + 1]):
+            for k in range(moves.starts[a], moves.starts[a + 1]):
                 there = cell_seen(moves, path[h + 1], k)
                 if there < 0:
                     continue
@@ -215,7 +215,7 @@ def credit_plan(moves, scenarios, path, length, gamma, credit):
 
 
 @kernel
-def worth_of_left(left, nearness, ends, worth):
+def worth_of_left(left: Floats, nearness: Floats, ends: Ints, worth: Floats) -> None:
     """Write the worth of the persons left at the end to a drone in a cell.
 
     Args:

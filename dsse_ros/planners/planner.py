@@ -12,12 +12,12 @@ from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, TypeAlias, runtime_
 import numpy as np
 from numpy.typing import NDArray
 
-from dsse_ros.belief.protocol import TargetBelief, TargetForecast
-from dsse_ros.scenario.actions import Cell as Cell
-from dsse_ros.scenario.rules import Rules
-from dsse_ros.scenario.scenario import ResolvedScenario, Scenario
-from dsse_ros.search.observation import AgentObservation as AgentObservation
-from dsse_ros.search.observation import Observation as Observation
+from dsse_ros.search.belief.protocol import TargetBelief, TargetForecast
+from dsse_ros.search.environments.agents import AgentObservation as AgentObservation
+from dsse_ros.search.environments.agents import Observation as Observation
+from dsse_ros.world.scenario.actions import Cell as Cell
+from dsse_ros.world.scenario.rules import Rules
+from dsse_ros.world.scenario.scenario import ResolvedScenario, Scenario
 
 if TYPE_CHECKING:
     from typing_extensions import Self

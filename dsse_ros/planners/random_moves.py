@@ -10,8 +10,9 @@ import numpy as np
 
 from dsse_ros.planners.avoidance import resolve_actions
 from dsse_ros.planners.masking import keep_apart
+from dsse_ros.planners.mission_watch import MissionWatch
 from dsse_ros.planners.planner import Infos, Observations, cells_of
-from dsse_ros.scenario.swarm import Swarm
+from dsse_ros.world.scenario.swarm import Swarm
 
 
 class RandomMoves:
@@ -22,29 +23,36 @@ class RandomMoves:
 
     Args:
         swarm: What the drones can do; the masks of the infos say it too.
+        watch: Recognizes a mission's first observation, with which the draws begin again.
         seed: Seed of all draws.
 
     Attributes:
         drawn: See `Shareable`.
     """
 
-    def __init__(self, swarm: Swarm, *, seed: int = 0) -> None:
-        self._swarm = swarm
-        self._rng = np.random.default_rng(seed)
+    def __init__(self, swarm: Swarm, watch: MissionWatch | None = None, *, seed: int = 0) -> None:
+        self._swarm, self._watch = swarm, watch or MissionWatch()
+        self._seed, self._rng = seed, np.random.default_rng(seed)
         self.drawn = False
 
     def copy(self) -> RandomMoves:
         """Return an independent copy in the same state."""
-        return copy.deepcopy(self)
+        twin = copy.copy(self)
+        twin._watch, twin._rng = self._watch.copy(), copy.deepcopy(self._rng)
+        return twin
 
     def with_seed(self, seed: int) -> RandomMoves:
         """Return a copy that draws with this seed."""
-        twin = copy.copy(self)
-        twin._rng = np.random.default_rng(seed)
+        twin = self.copy()
+        twin._seed, twin._rng = seed, np.random.default_rng(seed)
         return twin
 
     def __call__(self, observations: Observations, infos: Infos) -> dict[str, int]:
         """Return an action number for every observed drone; see `Planner`."""
+        if not observations:
+            return {}
+        if self._watch.is_new(observations, infos):
+            self._rng = np.random.default_rng(self._seed)
         draws = self._rng.random(len(observations))
         self.drawn = True
         actions = []

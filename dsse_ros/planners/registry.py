@@ -1,11 +1,8 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""Planners by name: those of this package, and those that other packages register.
+"""Planners by name: those of this package, and the factories that other packages register.
 
-A package adds planners with entry points of the group `dsse_ros.planners`. Each maps the name of a
-planner to a `PlannerFactory`. In its setup.py, for example:
-
-    entry_points={"dsse_ros.planners": ["my_planner = my_package.my_module:make_my_planner"]}
+See `base.registry` and `PlannerFactory`.
 """
 
 from __future__ import annotations
@@ -13,21 +10,22 @@ from __future__ import annotations
 import inspect
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import partial
-from importlib.metadata import EntryPoint, entry_points
+from importlib.metadata import EntryPoint
 from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from dsse_ros.defects import describe
+from dsse_ros.base.fields import FieldError, shown
+from dsse_ros.base.registry import Registry
 from dsse_ros.planners.expanding_square import square_routes
 from dsse_ros.planners.greedy import Greedy
+from dsse_ros.planners.mission_watch import MissionWatch
 from dsse_ros.planners.options import (
     PATTERNS,
     BeamOptions,
     BeliefOptions,
-    ForwardBackwardOptions,
     OnnxOptions,
     Options,
     PatternOptions,
@@ -35,20 +33,19 @@ from dsse_ros.planners.options import (
 from dsse_ros.planners.pattern_routes import PatternRoutes
 from dsse_ros.planners.planner import Planner, PlannerFactory, Search
 from dsse_ros.planners.random_moves import RandomMoves
-from dsse_ros.planners.route_follower import RouteLayout, RoutePlanner
+from dsse_ros.planners.route_guidance import RouteLayout, RoutePlanner
 from dsse_ros.planners.sector import sector_routes
 from dsse_ros.planners.spiral import spiral_routes
 from dsse_ros.planners.sweep import sweep_routes
-from dsse_ros.scenario.cell_checks import check_cell
-from dsse_ros.scenario.env_options import check_seed
-from dsse_ros.scenario.fields import FieldError, shown
-from dsse_ros.scenario.rules import Rules
-from dsse_ros.scenario.swarm import Swarm
-from dsse_ros.scenario.yaml_file import parse_yaml
-from dsse_ros.step.looks import looks_of, moves_look
+from dsse_ros.search.step.looks import looks_of, moves_look
+from dsse_ros.world.scenario.cell_checks import check_cell
+from dsse_ros.world.scenario.env_options import check_seed
+from dsse_ros.world.scenario.rules import Rules
+from dsse_ros.world.scenario.swarm import Swarm
+from dsse_ros.world.scenario.yaml_file import parse_yaml
 
-GROUP = "dsse_ros.planners"
-"""Group of the entry points."""
+DEFAULT_PLANNER = "belief"
+"""The planner of a search for persons, unless another is chosen."""
 
 _ROUTES: Mapping[str, RouteLayout] = MappingProxyType(
     {
@@ -92,13 +89,8 @@ LOADED_PLANNERS: Mapping[str, LoadedPlanner] = MappingProxyType(
         "belief_greedy": LoadedPlanner(
             "dsse_ros.planners.belief:make_belief_greedy", BeliefOptions, "persons"
         ),
-        "forward_backward": LoadedPlanner(
-            "dsse_ros.planners.forward_backward:make_forward_backward",
-            ForwardBackwardOptions,
-            "persons",
-        ),
-        "optimal_effort": LoadedPlanner(
-            "dsse_ros.planners.optimal_effort:make_optimal_effort", BeliefOptions, "persons"
+        "effort_allocation": LoadedPlanner(
+            "dsse_ros.planners.effort_allocation:make_effort_allocation", BeliefOptions, "persons"
         ),
         "astar": LoadedPlanner("dsse_ros.planners.astar:make_astar", Options, "cells"),
         "onnx": LoadedPlanner(
@@ -123,9 +115,9 @@ OPTIONS: Mapping[str, type[Options]] = MappingProxyType(
 
 IN_METRES: Mapping[str, str] = MappingProxyType(
     {
-        "belief": "dsse_ros.planners.flight_planners:FlightBelief",
-        "greedy": "dsse_ros.planners.flight_planners:FlightGreedy",
-        **dict.fromkeys(_ROUTES, "dsse_ros.planners.flight_planners:FlightPattern"),
+        "belief": "dsse_ros.planners.metres_planners:MetresBelief",
+        "greedy": "dsse_ros.planners.metres_planners:MetresGreedy",
+        **dict.fromkeys(_ROUTES, "dsse_ros.planners.metres_planners:MetresPattern"),
     }
 )
 """The planners of this package in a search in metres, as `LoadedPlanner.factory`."""
@@ -149,6 +141,9 @@ def _by_actions(name: str, search: Search, options: Options, *, seed: int) -> Pl
     """
     rules, scenario = search.rules, search.scenario.resolve(search.rules)
     swarm = Swarm.of_scenario(scenario, rules)
+    watch = MissionWatch(search)
+    if name == "random":
+        return RandomMoves(swarm, watch, seed=seed)
     if name not in _ROUTES:
         return PLANNERS[name](swarm, seed=seed)
     layout: RouteLayout = _ROUTES[name]
@@ -157,19 +152,24 @@ def _by_actions(name: str, search: Search, options: Options, *, seed: int) -> Pl
             check_cell("datum", options.datum, scenario.grid_size)
         layout = PatternRoutes(options.pattern, scenario.cell_size, options.datum)
     in_passing = moves_look(looks_of(scenario, rules), rules)
-    return RoutePlanner(layout, swarm, seed=seed, covers=rules.covers, in_passing=in_passing)
+    return RoutePlanner(layout, swarm, watch, seed=seed, covers=rules.covers, in_passing=in_passing)
 
 
-def _registered() -> dict[str, list[EntryPoint]]:
-    """Return the planners of other packages by name; several may share a name."""
-    found: dict[str, list[EntryPoint]] = {}
-    for entry in entry_points(group=GROUP):
-        if entry.name not in OPTIONS:
-            found.setdefault(entry.name, []).append(entry)
-    return found
+def _entry(factory: str) -> EntryPoint:
+    """Return what loads `LoadedPlanner.factory`."""
+    return EntryPoint("", factory, "")
 
 
-PLANNER_NAMES = (*PLANNERS, *LOADED_PLANNERS, *_registered())
+_FACTORIES = Registry[Callable[..., Planner]](
+    "planner",
+    Callable,  # type: ignore[arg-type]
+    {
+        **{name: partial(_by_actions, name) for name in PLANNERS},
+        **{name: _entry(planner.factory) for name, planner in LOADED_PLANNERS.items()},
+    },
+)
+
+PLANNER_NAMES = tuple(_FACTORIES)
 """All installed planners. Other packages cannot replace a planner of this package."""
 
 
@@ -184,32 +184,10 @@ def load_planner(name: str) -> PlannerFactory:
 
 
 def _loaded(name: str) -> Callable[..., Planner]:
-    """Return the factory of a planner; those of this package take an `Options`.
-
-    Raises:
-        FieldError: As `load_planner`.
-    """
-    if isinstance(name, str) and name in PLANNERS:
-        return partial(_by_actions, name)
-    entries: list[EntryPoint] = []
-    if isinstance(name, str) and name in LOADED_PLANNERS:
-        entries = [EntryPoint(name, LOADED_PLANNERS[name].factory, GROUP)]
-    elif isinstance(name, str):
-        entries = _registered().get(name, [])
-    if not entries:
+    """Return the factory of a planner; those of this package take an `Options`."""
+    if not isinstance(name, str) or name not in _FACTORIES:
         raise FieldError(f"planner must be one of {', '.join(PLANNER_NAMES)}, got {shown(name)}")
-    if len(entries) > 1:
-        values = ", ".join(entry.value for entry in entries)
-        raise FieldError(f"planner: {name!r} is registered more than once: {values}")
-    try:
-        factory = entries[0].load()
-    except Exception as error:  # Third-party code may raise anything.
-        reason = describe(error)
-        raise FieldError(f"planner: {name!r} cannot be loaded: {reason}") from error
-    if not callable(factory):
-        raise FieldError(f"planner: {name!r} cannot be loaded: {entries[0].value} is not a factory")
-    loaded: Callable[..., Planner] = factory
-    return loaded
+    return _FACTORIES[name]
 
 
 def _with_options(
@@ -223,7 +201,7 @@ def _with_options(
     checked, seed = OPTIONS[name].checked(name, options), check_seed(seed)
     if search.rules.in_metres:
         check_space(name, search.rules)
-        factory = EntryPoint(name, IN_METRES[name], GROUP).load()
+        factory = _entry(IN_METRES[name]).load()
         return factory(search, checked, seed=seed, **({"name": name} if name in _ROUTES else {}))
     return factory(search, checked, seed=seed)
 
@@ -250,11 +228,7 @@ def _of_package(
 
 
 def _check_names(name: str, factory: Callable[..., Planner], options: Mapping[str, Any]) -> None:
-    """Check that the factory of another package has arguments of these names.
-
-    Raises:
-        FieldError: If it has not.
-    """
+    """Check that the factory of another package has arguments of these names."""
     try:
         inspect.signature(factory).bind(None, seed=0, **options)
     except TypeError as error:
@@ -306,12 +280,12 @@ def read_options(options: Iterable[str]) -> dict[str, Any]:
     for text in options:
         name, _, value = text.partition("=")
         name = name.strip()
-        try:
-            parsed = parse_yaml(value)
-        except FieldError:
-            value = ""
         if not (name and value):
             raise FieldError(f"planner_options must be name=value each, got {shown(text)}")
+        try:
+            parsed = parse_yaml(value)
+        except FieldError as error:
+            raise FieldError(f"planner_options: {name}: {error}") from None
         if name in values:
             raise FieldError(f"planner_options must name each option once, got {name} twice")
         values[name] = parsed
@@ -338,6 +312,11 @@ def planner_with(
         if other in named:
             raise FieldError(f"planner_options must not have {other}, which is given already")
     return planner_for(search, name, seed=seed, **named, **others)
+
+
+def default_planner(rules: Rules) -> str:
+    """Return the planner for the task of the rules, unless another is chosen."""
+    return COVERAGE_PLANNERS[0] if rules.covers else DEFAULT_PLANNER
 
 
 def check_task(name: str, rules: Rules) -> None:

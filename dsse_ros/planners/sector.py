@@ -20,8 +20,8 @@ from numpy.typing import NDArray
 from dsse_ros.planners.pattern_routes import cells_along
 from dsse_ros.planners.patterns import TRIANGLE_HEADINGS_DEG, triangle_legs, turning_points
 from dsse_ros.planners.planner import Cell
-from dsse_ros.scenario.actions import ActionSet, connected_components
-from dsse_ros.scenario.probable_cells import datum_of
+from dsse_ros.world.scenario.actions import ActionSet, connected_components
+from dsse_ros.world.scenario.probable_cells import datum_of
 
 PATTERN_TURN_DEG = 30
 

@@ -13,11 +13,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from dsse_ros.belief.protocol import TargetBelief
-from dsse_ros.extras import pip_install
+from dsse_ros.base.extras import pip_install
 from dsse_ros.planners.belief import BeliefPlanner
 from dsse_ros.planners.belief_routes import RoutesOnBelief
-from dsse_ros.planners.optimal_effort import (
+from dsse_ros.planners.effort_allocation import (
     SURE_LOOK,
     allocate,
     expected_finds,
@@ -26,7 +25,8 @@ from dsse_ros.planners.optimal_effort import (
 )
 from dsse_ros.planners.options import BeliefOptions
 from dsse_ros.planners.planner import Cell, Search
-from dsse_ros.scenario.actions import ActionSet
+from dsse_ros.search.belief.protocol import TargetBelief
+from dsse_ros.world.scenario.actions import ActionSet
 
 try:
     from ortools.constraint_solver import pywrapcp, routing_enums_pb2

@@ -16,8 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dsse_ros.planners.planner import Cell
-from dsse_ros.scenario.actions import ActionSet, connected_components
-from dsse_ros.scenario.probable_cells import datum_of
+from dsse_ros.world.scenario.actions import ActionSet, connected_components
+from dsse_ros.world.scenario.probable_cells import datum_of
 
 
 def spiral_routes(

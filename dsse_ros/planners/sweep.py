@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dsse_ros.planners.planner import Cell
-from dsse_ros.scenario.actions import ActionSet, connected_components
+from dsse_ros.world.scenario.actions import ActionSet, connected_components
 
 
 def sweep_routes(

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Policies trained with PyTorch (extra `train`)."""
 
-from dsse_ros.extras import pip_install
+from dsse_ros.base.extras import pip_install
 
 try:
     import torch  # noqa: F401

@@ -14,6 +14,7 @@ import torch
 from torch import Tensor, nn
 from torch.export import Dim
 
+from dsse_ros.base.whole_files import whole_file
 from dsse_ros.planners.onnx import METADATA
 from dsse_ros.training import foveated
 from dsse_ros.training.foveated import Drones, Foveated
@@ -88,4 +89,5 @@ def export(
     # onnxruntime 1.17 reads no later version.
     model.ir_version = min(model.ir_version, 9)
     onnx.helper.set_model_props(model, {METADATA: json.dumps(dict(metadata))})
-    onnx.save(model, path)
+    with whole_file(Path(path)) as part:
+        onnx.save(model, part)

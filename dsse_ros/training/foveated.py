@@ -11,7 +11,7 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
-from dsse_ros.scenario.actions import ACTION_VECTORS
+from dsse_ros.world.scenario.actions import ACTION_VECTORS
 
 WINDOWS = ((1, 15), (3, 11), (9, 9))
 """Of each window: cells along a block, and blocks along the window. Both are odd, so that the drone

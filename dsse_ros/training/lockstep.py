@@ -8,7 +8,7 @@ is its mean time, exactly, where a mission without a find counts as its time lim
 
 The searches start together and their persons' drifts are known, so in each step it is known which
 layers of the belief move (`SeaForecast`); the others only lose what is searched. The belief is that
-of `dsse_ros.belief.belief`, in float32.
+of `dsse_ros.search.belief.belief`, in float32.
 """
 
 from __future__ import annotations
@@ -20,9 +20,9 @@ from typing import NamedTuple
 import torch
 from torch import Tensor
 
-from dsse_ros.scenario.actions import ACTION_VECTORS
-from dsse_ros.scenario.rules import PROFILES
-from dsse_ros.targets.drawn_cell import DRIFT_WEIGHT
+from dsse_ros.world.scenario.actions import ACTION_VECTORS
+from dsse_ros.world.scenario.rules import PROFILES
+from dsse_ros.world.targets.drawn_cell import DRIFT_WEIGHT
 
 RULES = PROFILES["v2"]
 ACTIONS = RULES.actions
@@ -179,7 +179,7 @@ def _per_step(vectors: Tensor) -> Tensor:
 
 
 def _own_drifts(vectors: Tensor, drifts: int) -> Tensor:
-    """Return drifts (B, K, 2) of persons in cells per step, see `belief_kernels.start_sea`."""
+    """Return drifts (B, K, 2) of persons in cells per step, see `motion_kernels.start_sea`."""
     place = 4 * (torch.arange(drifts, dtype=torch.float64, device=vectors.device) + 0.5) / drifts
     low, high = torch.tensor(ANGLES_DEG, dtype=torch.float64, device=vectors.device)[place.long()].T
     angle = torch.deg2rad(low + place.frac() * (high - low))

@@ -11,8 +11,8 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
-from dsse_ros.extras import pip_install
-from dsse_ros.search.drone_slots import DroneSlots
+from dsse_ros.base.extras import pip_install
+from dsse_ros.search.environments.drone_slots import DroneSlots
 
 try:
     from stable_baselines3.common.vec_env import VecEnv

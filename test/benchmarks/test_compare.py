@@ -59,7 +59,7 @@ def test_a_disturbance_misleads_the_planner_and_leaves_the_world_as_it_is() -> N
     for key, known in (("pod", 1.0), ("pod_known", 0.8)):
         world, assumed = DISTURBANCES[key].apply(case.scenario, case.rules)
         assert world.probability_of_detection == 0.8
-        assert assumed.probability_of_detection == known
+        assert assumed.resolve(case.rules).probability_of_detection == known
 
 
 def test_the_drifts_of_table_a_are_drawn_as_published() -> None:

@@ -10,8 +10,8 @@ from scipy import stats
 
 from benchmarks.incidents import COUNT, ERRORS, MINUTES, MISSIONS, SEA, Plan, figures, incident
 from dsse_ros.planners.batch import play_missions
-from dsse_ros.scenario.scenario import Scenario
-from dsse_ros.search import parallel_env
+from dsse_ros.search.environments.factories import parallel_env
+from dsse_ros.world.scenario.scenario import Scenario
 
 STEPS = 60
 

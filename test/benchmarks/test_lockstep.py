@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from benchmarks.lockstep import BELIEFS, _parameters
-from dsse_ros.nodes.settings import SHORT_NAMES, SIM_PARAMETERS
+from dsse_ros.ros.nodes.settings import SHORT_NAMES, SIM_PARAMETERS
 
 
 @pytest.mark.parametrize("name", list(BELIEFS))

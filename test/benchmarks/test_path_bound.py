@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from rings import best_of_all, problem
 
-from benchmarks.path_bound import upper_bound
+from benchmarks.paths.bound import upper_bound
 
 
 @pytest.mark.parametrize("seed", range(3))

@@ -27,11 +27,11 @@ from benchmarks.reproduce import (
     summary,
     sweep_actions,
 )
-from dsse_ros.planners import make_planner
-from dsse_ros.scenario.probable_cells import most_probable
-from dsse_ros.scenario.rules import ACTION_VECTORS, profile
-from dsse_ros.search import parallel_env
-from dsse_ros.step.kernels import DRONES
+from dsse_ros.planners.registry import make_planner
+from dsse_ros.search.environments.factories import parallel_env
+from dsse_ros.search.step.entities import DRONES
+from dsse_ros.world.scenario.probable_cells import most_probable
+from dsse_ros.world.scenario.rules import ACTION_VECTORS, profile
 
 # Few different values, so that there are ties.
 VALUES = hnp.arrays(

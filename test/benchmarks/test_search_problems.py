@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from benchmarks.bench import RESULTS
 from benchmarks.compare import RESULTS_PAGE
 from benchmarks.pages import with_table
+from benchmarks.paths.forward_backward import ForwardBackwardOptions
 from benchmarks.search_problems import (
     WORLDS,
     Problem,
@@ -26,7 +27,6 @@ from benchmarks.search_problems import (
     solve,
     table,
 )
-from dsse_ros.planners.options import ForwardBackwardOptions
 
 EAGLE, (SMALLEST, *_), (DRIFTING,) = list(eagle()), royset_sato(), phung_ha()
 SOME = [

@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 
 from benchmarks.speed import CALLS, CELLS, GOAL_CELLS, QUICK_CELLS, configuration
 from benchmarks.workload import MAP_BYTES, batch_size, random_walks
-from dsse_ros.scenario.rules import ACTION_VECTORS, profile
-from dsse_ros.search import parallel_env
+from dsse_ros.search.environments.factories import parallel_env
+from dsse_ros.world.scenario.rules import ACTION_VECTORS, profile
 
 
 def walks(rules: str, grid_size: int, num_drones: int, worlds: int = 3) -> tuple:

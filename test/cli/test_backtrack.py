@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from dsse_ros.cli.backtrack import main
-from dsse_ros.drift.tracks import Sighting
-from dsse_ros.search import Scenario
+from dsse_ros.world.drift.tracks import Sighting
+from dsse_ros.world.scenario.scenario import Scenario
 
 KAYAK = Path(__file__).resolve().parents[2] / "config" / "kayak.yaml"
 
@@ -47,6 +47,11 @@ def test_what_drifted_from_a_place_is_followed_back_to_it(
     [
         (["--found=-24", "--time=2026-01-17T15:20Z"], "found must be LAT,LON"),
         (["--found=-24,-46", "--time=noon"], "time must be a time like"),
+        (["--found=-24,-46", "--time=2026-01-18"], "time must be a time like 2026-01-17T14:00Z"),
+        (
+            ["--found=-46.360,-24.012", "--time=2026-01-17T15:20Z"],
+            "found must be at most 500 km from the search at",
+        ),
         (["--found=-24,-46", "--time=2026-01-17T12:00Z"], "until must be before the find"),
         (["--found=-24,-46", "--time=2026-01-17T15:00Z", "--scenario=santos"], "an incident"),
     ],

@@ -15,8 +15,10 @@ pytest.importorskip("shapely")
 rasterio = pytest.importorskip("rasterio")
 from dsse_ros.cli.export_gis import main  # noqa: E402
 from dsse_ros.cli.export_mission import search  # noqa: E402
-from dsse_ros.report.record import read_csv  # noqa: E402
-from dsse_ros.search import Scenario, SearchEnv, profile  # noqa: E402
+from dsse_ros.results.report.logs import read_csv  # noqa: E402
+from dsse_ros.search.environments.parallel_env import SearchEnv  # noqa: E402
+from dsse_ros.world.scenario.rules import profile  # noqa: E402
+from dsse_ros.world.scenario.scenario import Scenario  # noqa: E402
 
 ROOT = Path(__file__).resolve().parents[2]
 FILES = ["mission.kml", "poc.tif", "pod.tif", "tracks.gpx"]
@@ -25,7 +27,7 @@ FILES = ["mission.kml", "poc.tif", "pod.tif", "tracks.gpx"]
 def test_without_a_file_a_planner_searches_and_the_search_is_recorded(tmp_path: Path) -> None:
     assert main(["--scenario", "sitl", "--seed", "2", "--out", str(tmp_path / "a")]) == 0
     scenario = Scenario.from_yaml(ROOT / "config" / "sitl.yaml")
-    cells, searched, _ = search(SearchEnv(scenario, profile("paper")), "greedy", 2, {})
+    cells, searched, _ = search(SearchEnv(scenario, profile("paper")), "belief", 2, {})
     (record,) = read_csv(tmp_path / "a" / "mission.csv")
     assert np.array_equal(record.cells, cells) and np.array_equal(record.searched, searched)
     recorded = str(tmp_path / "a" / "mission.csv")

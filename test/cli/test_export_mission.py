@@ -13,8 +13,16 @@ import pytest
 
 from dsse_ros.cli.export_gis import main as export_gis
 from dsse_ros.cli.export_mission import main, search
-from dsse_ros.mission_items.items import NAV_RETURN_TO_LAUNCH, NAV_TAKEOFF, NAV_WAYPOINT
-from dsse_ros.search import Scenario, SearchEnv, profile
+from dsse_ros.search.environments.parallel_env import SearchEnv
+from dsse_ros.vehicles.mission_items.items import (
+    DO_CHANGE_SPEED,
+    FRAME_MISSION,
+    NAV_RETURN_TO_LAUNCH,
+    NAV_TAKEOFF,
+    NAV_WAYPOINT,
+)
+from dsse_ros.world.scenario.rules import profile
+from dsse_ros.world.scenario.scenario import Scenario
 
 ROOT = Path(__file__).resolve().parents[2]
 SCENARIO = ROOT / "config" / "sitl.yaml"
@@ -50,7 +58,8 @@ def export(*arguments: str | Path, code: int = 0) -> str:
 
 
 def test_every_drone_gets_a_mission_with_all_its_searches(tmp_path: Path) -> None:
-    printed = export("--scenario", SCENARIO, "--out", tmp_path, "--seed", "2", "--every-cell")
+    options = ("--planner", "greedy", "--seed", "2", "--every-cell")
+    printed = export("--scenario", SCENARIO, "--out", tmp_path, *options)
     env = SearchEnv(Scenario.from_yaml(SCENARIO), profile("paper"))
     cells, searched, found = search(env, "greedy", 2, {})
     assert found and printed.startswith(f"found after {len(cells) - 1} steps; 6 files")
@@ -60,7 +69,8 @@ def test_every_drone_gets_a_mission_with_all_its_searches(tmp_path: Path) -> Non
         assert len(plan.items) == len(items) - 1
         assert [item.command for item in items[1:]] == [item.command for item in plan.items]
         assert items[1].command == NAV_TAKEOFF and items[-1].command == NAV_RETURN_TO_LAUNCH
-        inner = items[2:-1]
+        speed, *inner = items[2:-1]
+        assert (speed.command, speed.param1, speed.param2) == (DO_CHANGE_SPEED, 1.0, 10.0)
         assert {item.command for item in inner} == {NAV_WAYPOINT}
         # Where a lower vehicle passes, a cell is searched from the layer.
         held_s = sum(item.param1 for item in inner)
@@ -91,7 +101,7 @@ def test_the_flight_is_as_asked_for(tmp_path: Path) -> None:
     items = mission_reader.waypoints((tmp_path / "drone0.waypoints").read_text())
     assert plan.home == (-24.05, -46.18, 3.0)
     assert items[0].command == NAV_TAKEOFF
-    assert {item.alt_m for item in items[:-1]} <= {20.0, 120.0}
+    assert {item.alt_m for item in items[:-1] if item.frame != FRAME_MISSION} <= {20.0, 120.0}
     assert sorted(tmp_path.iterdir()) == [tmp_path / "drone0.plan", tmp_path / "drone0.waypoints"]
 
 
@@ -139,8 +149,21 @@ def test_the_program_ends_with_one_line_and_code_2(arguments: tuple[str, ...], l
     ("arguments", "line"),
     [
         (("--ros-args", "-p", "search_hold:=-1.0"), "search_hold must be a finite number >= 0"),
-        (("--home", "1,2"), "home must be LAT,LON,ALT, got '1,2'"),
-        (("--home", "nan,0,0"), "a place on Earth"),
+        (("--home", "1,2"), "home must be LAT,LON,ALT up to 85 and 360 degrees and 100000 m, got"),
+        (("--home", "nan,0,0"), "home must be LAT,LON,ALT up to 85 and 360 degrees"),
+        (("--home=-46.18,-24.05,0",), "home must be at most 500 km from the search at -24."),
+        (("--home=24.05,133.82,0",), "home must be at most 500 km from the search at -24."),
+        (
+            (
+                "--pattern=PS",
+                "--length=500",
+                "--width=500",
+                "--track-spacing=100",
+                "--datum=-24,-46",
+                "--home=-46,-24,0",
+            ),
+            "home must be at most 500 km from the search at -24, -46, got -46, -24",
+        ),
         (("--search-hold", "-1"), "search_hold must be a finite number >= 0"),
         (("--seed", "-1"), "seed must be from 0"),
         (("--planner", "nobody"), "--planner"),

@@ -4,17 +4,27 @@
 
 from __future__ import annotations
 
+import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import mission_reader
 import numpy as np
 import pytest
+from autopilot.local_frame import Place
 from pymap3d.vincenty import vdist
+from virtual_flight import VirtualFlight
 
 from dsse_ros.cli.export_mission import main
-from dsse_ros.mission_items.items import NAV_RETURN_TO_LAUNCH, NAV_TAKEOFF, NAV_WAYPOINT
 from dsse_ros.planners.patterns import SearchPattern
+from dsse_ros.vehicles.control.orders import FlyMission
+from dsse_ros.vehicles.mission_items.items import (
+    DO_CHANGE_SPEED,
+    NAV_RETURN_TO_LAUNCH,
+    NAV_TAKEOFF,
+    NAV_WAYPOINT,
+)
 
 PS = ("--pattern", "PS", "--length", "2000", "--width", "1000", "--track-spacing", "200")
 
@@ -33,9 +43,10 @@ def test_the_vehicle_flies_from_turning_point_to_turning_point(
     )
     items = mission_reader.plan((tmp_path / "drone0.plan").read_text()).items
     assert items[0].command == NAV_TAKEOFF and items[-1].command == NAV_RETURN_TO_LAUNCH
-    assert {item.command for item in items[1:-1]} == {NAV_WAYPOINT}
+    assert items[1].command == DO_CHANGE_SPEED and items[1].param2 == 10.0
+    assert {item.command for item in items[2:-1]} == {NAV_WAYPOINT}
     # Distances and azimuths on the ellipsoid, by other formulas than those of the mission.
-    lats, lons = np.array([(item.lat_deg, item.lon_deg) for item in items[1:-1]]).T
+    lats, lons = np.array([(item.lat_deg, item.lon_deg) for item in items[2:-1]]).T
     distance_m, azimuth_deg = vdist(-24.1, -46.3, lats, lons)
     points = SearchPattern(pattern=pattern, **values).track.points_m
     assert distance_m == pytest.approx(np.hypot(*points.T), abs=0.01)
@@ -99,3 +110,33 @@ def test_what_is_not_allowed_gets_one_line(
     printed = capsys.readouterr().err
     assert printed.startswith(f"export_mission: {line}") and printed.count("\n") == 1
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])
+def test_a_mission_is_flown_at_the_speed_that_was_printed(
+    autopilot: Any, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    options = ["--pattern", "VS", "--length", "300", "--datum", "-24.1,-46.3"]
+    speed = ["--ros-args", "-p", "scenario.drone_speed:=8.0"]
+    main([*options, "--autopilot", autopilot, "--out", str(tmp_path), *speed])
+    assert " at 8 m/s" in capsys.readouterr().out
+    written = mission_reader.waypoints((tmp_path / "drone0.waypoints").read_text())
+    plan = json.loads((tmp_path / "drone0.plan").read_text())["mission"]
+    assert plan["hoverSpeed"] == plan["cruiseSpeed"] == 8.0
+    # A plain ground station sends the items as they are, and no other command.
+    home = Place(-24.1, -46.3, 0.0)
+    flight = VirtualFlight(autopilot, vehicle={"home": home, "endurance_s": 1e5})
+    # ArduPilot stores no radius.
+    items = (
+        replace(item, param2=0.0) if item.command == NAV_WAYPOINT else item for item in written
+    )
+    flight.give(FlyMission(tuple(items)))
+    speeds = []
+    while flight.outcome.status == "under_way":
+        flight.step()
+        if flight.vehicle.mission.current > 5:
+            speeds.append(flight.vehicle.craft.ground_speed_mps)
+    assert flight.outcome.status == "done"
+    assert not flight.commands(DO_CHANGE_SPEED)
+    assert max(speeds) == pytest.approx(8.0, abs=0.2)

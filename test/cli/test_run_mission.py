@@ -23,7 +23,7 @@ from PIL import Image
 from rig import TIMEOUT_S, Process, free_domain
 
 from dsse_ros.cli import run_mission
-from dsse_ros.runtime.interrupts import Stop
+from dsse_ros.ros.runtime.interrupts import Stop
 
 SANTOS = Path(__file__).resolve().parents[2] / "config" / "santos.yaml"
 
@@ -139,7 +139,7 @@ def test_a_mission_beside_one_that_is_over_fails_instead_of_reporting_that_one(
     domain = free_domain()
     alone = {"scenario": SANTOS, "scenario.timestep_limit": 1, "command_timeout": 0.01}
     options = [part for name, value in alone.items() for part in ("-p", f"{name}:={value}")]
-    command = ["dsse_ros.nodes.sim_node", "--ros-args", *options]
+    command = ["dsse_ros.ros.nodes.sim_node", "--ros-args", *options]
     other = Process(command, tmp_path / "other.log", domain)
     try:
         until(lambda: "mission 1 over" in other.output)

@@ -17,11 +17,10 @@ from typing import Any
 import pytest
 from rig import ENVIRONMENT, TIMEOUT_S, free_domain
 
-from dsse_ros.bridge.settings import BridgeSettings
+from dsse_ros.base.extras import pip_install
+from dsse_ros.base.fields import specs
 from dsse_ros.cli import node_help, run_mission, start
-from dsse_ros.dashboard.settings import DashboardSettings
-from dsse_ros.extras import pip_install
-from dsse_ros.nodes.settings import (
+from dsse_ros.ros.nodes.settings import (
     SHORT_NAMES,
     SIM_PARAMETERS,
     PlannerSettings,
@@ -29,13 +28,14 @@ from dsse_ros.nodes.settings import (
     ShowSettings,
     ViewerSettings,
 )
-from dsse_ros.scenario.fields import specs
-from dsse_ros.search.compiler import COMPILING, progress
-from dsse_ros.tak.settings import CotSettings
+from dsse_ros.screens.dashboard.settings import DashboardSettings
+from dsse_ros.screens.tak.settings import CotSettings
+from dsse_ros.search.environments.compiler import COMPILING, progress
+from dsse_ros.vehicles.fleet.settings import BridgeSettings
 
 ROOT = Path(__file__).resolve().parents[2]
 PROGRAMS = sorted(path.name for path in (ROOT / "scripts").iterdir())
-WITHOUT_ROS = ("backtrack", "campaign", "export_gis", "export_mission", "report")
+WITHOUT_ROS = ("backtrack", "campaign", "export_gis", "export_mission", "plan_search", "report")
 OF_ROS = [name for name in PROGRAMS if name not in WITHOUT_ROS]
 
 
@@ -244,7 +244,10 @@ def test_a_ros_2_of_another_python_is_reported_on_one_line(tmp_path: Path) -> No
 
 
 def test_a_defect_of_the_package_itself_is_not_taken_for_something_missing() -> None:
-    assert start.missing(ImportError("cannot import name 'x'", name="dsse_ros.runtime.qos")) is None
+    assert (
+        start.missing(ImportError("cannot import name 'x'", name="dsse_ros.ros.runtime.qos"))
+        is None
+    )
     with pytest.raises(ModuleNotFoundError):
         start.start("cli.no_such_program")
 
@@ -289,7 +292,7 @@ def test_a_node_explains_its_arguments_without_ros_2(
 
 
 def test_every_node_has_help() -> None:
-    nodes = {name for name in PROGRAMS if getattr(start, name).args[0].startswith("nodes.")}
+    nodes = {name for name in PROGRAMS if getattr(start, name).args[0].startswith("ros.nodes.")}
     assert nodes == set(node_help._NODES)
 
 
@@ -314,7 +317,7 @@ def test_a_middleware_that_is_not_installed_is_refused_by_those_that_would_use_i
 ) -> None:
     before = "import os\nos.environ['RMW_IMPLEMENTATION'] = 'rmw_nonesuch_cpp'"
     module = getattr(start, program).args[0]
-    communicates = module.startswith("nodes.") or program == "run_mission"
+    communicates = module.startswith("ros.nodes.") or program == "run_mission"
     arguments = () if communicates else ("--help",)
     child = launch(program, tmp_path, before, *arguments)
     output, _ = child.communicate(timeout=TIMEOUT_S)
@@ -348,3 +351,40 @@ def test_a_terminal_that_lacks_letters_shows_others(encoding: str, tmp_path: Pat
     )  # fmt: skip
     output, _ = child.communicate(timeout=TIMEOUT_S)
     assert child.returncode == 0, output
+
+
+def test_a_search_without_a_journal_needs_no_extra(tmp_path: Path) -> None:
+    without = "import sys\nfor name in ('mcap', 'lz4', 'zstandard'): sys.modules[name] = None"
+    for parameter, code in (("nonesuch:=1", 2), ("journal:=j.mcap", start.MISSING)):
+        live = ("-p", "truth:=none", "-p", parameter)
+        child = launch("sim_node", tmp_path, without, "--ros-args", *live)
+        output, _ = child.communicate(timeout=TIMEOUT_S)
+        # The one who keeps a journal hears it before anything is compiled.
+        (line,) = output.splitlines()
+        assert child.returncode == code
+        assert ("mcap not found" in line) == (code == start.MISSING)
+
+
+def test_nodes_end_with_the_program_that_started_them_however_it_ends(tmp_path: Path) -> None:
+    code = (
+        "import pathlib, time\n"
+        "from dsse_ros.cli.node_process import process\n"
+        f"with process('show', {{}}, pathlib.Path({str(tmp_path / 'log')!r})) as node:\n"
+        "    print(node.pid, flush=True)\n"
+        "    time.sleep(600)\n"
+    )
+    parent = subprocess.Popen(
+        [sys.executable, "-c", code], stdout=subprocess.PIPE, text=True,
+        env=os.environ | ENVIRONMENT | {"ROS_DOMAIN_ID": str(free_domain())},
+    )  # fmt: skip
+    assert parent.stdout is not None
+    node = Path("/proc", parent.stdout.readline().strip())
+    deadline = time.monotonic() + TIMEOUT_S
+    while b"waiting for" not in (tmp_path / "log").read_bytes():
+        assert time.monotonic() < deadline
+        time.sleep(0.05)
+    parent.kill()
+    parent.communicate()
+    while node.exists() and "State:\tZ" not in (node / "status").read_text():
+        assert time.monotonic() < deadline
+        time.sleep(0.05)

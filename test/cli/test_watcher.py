@@ -17,11 +17,11 @@ from sensor_msgs.msg import Image, PointCloud2
 from std_msgs.msg import Float64MultiArray
 
 from dsse_ros.cli.run_mission import Watcher
-from dsse_ros.mission.mission import Mission
-from dsse_ros.mission.step_reports import step_report_of
-from dsse_ros.runtime.qos import COMPLETE
-from dsse_ros.scenario.frames import GridFrame
-from dsse_ros.search import parallel_env
+from dsse_ros.mission.run.mission import Mission
+from dsse_ros.mission.run.step_reports import step_report_of
+from dsse_ros.ros.runtime.qos import COMPLETE
+from dsse_ros.search.environments.factories import parallel_env
+from dsse_ros.world.scenario.frames import GridFrame
 from msg_adapters.images import probability_image
 from msg_adapters.pos import pos_message
 from msg_adapters.stamps import header, to_stamp

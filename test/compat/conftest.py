@@ -1,10 +1,7 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""Puts the helpers of these tests where they can import them, and keeps windows closed."""
+"""Keeps windows closed."""
 
 import os
-import sys
-from pathlib import Path
 
-sys.path.insert(0, str(Path(__file__).parent))
 os.environ["MPLBACKEND"] = "agg"

@@ -69,6 +69,21 @@ def test_a_csv_file_gives_the_same_task_as_npy(tmp_path: Path) -> None:
     np.testing.assert_array_equal(np.load(tmp_path / "copy.npy"), matrix)
 
 
+def test_a_matrix_that_cannot_be_written_whole_leaves_the_file_as_it_was(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def disk_full(file: Any, values: Any) -> None:
+        file.write(b"part")
+        raise OSError(28, "No space left on device")
+
+    env = CoverageDroneSwarmSearch(prob_matrix_path=saved(tmp_path, EPISODES[0]["matrix"]))
+    before = (tmp_path / "matrix.npy").read_bytes()
+    monkeypatch.setattr(np, "save", disk_full)
+    with pytest.raises(OSError, match="No space left"):
+        env.save_matrix(str(tmp_path / "matrix.npy"))
+    assert [path.read_bytes() for path in tmp_path.iterdir()] == [before]
+
+
 @pytest.mark.parametrize(
     "matrix", [[[1.0, 2.0]], [[0.0]], [[-1.0, 2.0], [0.0, 0.0]], [[np.nan]], [1.0]]
 )

@@ -4,7 +4,9 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -13,8 +15,8 @@ from pettingzoo.test import api_test, parallel_api_test
 from pettingzoo.utils import parallel_to_aec
 
 from dsse_ros.compat import DroneSwarmSearch, wrappers
-from dsse_ros.search import parallel_env
-from dsse_ros.search.aec import FlattenedObservationWrapper
+from dsse_ros.search.environments.aec import FlattenedObservationWrapper
+from dsse_ros.search.environments.factories import parallel_env
 
 ARRAYS = [wrappers.AllFlattenWrapper, wrappers.MatrixEncodeWrapper, wrappers.TopNProbsWrapper]
 TUPLES = [lambda env: env, wrappers.AllPositionsWrapper, wrappers.CommunicationWrapper]
@@ -153,6 +155,17 @@ def test_stable_baselines_trains_in_metres(algorithm: str) -> None:
         "MlpPolicy", worlds, batch_size=16, device="cpu", **options
     )
     assert model.learn(64).num_timesteps == 64
+
+
+def test_the_code_on_the_page_about_training_in_metres_runs() -> None:
+    pytest.importorskip("supersuit")
+    pytest.importorskip("stable_baselines3")
+    page = Path(__file__).resolve().parents[2] / "docs" / "tutorials" / "training.md"
+    blocks = re.findall(
+        r"^```python\n(.*?)^```$", page.read_text("utf-8"), re.DOTALL | re.MULTILINE
+    )
+    (code,) = (block for block in blocks if "stable_baselines3" in block)
+    exec(compile(code, str(page), "exec"), {})
 
 
 @pytest.mark.filterwarnings("ignore:PettingZoo in TorchRL:UserWarning")

@@ -13,8 +13,8 @@ from golden import EPISODES, META
 from pettingzoo.test import parallel_api_test
 
 from dsse_ros.compat import CoverageDroneSwarmSearch, DroneSwarmSearch, wrappers
-from dsse_ros.search import parallel_env, vector_env
-from dsse_ros.search import wrappers as native
+from dsse_ros.search.environments import wrappers as native
+from dsse_ros.search.environments.factories import parallel_env, vector_env
 
 MAPS = 1e-6
 """Two computations of the same map in float32 differ by less, as test_oracles has it."""

@@ -10,11 +10,11 @@ from __future__ import annotations
 
 from typing import Any
 
-from dsse_ros.compiled.jit import part
-from dsse_ros.targets import registry
-from dsse_ros.targets.best_cell import best_cell_chances, move_to_best_cell
-from dsse_ros.targets.drawn_cell import drift_chances, move_with_drift
-from dsse_ros.targets.motion import PersonMotion
+from dsse_ros.base.compiled.jit import part
+from dsse_ros.world.targets import registry
+from dsse_ros.world.targets.best_cell import best_cell_chances, move_to_best_cell
+from dsse_ros.world.targets.drawn_cell import drift_chances, move_with_drift
+from dsse_ros.world.targets.motion import PersonMotion
 
 
 @part
@@ -56,7 +56,6 @@ BROKEN = {
 
 def main() -> None:
     registry.MOTIONS.update(BROKEN)
-    registry.TARGET_MODELS.update(BROKEN)
     # Compiles the search with the broken motions.
     from dsse_ros.conformance.target_model import target_model_test
 

@@ -9,13 +9,13 @@ from typing import Any
 
 import pytest
 
-from dsse_ros.belief.belief import Belief
-from dsse_ros.belief.forecasts import forecast_for
 from dsse_ros.conformance.belief import belief_test
-from dsse_ros.scenario.rules import profile
-from dsse_ros.scenario.scenario import Scenario
-from dsse_ros.step.looks import Looked
-from dsse_ros.targets.registry import TARGET_MODELS
+from dsse_ros.search.belief.belief import Belief
+from dsse_ros.search.belief.forecasts import forecast_for
+from dsse_ros.search.step.looks import Looked
+from dsse_ros.world.scenario.rules import profile
+from dsse_ros.world.scenario.scenario import Scenario
+from dsse_ros.world.targets.registry import TARGET_MODELS
 
 SCENARIO = Scenario(grid_size=11, timestep_limit=40, pre_search_minutes=1.0, vector=(0.3, 0.2))
 WEST = [[-24.05, -46.18], [-24.05, -46.1622], [-24.02, -46.1622], [-24.02, -46.18]]

@@ -11,13 +11,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from dsse_ros.conformance.searcher import searcher_test
-from dsse_ros.scenario import action_times
-from dsse_ros.scenario.action_times import whole_steps
-from dsse_ros.scenario.searcher_fields import endurance_steps
-from dsse_ros.search import faults
-from dsse_ros.searchers.registry import SEARCHERS
-from dsse_ros.searchers.searcher import Searcher
-from dsse_ros.step.fault_kernels import restrict_masks
+from dsse_ros.search.environments import faults
+from dsse_ros.search.step.fault_kernels import restrict_masks
+from dsse_ros.world.scenario import action_times
+from dsse_ros.world.scenario.action_times import whole_steps
+from dsse_ros.world.scenario.searcher_fields import endurance_steps
+from dsse_ros.world.searchers.registry import SEARCHERS
+from dsse_ros.world.searchers.searcher import Searcher
 
 STRAIGHT = ("left", "right", "up", "down")
 SLOW = Searcher(doc="flies slowly", speed=4.0)

@@ -10,8 +10,8 @@ import pytest
 from ahead import AHEAD
 
 from dsse_ros.conformance.sensor import sensor_test
-from dsse_ros.sensors.registry import SENSORS
-from dsse_ros.sensors.sensor import Look, Sensor
+from dsse_ros.world.sensors.registry import SENSORS
+from dsse_ros.world.sensors.sensor import Look, Sensor
 
 
 @pytest.mark.slow

@@ -11,8 +11,8 @@ from typing import Any
 import pytest
 from geometry_msgs.msg import PoseWithCovarianceStamped
 
-from dsse_ros.live.inputs import read
-from dsse_ros.result import Accepted, Rejected
+from dsse_ros.base.result import Accepted, Rejected
+from dsse_ros.mission.live.inputs import read
 from msg_adapters.live import contact_markers, detection_of_pose, detections_of_array
 from msg_adapters.stamps import header, to_stamp
 

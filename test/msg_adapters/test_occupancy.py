@@ -11,7 +11,7 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from dsse_ros.scenario.frames import GridFrame, cell_to_map
+from dsse_ros.world.scenario.frames import GridFrame, cell_to_map
 from msg_adapters.occupancy import (
     SCALINGS,
     matrix_to_map_rows,

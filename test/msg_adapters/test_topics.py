@@ -6,8 +6,8 @@ from __future__ import annotations
 
 import pytest
 
-from dsse_ros.message_types import message_class
-from dsse_ros.runtime.qos import COMMANDS, COMPLETE, LATCHED, PROFILES, offered, requested
+from dsse_ros.base.message_types import message_class
+from dsse_ros.ros.runtime.qos import COMMANDS, COMPLETE, LATCHED, PROFILES, offered, requested
 from msg_adapters.topics import TOPICS, Topic, replayed, topic_of
 
 

@@ -16,7 +16,6 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
-sys.path[:0] = [str(Path(__file__).parent), str(ROOT / "test" / "nodes")]
 SOURCES = (
     "LICENSE",
     "Makefile",
@@ -60,6 +59,11 @@ def copy_sources(target: Path) -> Path:
         else:
             shutil.copy(source, target / name)
     return target
+
+
+@pytest.fixture(name="copy_sources")
+def fixture_of_copy_sources() -> Callable[[Path], Path]:
+    return copy_sources
 
 
 @dataclass(frozen=True)

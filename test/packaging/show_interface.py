@@ -14,17 +14,17 @@ import rclpy
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
-from dsse_ros.dashboard.search_history import EXACT_LAYERS
-from dsse_ros.nodes.cot_gateway import CotNode
-from dsse_ros.nodes.dashboard import OF_VEHICLE, TOPICS, DashboardNode
-from dsse_ros.nodes.foxglove_viewer import ViewerNode
-from dsse_ros.nodes.mavlink_bridge import BridgeNode
-from dsse_ros.nodes.plan_publishers import PLAN
-from dsse_ros.nodes.planner_node import PlannerNode
-from dsse_ros.nodes.recorder import RecorderNode
-from dsse_ros.nodes.show import ShowNode
-from dsse_ros.nodes.sim_node import SimNode
-from dsse_ros.runtime.qos import offered, requested
+from dsse_ros.ros.nodes.cot_gateway import CotNode
+from dsse_ros.ros.nodes.dashboard import OF_VEHICLE, TOPICS, DashboardNode
+from dsse_ros.ros.nodes.foxglove_viewer import ViewerNode
+from dsse_ros.ros.nodes.mavlink_bridge import BridgeNode
+from dsse_ros.ros.nodes.plan_publishers import PLAN
+from dsse_ros.ros.nodes.planner_node import PlannerNode
+from dsse_ros.ros.nodes.recorder import RecorderNode
+from dsse_ros.ros.nodes.show import ShowNode
+from dsse_ros.ros.nodes.sim_node import SimNode
+from dsse_ros.ros.runtime.qos import offered, requested
+from dsse_ros.screens.dashboard.search_history import EXACT_LAYERS
 from msg_adapters.topics import published_by
 
 
@@ -115,8 +115,8 @@ if __name__ == "__main__":
     }
     # What it publishes and takes in metres only, or without a truth.
     in_metres = started(
-        SimNode, "-p", "rules:=flight", "-p", "scenario.particles:=10",
-        "-p", "scenario.timestep_limit:=10", "-p", "truth:=none",
+        SimNode, "-p", "rules:=flight", "-p", "vehicle_time:=followed", "-p", "truth:=none",
+        "-p", "scenario.particles:=10", "-p", "scenario.timestep_limit:=10",
     )  # fmt: skip
     for kind in ("published", "subscribed"):
         nodes["sim_node"][kind] |= in_metres[kind]

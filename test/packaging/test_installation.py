@@ -61,6 +61,6 @@ def test_the_package_imports_from_the_installation(installation: Any) -> None:
 
 
 def test_the_page_of_the_report_is_installed_with_its_module(installation: Any) -> None:
-    code = "import dsse_ros.report as r; print(r.__path__[0])"
+    code = "import dsse_ros.results.report as r; print(r.__path__[0])"
     folder = Path(installation.execute(sys.executable, "-c", code).strip())
     assert (folder / "page.html").is_file()

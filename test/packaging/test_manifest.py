@@ -88,7 +88,7 @@ def test_a_launch_file_describes_a_launch(file: Path) -> None:
 
 
 def test_the_launch_files_start_only_executables_that_exist() -> None:
-    sources = [*(ROOT / "launch").iterdir(), ROOT / "dsse_ros" / "nodes" / "launching.py"]
+    sources = [*(ROOT / "launch").iterdir(), ROOT / "dsse_ros" / "ros" / "nodes" / "launching.py"]
     started = {
         name
         for path in sources

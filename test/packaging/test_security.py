@@ -13,17 +13,19 @@ import pytest
 from sros2_policy import COMMANDS, EVERYTHING, WITH_SIM_TIME, as_expressions, policy
 from tree import by_name, files
 
-from dsse_ros.mission.command_intake import NAVIGATE_TO_POSE
-from dsse_ros.nodes.dashboard import _SERVICES
-from dsse_ros.nodes.operator_services import OPERATOR_SERVICES
+from dsse_ros.mission.run.command_intake import NAVIGATE_TO_POSE
+from dsse_ros.ros.nodes.dashboard import _SERVICES
+from dsse_ros.ros.nodes.operator_services import OPERATOR_SERVICES
 from msg_adapters.topics import published_by, subscribed_by
 
 ROOT = Path(__file__).resolve().parents[2]
 OURS = ("dsse_ros/", "msg_adapters/", "launch/", "scripts/", "examples/", "docs/")
 PICKLING = {"cloudpickle", "dill", "joblib", "marshal", "pickle", "shelve"}
 SECRETIVE = {
-    "dsse_ros/dashboard/guard.py", "dsse_ros/dashboard/settings.py", "dsse_ros/mavlink/signing.py",
-}  # fmt: skip
+    "dsse_ros/screens/dashboard/guard.py",
+    "dsse_ros/screens/dashboard/settings.py",
+    "dsse_ros/vehicles/mavlink/signing.py",
+}
 SECRETS = {"token", "cookie", "key", "credentials", "offered"}
 
 
@@ -46,6 +48,8 @@ def test_nobody_but_planners_and_people_may_command_a_drone() -> None:
     assert {name: topics for name, topics in may.items() if topics} == {
         "planner_node": {"joint_action", "joint_command"},
         "ros_env": {"joint_action", "joint_command"},
+        # The wind that its vehicles fly in.
+        "mavlink_bridge": {"vehicle_wind"},
         "dashboard": {
             f"live/{kind}"
             for kind in ("confirm", "dismiss", "searched", "sighting", "weather", "withdraw")
@@ -121,7 +125,7 @@ def test_no_pickle_is_read_from_a_file() -> None:
         for called, call in calls(path)
         if called in ("np.load", "numpy.load")
     ]
-    assert {name for name, _ in loads} >= {"dsse_ros/search/snapshot.py"}
+    assert {name for name, _ in loads} >= {"dsse_ros/search/environments/snapshot.py"}
     assert [name for name, keywords in loads if keywords.get("allow_pickle") != "False"] == []
 
 
@@ -135,10 +139,10 @@ def test_yaml_is_read_safely() -> None:
         if re.fullmatch(r"yaml\.\w*(load|parse|compose|dump)\w*", called) and called not in safe
     }
     # The loader of scenarios is PyYAML's safe one with less in it.
-    assert found == {("dsse_ros/scenario/yaml_file.py", "yaml.load", "_Loader")}
+    assert found == {("dsse_ros/world/scenario/yaml_file.py", "yaml.load", "_Loader")}
     import yaml
 
-    from dsse_ros.scenario.yaml_file import _Loader
+    from dsse_ros.world.scenario.yaml_file import _Loader
 
     assert issubclass(_Loader, yaml.SafeLoader)
 
@@ -172,7 +176,7 @@ def test_secrets_are_compared_in_constant_time() -> None:
         )
     ]
     assert compared == []
-    guard = (ROOT / "dsse_ros/dashboard/guard.py").read_text(encoding="utf-8")
+    guard = (ROOT / "dsse_ros/screens/dashboard/guard.py").read_text(encoding="utf-8")
     assert guard.count("hmac.compare_digest(") == 1
     assert guard.count("_equal(") == 4  # The function, the link, the header and the cookie.
 

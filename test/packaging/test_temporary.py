@@ -14,14 +14,14 @@ from pathlib import Path
 import pytest
 
 import dsse_ros
-from dsse_ros.temporary import temporary_folder, use_without_home
+from dsse_ros.base.temporary import temporary_folder, use_without_home
 
 PACKAGE = Path(dsse_ros.__file__).parent
 READ_ONLY = "mount --bind {0} {0} && mount -o remount,bind,ro {0} && exec"
 PROGRAM = """
 import os
 from dsse_ros.cli.start import start
-from dsse_ros.compiled.breadth_first import find_routes
+from dsse_ros.base.compiled.breadth_first import find_routes
 print(os.environ["NUMBA_CACHE_DIR"])
 """
 
@@ -94,3 +94,10 @@ def test_choices_of_the_user_stay_and_a_home_is_used(temporary: Path, tmp_path: 
     with_home = {"HOME": str(tmp_path)}
     use_without_home(with_home)
     assert with_home == {"HOME": str(tmp_path)}
+
+
+def test_a_home_that_is_not_stated_is_looked_up_for_ros(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("HOME", raising=False)
+    environ = {"ROS_LOG_DIR": "/logs", "MPLCONFIGDIR": "/mpl"}
+    use_without_home(environ)
+    assert environ["HOME"] == os.path.expanduser("~")

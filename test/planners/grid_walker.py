@@ -10,8 +10,9 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from dsse_ros.planners import Planner
-from dsse_ros.search import ACTION_VECTORS, Observation
+from dsse_ros.planners.planner import Planner
+from dsse_ros.search.environments.agents import Observation
+from dsse_ros.world.scenario.actions import ACTION_VECTORS
 
 STRAIGHT = ("left", "right", "up", "down", "search")
 DIAGONAL = (

@@ -10,10 +10,13 @@ import numpy as np
 import pytest
 from areas import random_mask, scenario_of
 
-from dsse_ros.planners import PERSON_PLANNERS, PLANNERS, planner_for
+from dsse_ros.base.fields import FieldError
 from dsse_ros.planners.astar import next_cell
 from dsse_ros.planners.batch import play_missions
-from dsse_ros.search import FieldError, SearchEnv, parallel_env, profile
+from dsse_ros.planners.registry import PERSON_PLANNERS, PLANNERS, planner_for
+from dsse_ros.search.environments.factories import parallel_env
+from dsse_ros.search.environments.parallel_env import SearchEnv
+from dsse_ros.world.scenario.rules import profile
 
 ACTIONS = profile("coverage").action_set
 LIMIT = 2000

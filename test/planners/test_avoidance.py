@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from dsse_ros.planners.avoidance import resolve_conflicts, resolve_conflicts_with_yielding
 from dsse_ros.planners.planner import Cell
-from dsse_ros.search import ActionSet
+from dsse_ros.world.scenario.actions import ActionSet
 
 
 @st.composite

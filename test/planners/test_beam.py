@@ -12,11 +12,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from dsse_ros.belief.belief_kernels import MARGIN
-from dsse_ros.belief.future_kernels import index
-from dsse_ros.belief.protocol import Futures
 from dsse_ros.planners.beam import plan_drone
 from dsse_ros.planners.plan_kernels import Moves, Scenarios
+from dsse_ros.search.belief.future_kernels import index
+from dsse_ros.search.belief.motion_kernels import MARGIN
+from dsse_ros.search.belief.protocol import Futures
 
 GRID, HORIZON, GAMMA = 4, 2, 0.9
 SIDE = GRID + 2 * MARGIN

@@ -10,9 +10,11 @@ import numpy as np
 import pytest
 from effort import BEAM, LITTLE_EFFORT
 
-from dsse_ros.planners import PERSON_PLANNERS, PLANNER_NAMES, make_planner, planner_for
 from dsse_ros.planners.batch import play_missions
-from dsse_ros.search import SearchDefinition, SearchEnv, parallel_env
+from dsse_ros.planners.registry import PERSON_PLANNERS, PLANNER_NAMES, make_planner, planner_for
+from dsse_ros.search.environments.factories import parallel_env
+from dsse_ros.search.environments.parallel_env import SearchEnv
+from dsse_ros.world.scenario.definition import SearchDefinition
 
 NAMES = [name for name in PLANNER_NAMES if name not in ("onnx", "astar")]
 """Planners that need no file."""

@@ -12,10 +12,10 @@ from grid_walker import DIAGONAL, STRAIGHT, GridWalker
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from dsse_ros.planners import make_planner
 from dsse_ros.planners.expanding_square import shared_square, square_routes, square_spiral
 from dsse_ros.planners.planner import Cell
-from dsse_ros.search import ActionSet
+from dsse_ros.planners.registry import make_planner
+from dsse_ros.world.scenario.actions import ActionSet
 
 action_names = st.sampled_from([STRAIGHT, DIAGONAL])
 

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from grid_walker import DIAGONAL, STRAIGHT, GridWalker
 
-from dsse_ros.planners import make_planner
 from dsse_ros.planners.planner import Cell
+from dsse_ros.planners.registry import make_planner
 
 
 def greedy_actions(

@@ -11,10 +11,12 @@ import numpy as np
 import pytest
 from effort import LITTLE_EFFORT
 
-from dsse_ros.belief.drift_estimate import FIRST_OBSERVED
-from dsse_ros.planners import PERSON_PLANNERS, planner_for
-from dsse_ros.scenario.probable_cells import most_probable
-from dsse_ros.search import SearchDefinition, SearchEnv, parallel_env
+from dsse_ros.planners.registry import PERSON_PLANNERS, planner_for
+from dsse_ros.search.belief.drift_estimate import FIRST_OBSERVED
+from dsse_ros.search.environments.factories import parallel_env
+from dsse_ros.search.environments.parallel_env import SearchEnv
+from dsse_ros.world.scenario.definition import SearchDefinition
+from dsse_ros.world.scenario.probable_cells import most_probable
 
 V2: dict[str, Any] = {
     "rules": "v2", "grid_size": 30, "dispersion_inc": 0.05, "vector": (1.1, 1.0),

@@ -12,10 +12,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from dsse_ros.planners import planner_for
+from dsse_ros.base.fields import FieldError
 from dsse_ros.planners.batch import play_missions
 from dsse_ros.planners.belief import BeliefPlanner
-from dsse_ros.search import FieldError, parallel_env
+from dsse_ros.planners.registry import planner_for
+from dsse_ros.search.environments.factories import parallel_env
 
 onnx = pytest.importorskip("onnx")
 pytest.importorskip("onnxruntime")
@@ -102,6 +103,8 @@ def test_a_model_of_another_search_is_refused_with_one_line(tmp_path: Path) -> N
         (of_search(rules="paper"), "model must have rules .*, got 'paper'"),
         (of_search(actions=["left"]), r"model must have actions .*, got \['left'\]"),
         (of_search(grid_size=8), "model must have grid_size 7, .* got 8"),
+        (of_search(pod=[0.5, 0.9]), "model is for a POD of 0.5 to 0.9, got 1; "),
+        (of_search(pod=1), "model: pod must be the lowest and highest POD, got 1"),
     ):
         with pytest.raises(FieldError, match=line):
             planner_for(env, "onnx", model=model(tmp_path, weights, **metadata))
@@ -134,6 +137,15 @@ def test_the_model_of_the_package_is_small_and_finds_more_than_the_published_age
     missions = play_missions(600, "onnx", seed=5_000, **PUBLISHED)
     assert missions.found.mean() > 0.98
     assert missions.steps.mean() < 25
+
+
+def test_the_model_of_the_package_flies_pods_that_it_was_compared_on_and_refuses_lower_ones() -> (
+    None
+):
+    planner_for(parallel_env(probability_of_detection=0.5, **PUBLISHED), "onnx")
+    env = parallel_env(probability_of_detection=0.49, **PUBLISHED)
+    with pytest.raises(FieldError, match=r"model is for a POD of 0.5 to 1, got 0.49; "):
+        planner_for(env, "onnx")
 
 
 @pytest.mark.slow

@@ -13,14 +13,25 @@ from typing import Any
 import pytest
 from effort import LITTLE_EFFORT
 
-from dsse_ros.campaign.config import Campaign
+from dsse_ros.base.fields import FieldError, Spec, specs
 from dsse_ros.cli import export_mission
-from dsse_ros.planners import PLANNERS, check_options, make_planner, planner_for, planner_with
 from dsse_ros.planners.batch import play_missions
 from dsse_ros.planners.play import play
-from dsse_ros.planners.registry import LOADED_PLANNERS, OPTIONS
-from dsse_ros.scenario.fields import FieldError, Spec
-from dsse_ros.search import SearchDefinition, SearchEnv, parallel_env
+from dsse_ros.planners.registry import (
+    LOADED_PLANNERS,
+    OPTIONS,
+    PLANNERS,
+    check_options,
+    make_planner,
+    planner_for,
+    planner_with,
+    read_options,
+)
+from dsse_ros.results.campaign.config import Campaign
+from dsse_ros.ros.nodes.settings import PlannerSettings
+from dsse_ros.search.environments.factories import parallel_env
+from dsse_ros.search.environments.parallel_env import SearchEnv
+from dsse_ros.world.scenario.definition import SearchDefinition
 
 FIELDS: dict[str, Any] = {
     "grid_size": 6, "num_drones": 2, "sigma": 2, "timestep_limit": 4,
@@ -188,3 +199,12 @@ def test_missions_refuse_numbers_that_are_not_allowed(name: str, value: Any) -> 
     given = {"count": 2, "planner": "greedy", name: value}
     with pytest.raises(FieldError, match=f"^{name} must be an integer >= 1"):
         play_missions(**given, **FIELDS)
+
+
+def test_the_example_of_the_help_is_allowed() -> None:
+    help_text = specs(PlannerSettings)["planner_options"].doc
+    stated = re.search(r"such as (\S+) for (\w+)", help_text)
+    assert stated is not None
+    check_options(stated[2], read_options([stated[1]]))
+    with pytest.raises(FieldError, match="planner sweep must have track_spacing, length, width, "):
+        check_options("sweep", {"heading": 45})

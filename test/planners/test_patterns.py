@@ -13,9 +13,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
+from dsse_ros.base.fields import FieldError
 from dsse_ros.planners.patterns import SearchPattern
-from dsse_ros.search import FieldError
-from dsse_ros.sensors.search_theory import coverage
+from dsse_ros.world.sensors.search_theory import coverage
 
 Points = NDArray[np.float64]
 

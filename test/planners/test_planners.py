@@ -12,8 +12,8 @@ from grid_walker import DIAGONAL, STRAIGHT, GridWalker
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from dsse_ros.planners import PLANNERS, make_planner
-from dsse_ros.search import parallel_env
+from dsse_ros.planners.registry import PLANNERS, make_planner
+from dsse_ros.search.environments.factories import parallel_env
 
 names = st.sampled_from(sorted(PLANNERS))
 action_names = st.sampled_from([STRAIGHT, DIAGONAL])

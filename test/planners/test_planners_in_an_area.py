@@ -14,10 +14,16 @@ from effort import LITTLE_EFFORT
 from grid_walker import DIAGONAL, STRAIGHT
 from numpy.typing import NDArray
 
-from dsse_ros.belief.belief import Belief, Forecast
-from dsse_ros.planners import COVERAGE_PLANNERS, PERSON_PLANNERS, PLANNER_NAMES, planner_for
-from dsse_ros.scenario.actions import ActionSet, connected_components
-from dsse_ros.search import PROFILES, parallel_env
+from dsse_ros.planners.registry import (
+    COVERAGE_PLANNERS,
+    PERSON_PLANNERS,
+    PLANNER_NAMES,
+    planner_for,
+)
+from dsse_ros.search.belief.belief import Belief, Forecast
+from dsse_ros.search.environments.factories import parallel_env
+from dsse_ros.world.scenario.actions import ActionSet, connected_components
+from dsse_ros.world.scenario.rules import PROFILES
 
 NAMES = [name for name in PLANNER_NAMES if name != "onnx"]
 """Planners that need no file."""

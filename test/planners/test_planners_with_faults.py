@@ -12,13 +12,13 @@ from effort import BEAM, LITTLE_EFFORT
 from looking import search_in_vain
 from test_batch import alone
 
-from dsse_ros.belief.belief import Belief
-from dsse_ros.planners import COVERAGE_PLANNERS, PLANNER_NAMES, planner_for
 from dsse_ros.planners.batch import play_missions
 from dsse_ros.planners.belief import BeliefPlanner
 from dsse_ros.planners.masking import apply_masks
-from dsse_ros.scenario.swarm import Swarm
-from dsse_ros.search import parallel_env
+from dsse_ros.planners.registry import COVERAGE_PLANNERS, PLANNER_NAMES, planner_for
+from dsse_ros.search.belief.belief import Belief
+from dsse_ros.search.environments.factories import parallel_env
+from dsse_ros.world.scenario.swarm import Swarm
 
 NAMES = [name for name in PLANNER_NAMES if name not in (*COVERAGE_PLANNERS, "onnx")]
 """Planners that look for persons and need no file."""

@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from dsse_ros.planners import planner_for
 from dsse_ros.planners.planner import Planning
-from dsse_ros.search import parallel_env
+from dsse_ros.planners.registry import planner_for
+from dsse_ros.search.environments.factories import parallel_env
 
 IN_METRES: dict[str, Any] = {
     "rules": "flight", "person_motion": "constant_drift", "grid_size": 30, "particles": 500,
@@ -85,7 +85,7 @@ def test_greedy_in_metres_states_the_cell_that_it_flies_to() -> None:
             assert after < max(before, 1.0)
 
 
-@pytest.mark.parametrize("name", ["belief", "forward_backward"])
+@pytest.mark.parametrize("name", ["belief"])
 def test_drones_on_cells_move_to_the_first_cell_of_their_plan(name: str) -> None:
     env, moved = parallel_env(**ON_CELLS), 0
     assumed = parallel_env(**ON_CELLS | {"probability_of_detection": 0.6})
@@ -96,7 +96,7 @@ def test_drones_on_cells_move_to_the_first_cell_of_their_plan(name: str) -> None
     assert moved > 10
 
 
-@pytest.mark.parametrize("name", ["sweep", "optimal_effort"])
+@pytest.mark.parametrize("name", ["sweep", "effort_allocation"])
 def test_a_route_on_cells_is_stated_from_the_next_cell_to_its_end(name: str) -> None:
     env = parallel_env(**ON_CELLS)
     assumed = parallel_env(**ON_CELLS | {"probability_of_detection": 0.6})

@@ -9,7 +9,7 @@ from collections import Counter
 import pytest
 from grid_walker import DIAGONAL, STRAIGHT, GridWalker
 
-from dsse_ros.planners import make_planner
+from dsse_ros.planners.registry import make_planner
 
 
 @pytest.mark.parametrize("actions", [STRAIGHT, DIAGONAL])

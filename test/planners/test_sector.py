@@ -13,9 +13,9 @@ from grid_walker import DIAGONAL, STRAIGHT, GridWalker
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from dsse_ros.planners import make_planner
+from dsse_ros.planners.registry import make_planner
 from dsse_ros.planners.sector import sector_routes, triangles
-from dsse_ros.search import ActionSet
+from dsse_ros.world.scenario.actions import ActionSet
 
 DATUM, SIZE = (80, 80), 161
 

@@ -14,9 +14,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from dsse_ros.planners import load_planner, planner_for
-from dsse_ros.scenario.definition import SearchDefinition
-from dsse_ros.search import parallel_env
+from dsse_ros.planners.registry import load_planner, planner_for
+from dsse_ros.search.environments.factories import parallel_env
+from dsse_ros.world.scenario.definition import SearchDefinition
 
 ROOT = Path(__file__).resolve().parents[2]
 PAPER: dict[str, Any] = {
@@ -29,7 +29,7 @@ PAPER: dict[str, Any] = {
 def test_without_the_extra_one_line_says_what_to_install() -> None:
     code = (
         "import sys; sys.modules['ortools'] = None\n"
-        "from dsse_ros.planners import load_planner\n"
+        "from dsse_ros.planners.registry import load_planner\n"
         "try:\n    load_planner('route')\n"
         "except ValueError as error:\n    print(error)\n"
     )

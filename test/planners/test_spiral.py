@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from dsse_ros.planners.planner import Cell
 from dsse_ros.planners.spiral import arms, spiral_routes, turns
-from dsse_ros.search import ActionSet
+from dsse_ros.world.scenario.actions import ActionSet
 
 
 def cells_of(arm: NDArray[np.int64]) -> list[Cell]:

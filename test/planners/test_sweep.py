@@ -12,10 +12,11 @@ from grid_walker import DIAGONAL, STRAIGHT, GridWalker, default_start
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from dsse_ros.planners import load_planner, make_planner
+from dsse_ros.planners.registry import load_planner, make_planner
 from dsse_ros.planners.sweep import boustrophedon, shares, sweep_routes
-from dsse_ros.scenario.definition import SearchDefinition
-from dsse_ros.search import ActionSet, parallel_env
+from dsse_ros.search.environments.factories import parallel_env
+from dsse_ros.world.scenario.actions import ActionSet
+from dsse_ros.world.scenario.definition import SearchDefinition
 
 action_names = st.sampled_from([STRAIGHT, DIAGONAL])
 

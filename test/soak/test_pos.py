@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from promises import keep
 
-from dsse_ros.search.world_beliefs import WorldBeliefs
+from dsse_ros.search.environments.world_beliefs import WorldBeliefs
 from soak.pos import SEED, SIGMAS, Combination, figures_of, play
 
 

@@ -19,3 +19,7 @@ def test_values_that_make_no_sense_are_refused_at_start_and_at_run_time(tmp_path
 
 def test_two_thousand_hostile_messages_change_nothing_and_take_no_memory(tmp_path: Path) -> None:
     keep("hostile", "hostile_adapters", tmp_path)
+
+
+def test_hostile_inputs_to_a_live_search_end_no_node_and_each_is_answered(tmp_path: Path) -> None:
+    keep("hostile", "hostile_live", tmp_path)

@@ -18,21 +18,23 @@ from soak.table import BEGIN, END, PAGE, RESULTS, filled, stated, table
 ROOT = Path(__file__).resolve().parents[2]
 ELSEWHERE = {
     "big_swarm": "soak/test_traffic.py::test_every_command_of_a_hundred_drones_is_done_in_its_step",
-    "late_joiner": "nodes/test_lockstep.py::test_a_late_joiner_gets_everything_about_the_last_step",
-    "planner_killed": "nodes/test_planner_node.py::"
+    "late_joiner": "ros/nodes/test_lockstep.py::"
+    "test_a_late_joiner_gets_everything_about_the_last_step",
+    "planner_killed": "ros/nodes/test_planner_node.py::"
     "test_a_planner_that_was_restarted_goes_on_with_the_mission",
-    "node_killed": "nodes/test_snapshots.py::"
+    "node_killed": "ros/nodes/test_snapshots.py::"
     "test_a_mission_that_was_killed_leaves_the_record_of_one_that_was_not",
-    "bridge_killed": "nodes/test_bridge_restarts.py::"
+    "bridge_killed": "ros/nodes/test_bridge_restarts.py::"
     "test_a_bridge_started_again_has_nobody_take_off_who_is_out_of_the_search",
-    "huge_worlds": "nodes/test_bad_input.py::test_bad_input_is_refused_on_one_clear_line",
-    "hostile_dds": "nodes/test_hostile_messages.py::"
+    "huge_worlds": "ros/nodes/test_bad_input.py::test_bad_input_is_refused_on_one_clear_line",
+    "hostile_dds": "ros/nodes/test_hostile_messages.py::"
     "test_a_thousand_hostile_messages_change_nothing_and_each_is_counted",
-    "hostile_mavlink": "flight/test_fuzz.py::"
+    "hostile_mavlink": "vehicles/control/test_fuzz.py::"
     "test_no_message_of_a_vehicle_raises_or_sets_an_invalid_position",
-    "custody": "bridge/test_interleavings.py::"
+    "custody": "vehicles/fleet/test_interleavings.py::"
     "test_no_interleaving_arms_takes_off_or_moves_what_it_must_not",
-    "fleet": "flight/test_fleet.py::test_a_vehicle_that_drops_out_does_not_stop_the_others",
+    "fleet": "vehicles/control/test_fleet.py::"
+    "test_a_vehicle_that_drops_out_does_not_stop_the_others",
 }
 """Rows whose short form is a test of another folder."""
 

@@ -15,11 +15,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from dsse_ros.belief.belief import Forecast
-from dsse_ros.planners import planner_for
-from dsse_ros.scenario.scenario import Scenario
-from dsse_ros.search import parallel_env
-from dsse_ros.step.looks import looks_of
+from dsse_ros.planners.registry import planner_for
+from dsse_ros.search.belief.belief import Forecast
+from dsse_ros.search.environments.factories import parallel_env
+from dsse_ros.search.step.looks import looks_of
+from dsse_ros.world.scenario.scenario import Scenario
 
 torch = pytest.importorskip("torch")
 

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from dsse_ros.search import vector_env
-from dsse_ros.search.drone_slots import DroneSlots
+from dsse_ros.search.environments.drone_slots import DroneSlots
+from dsse_ros.search.environments.factories import vector_env
 
 torch = pytest.importorskip("torch")
 MaskablePPO = pytest.importorskip("sb3_contrib").MaskablePPO

@@ -1,0 +1,80 @@
+# Copyright 2026 dsse_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""What a map shows of its place: shore, sightings, degrees along its edges, scale."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+from dsse_ros.picture.chart import edge_marks, round_length
+from dsse_ros.picture.sea_chart import label_sides
+from dsse_ros.picture.theme import DRONE_COLOURS
+from dsse_ros.world.scenario.agents import AgentsInfo
+from dsse_ros.world.scenario.sea_state import SeaState
+
+
+class Window(NamedTuple):
+    """The part of the map that is shown.
+
+    Attributes:
+        west: Its western edge, as a share of the map's side.
+        north: Its northern edge, likewise from the north.
+        zoom: How many times its side fits into the map's.
+    """
+
+    west: float = 0.0
+    north: float = 0.0
+    zoom: float = 1.0
+
+
+def chart_of(info: AgentsInfo, sea: SeaState) -> dict[str, Any]:
+    """Return what a map has of its place, in shares of its side from the west and the north.
+
+    The keys are shore (rings of points), sightings (point, radius, label, and its
+    side, see `label_sides`), and the colours of the drones.
+    """
+    side_m = info.frame.side_m
+
+    def point(x_m: float, y_m: float) -> list[float]:
+        return [x_m / side_m, 1.0 - y_m / side_m]
+
+    return {
+        "shore": [[point(*place) for place in ring.tolist()] for ring in sea.shore],
+        "sightings": [
+            [point(seen.x_m, seen.y_m), seen.radius_m / side_m, seen.label, label_side]
+            for seen, label_side in zip(sea.sightings, label_sides(sea, side_m), strict=True)
+        ],
+        "colours": DRONE_COLOURS,
+    }
+
+
+def edges_of(info: AgentsInfo, window: Window) -> dict[str, Any]:
+    """Return the marks and the scale of a window, in shares of the map's side.
+
+    The keys are marks (places from the west and labels of longitude, places from the north and
+    labels of latitude), and scale (length and label).
+    """
+    side_m = info.frame.side_m
+    west, north, share = window.west, window.north, 1.0 / window.zoom
+    (easts, lons), (norths, lats) = edge_marks(
+        share * side_m,
+        info.frame.origin,
+        (west * side_m, (1.0 - north - share) * side_m),
+    )
+    marks = (
+        ([west + share * at for at in easts], lons),
+        ([north + share * (1.0 - at) for at in norths], lats),
+    )
+    return {"marks": marks, "scale": _scale(side_m, share * side_m)}
+
+
+def _scale(side_m: float, shown_m: float) -> tuple[float, str]:
+    """Return the length of a scale bar for a window, as a share of the map's side, and its label.
+
+    Args:
+        side_m: Side of the map.
+        shown_m: Side of the window.
+    """
+    length_m = round_length(shown_m / 4.0)
+    label = f"{length_m:g} m" if length_m < 1000 else f"{length_m / 1000:g} km"
+    return length_m / side_m, label

@@ -1,0 +1,286 @@
+# Copyright 2026 dsse_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""The ensemble of a scenario, drawn for truth, belief, planners and POS, and cached."""
+
+from __future__ import annotations
+
+import threading
+import weakref
+from dataclasses import dataclass, replace
+from enum import IntEnum
+from typing import NamedTuple, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dsse_ros.base.fields import FieldError
+from dsse_ros.search.step.ensemble_kernels import FAR
+from dsse_ros.search.step.metres_detection import FARTHEST_M
+from dsse_ros.world.scenario.rules import Rules
+from dsse_ros.world.scenario.scenario import ResolvedScenario
+from dsse_ros.world.targets.ensemble import Ensemble, WeightedTracks, check_tracks
+from dsse_ros.world.targets.registry import TARGET_MODELS
+
+_T = TypeVar("_T", bound=np.generic)
+
+LARGEST_BYTES = 1 << 30
+"""Memory limit of an ensemble."""
+KEPT_BYTES = 1 << 28
+"""Memory limit of the most recent ensembles that are kept although nothing uses them."""
+MOST_KEPT = 6
+"""Of those: the draws of the last two scenarios. Each report of weather in a live search is another
+one, and nodes that have had many of them must not grow."""
+
+
+@dataclass(frozen=True, eq=False)
+class CellTracks:
+    """The tracks of a scenario in cells, by step of the sea from the start of its drift.
+
+    After the last step nothing moves.
+
+    Attributes:
+        truth: (T, M, 2) int16, cells (x, y) of the tracks that persons follow; a view of (M, T, 2),
+            see `SeaEnsemble`.
+        cumulative: (M,) float64, cumulative sums of the tracks' weights.
+        particles: (T, M', 2) int16, cells of a belief's particles, drawn with another seed.
+        weights: (M',) float64, weights of the particles.
+        objects: (M',) int8, numbers of the particles' objects, see `WeightedTracks`.
+        appearances: (M',) int8, numbers of the particles' appearances, see `Incident`.
+        truth_appearances: (M,) int8, those of `truth`.
+        maps: (T, G, G) float32 as [y, x], the probability of each cell by the particles. They leave
+            out probability outside the grid or the area and are not scaled to sum to 1.
+        truth_m: (T, M, 2) float32, the positions of `truth` in metres to the east and to the south
+            of the grid's north-west corner, a view of (M, T, 2); only with space metres.
+        particles_m: (T, M', 2) float32, those of `particles`; only with space metres.
+    """
+
+    truth: NDArray[np.int16]
+    cumulative: NDArray[np.float64]
+    particles: NDArray[np.int16]
+    weights: NDArray[np.float64]
+    maps: NDArray[np.float32]
+    truth_m: NDArray[np.float32] | None = None
+    particles_m: NDArray[np.float32] | None = None
+    objects: NDArray[np.int8] | None = None
+    appearances: NDArray[np.int8] | None = None
+    truth_appearances: NDArray[np.int8] | None = None
+
+    def __deepcopy__(self, memo: object) -> CellTracks:
+        """Return the tracks themselves: nothing changes them."""
+        return self
+
+    @property
+    def nbytes(self) -> int:
+        """Bytes of the arrays."""
+        return sum(array.nbytes for array in vars(self).values() if array is not None)
+
+
+class Draw(IntEnum):
+    """What tracks are drawn for; its value is the child of the `SeedSequence` of `ensemble_seed`.
+
+    A searcher prefers cells that hold many particles by chance. If POS counted the particles that
+    it goes by, POS would be too high; so nobody but POS sees those of `POS`.
+    """
+
+    TRUTH = 0
+    BELIEF = 1
+    # Number 2 is that of `incident_grid`.
+    PLANNING = 3
+    POS = 4
+
+
+_Key = tuple[Ensemble, ResolvedScenario, Rules, Draw]
+_alive: list[tuple[_Key, weakref.ref[CellTracks]]] = []
+"""The ensembles in use or kept."""
+_kept: list[CellTracks] = []
+"""The most recent ones, the last one last."""
+_lock = threading.Lock()
+
+
+def tracks_of(
+    scenario: ResolvedScenario, rules: Rules, draw: Draw = Draw.BELIEF
+) -> CellTracks | None:
+    """Return the tracks of a scenario, or None if its persons do not follow an ensemble.
+
+    Truth and particles are drawn from the same model, with seeds that `ensemble_seed` spawns; an
+    incident may state another law for the truth.
+
+    Args:
+        scenario: The scenario.
+        rules: The rules of the search.
+        draw: Of `particles`.
+
+    Raises:
+        FieldError: If they would take too much memory.
+        ValueError: If the ensemble breaks its contract.
+    """
+    model = TARGET_MODELS[rules.person_motion]
+    if not isinstance(model, Ensemble):
+        return None
+    with _lock:
+        return _cached(model, scenario, rules, draw)
+
+
+def _cached(model: Ensemble, scenario: ResolvedScenario, rules: Rules, draw: Draw) -> CellTracks:
+    key = (model, scenario, rules, draw)
+    _alive[:] = [(known, tracks) for known, tracks in _alive if tracks() is not None]
+    found = next((t() for known, t in _alive if known[0] is model and known[1:] == key[1:]), None)
+    if found is not None:
+        _keep(found)
+        return found
+    if draw is not Draw.BELIEF:
+        drawn = _drawn(model, scenario, rules, draw)
+        searched = _cached(model, scenario, rules, Draw.BELIEF)
+        new = replace(
+            searched, particles=drawn.cells, weights=drawn.weights, particles_m=drawn.positions_m,
+            objects=drawn.objects, appearances=_appearances(scenario, scenario, drawn),
+        )  # fmt: skip
+    else:
+        new = _made(model, scenario, rules)
+    _alive.append((key, weakref.ref(new)))
+    _keep(new)
+    return new
+
+
+def _keep(tracks: CellTracks) -> None:
+    """Note that an ensemble is the most recent one; forget those that are too many."""
+    _kept[:] = [*(kept for kept in _kept if kept is not tracks), tracks]
+    while len(_kept) > MOST_KEPT or sum(kept.nbytes for kept in _kept) > KEPT_BYTES:
+        del _kept[0]
+
+
+def last_step_of(scenario: ResolvedScenario, rules: Rules) -> int:
+    """Return the number of steps of the sea until the time limit of a mission."""
+    mission = rules.last_step(scenario.timestep_limit) + 1
+    return scenario.pre_search_steps + rules.reset_sea_steps + mission
+
+
+def _made(model: Ensemble, scenario: ResolvedScenario, rules: Rules) -> CellTracks:
+    steps, g = last_step_of(scenario, rules), scenario.grid_size
+    counts = model.count(scenario.followed), model.count(scenario)
+    of_particle = 12 if rules.in_metres else 4
+    if (steps + 1) * (of_particle * sum(counts) + 4 * g * g) > LARGEST_BYTES:
+        raise FieldError(
+            f"tracks and maps of person_motion {rules.person_motion} must be at most "
+            f"{LARGEST_BYTES >> 20} MiB, got {max(counts)} particles, {steps} steps and a grid of "
+            f"{g}"
+        )
+    belief = _drawn(model, scenario, rules, Draw.BELIEF)
+    truth = belief
+    if scenario.has_persons:
+        truth = _drawn(model, scenario.followed, rules, Draw.TRUTH)
+    maps = np.empty((steps + 1, g, g), np.float32)
+    for step in range(steps + 1):
+        maps[step] = poc_of_cells(belief.cells[step], belief.weights, g, scenario.area_mask)
+    return CellTracks(
+        _by_track(truth.cells), np.cumsum(truth.weights), belief.cells, belief.weights, maps,
+        None if truth.positions_m is None else _by_track(truth.positions_m), belief.positions_m,
+        belief.objects, _appearances(scenario, scenario, belief),
+        _appearances(scenario, scenario.followed if scenario.has_persons else scenario, truth),
+    )  # fmt: skip
+
+
+def _by_track(steps: NDArray[_T]) -> NDArray[_T]:
+    """Return a view (T, M, 2) on a copy with the steps of a track side by side."""
+    return np.ascontiguousarray(steps.transpose(1, 0, 2)).transpose(1, 0, 2)
+
+
+def _generator(scenario: ResolvedScenario, draw: Draw) -> np.random.Generator:
+    children = np.random.SeedSequence(scenario.ensemble_seed).spawn(len(Draw) + 1)
+    return np.random.default_rng(children[draw])
+
+
+def particle_positions(
+    scenario: ResolvedScenario, rules: Rules, draw: Draw = Draw.BELIEF
+) -> NDArray[np.float32]:
+    """Return the positions of a belief's particles in metres, by step of the sea.
+
+    The search keeps only their cells, so they are drawn again, with the same seed.
+
+    Args:
+        scenario: The scenario.
+        rules: The rules of the search; persons must follow an ensemble.
+        draw: Of the particles.
+
+    Returns:
+        (T, M, 2) float32, to the east and to the north of the grid's south-west corner.
+    """
+    model = TARGET_MODELS[rules.person_motion]
+    assert isinstance(model, Ensemble)
+    rng = _generator(scenario, draw)
+    steps = last_step_of(scenario, rules)
+    drawn = WeightedTracks(*model.tracks(scenario, steps, rng, scenario.particles)).positions
+    flipped = drawn.astype(np.float32)
+    flipped[..., 1] = scenario.grid_size * scenario.cell_size - drawn[..., 1]
+    return flipped
+
+
+class _Drawn(NamedTuple):
+    """Tracks of particles: (T, M, 2) cells, (M,) weights and objects; positions in metres."""
+
+    cells: NDArray[np.int16]
+    weights: NDArray[np.float64]
+    positions_m: NDArray[np.float32] | None
+    objects: NDArray[np.int8] | None
+
+
+def _drawn(model: Ensemble, scenario: ResolvedScenario, rules: Rules, draw: Draw) -> _Drawn:
+    """Return tracks.
+
+    Raises:
+        ValueError: If the ensemble breaks its contract.
+    """
+    rng, steps = _generator(scenario, draw), last_step_of(scenario, rules)
+    tracks = WeightedTracks(*model.tracks(scenario, steps, rng, scenario.particles))
+    check_tracks(tracks, steps)
+    cells = np.empty(tracks.positions.shape, np.int16)
+    # Step by step, because a copy of all positions would take four times as much memory.
+    for of_step, positions in zip(cells, tracks.positions, strict=True):
+        place = np.floor(positions / scenario.cell_size)
+        place[~np.isfinite(place).all(axis=1)] = -FAR
+        of_step[:] = np.clip(place, -FAR, FAR)
+    positions_m = None
+    if rules.in_metres:
+        nowhere = -2 * FARTHEST_M
+        positions_m = np.nan_to_num(
+            tracks.positions.astype(np.float32), nan=nowhere, posinf=nowhere, neginf=nowhere
+        )
+    # Copy the weights: the compiled functions do not accept read-only arrays.
+    return _Drawn(cells, np.array(tracks.weights, np.float64), positions_m, tracks.objects)
+
+
+def _appearances(
+    scenario: ResolvedScenario, of_tracks: ResolvedScenario, drawn: _Drawn
+) -> NDArray[np.int8]:
+    """Return the numbers, (M,), that the appearances of tracks have in a scenario."""
+    if scenario.incident is None or of_tracks.incident is None or not of_tracks.incident.objects:
+        return np.zeros(len(drawn.weights), np.int8)
+    numbers = [
+        scenario.incident.appearances.index(one.appearance) for one in of_tracks.incident.objects
+    ]
+    objects = np.zeros(len(drawn.weights), np.int8) if drawn.objects is None else drawn.objects
+    return np.array(numbers, np.int8)[objects]
+
+
+def poc_of_cells(
+    cells: NDArray[np.int16],
+    weights: NDArray[np.float64],
+    grid_size: int,
+    area: NDArray[np.bool_] | None,
+) -> NDArray[np.float64]:
+    """Return the weight in each cell, (G, G) float64 as [y, x], 0 outside the area.
+
+    Args:
+        cells: (M, 2) cells (x, y).
+        weights: (M,) float64.
+        grid_size: G.
+        area: (G, G) bool, the searched cells; None for all.
+    """
+    x, y = cells[:, 0].astype(np.int64), cells[:, 1].astype(np.int64)
+    inside = (x >= 0) & (x < grid_size) & (y >= 0) & (y < grid_size)
+    column = (y * grid_size + x)[inside]
+    poc = np.bincount(column, weights[inside], grid_size**2).astype(np.float64)
+    poc = poc.reshape(grid_size, grid_size)
+    if area is not None:
+        poc[~area] = 0.0
+    return poc

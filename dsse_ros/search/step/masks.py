@@ -1,0 +1,81 @@
+# Copyright 2026 dsse_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""Action masks: which moves stay on the grid and in the area."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dsse_ros.base.compiled.jit import inlined, kernel
+from dsse_ros.search.step.constants import Constants
+from dsse_ros.search.step.entities import Area, Records
+from dsse_ros.search.step.recipe import cell_after
+from dsse_ros.world.targets.sea_map import is_inside
+
+
+@inlined
+def mask_moves(constants: Constants, area: Area, x: int, y: int, mask: NDArray[np.int8]) -> None:
+    """Clear the moves out of the grid or the area in a mask (A,) of ones."""
+    edge = constants.grid_size - 1
+    inner = np.uint64(max(edge - 1, 0))
+    if area is not None and is_inside(constants.grid_size, x, y):
+        for a in range(len(mask)):
+            _, _, mask[a] = cell_after(constants, area, x, y, a)
+    elif (np.uint64(x - 1) >= inner) | (np.uint64(y - 1) >= inner):
+        for a in range(len(mask)):
+            dx, dy = constants.dx[a], constants.dy[a]
+            west, east = dx < 0 and x == 0, dx > 0 and x == edge
+            north, south = dy < 0 and y == 0, dy > 0 and y == edge
+            mask[a] = not (west or east or north or south)
+
+
+@kernel
+def write_masks(
+    constants: Records,
+    area: Area,
+    x: NDArray[np.int64],
+    y: NDArray[np.int64],
+    masks: NDArray[np.int8],
+) -> None:
+    """Write the action masks (K, A) int8 in cells, 0 for moves out of the grid or the area.
+
+    Args:
+        constants: (1,) of `constants.CONSTANTS`.
+        area: Of `Sea`.
+        x: (K,) int64 columns.
+        y: (K,) int64 rows.
+        masks: Out.
+    """
+    masks[:] = 1
+    for k in range(len(masks)):
+        mask_moves(constants[0], area, x[k], y[k], masks[k])
+
+
+def mask_table(
+    constants: NDArray[np.void], area: NDArray[np.bool_] | None
+) -> list[list[NDArray[np.int8]]]:
+    """Return the action masks (A,) int8 by [row][col].
+
+    They are read-only, and equal masks are the same object. The last row and column are for a
+    drone just outside, at -1 or G.
+
+    Args:
+        constants: (1,) of `constants.CONSTANTS`.
+        area: Of `Sea`.
+    """
+    size, count = (int(constants[name][0]) for name in ("grid_size", "num_actions"))
+    alike = np.arange(size + 1)
+    if area is None:
+        # Only the edge differs.
+        alike[1 : size - 1] = 1
+    lines, of_line = np.unique(alike, return_inverse=True)
+    masks = np.empty((len(lines) ** 2, count), np.int8)
+    x, y = np.tile(lines, len(lines)), np.repeat(lines, len(lines))
+    write_masks(constants, area, x, y, masks)
+    codes = masks @ (1 << np.arange(count))
+    distinct = np.empty(1 << count, object)
+    for code, k in zip(*np.unique(codes, return_index=True), strict=True):
+        distinct[code] = np.frombuffer(masks[k].tobytes(), np.int8)
+    rows = distinct[codes].reshape(len(lines), -1)[:, of_line].tolist()
+    return [rows[k] for k in of_line]

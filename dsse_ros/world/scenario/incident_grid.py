@@ -1,0 +1,229 @@
+# Copyright 2026 dsse_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""The grid of an incident, around the positions of its particles during the search."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+import pymap3d
+from numpy.typing import NDArray
+
+from dsse_ros.base.fields import FieldError
+from dsse_ros.world.scenario.geodesy import mean_lon, surface_to_geodetic, through_ecef
+from dsse_ros.world.scenario.incident import LONGEST_SEARCH_S, GridSummary, Incident
+from dsse_ros.world.scenario.limits import MAX_SIDE
+from dsse_ros.world.scenario.while_alive import while_alive
+
+if TYPE_CHECKING:
+    from dsse_ros.world.scenario.geodesy import Origin
+
+OUTSIDE = 0.005
+"""Share of the particles that may leave the grid: half of the 1 % that is promised, because these
+particles are only a sample."""
+APPROACHES = 3
+"""Number of times that the grid is laid out: the time of transit depends on it."""
+PARTICLES = 4000
+TIME_STEP_S = 60.0
+"""Particles, and the longest time between their positions, to lay out a grid."""
+
+
+class IncidentGrid(NamedTuple):
+    """A grid, and the drift on it.
+
+    Attributes:
+        origin: Latitude, longitude and height of the grid's south-west corner.
+        grid_size: Cells along a side, G.
+        datum: Cell (col, row) of the particles' mean position at this time.
+        vector: Their mean drift per step, to the east and to the south, in cells.
+        sigma: Their spread along x and y at this time, in cells.
+        summary: See `GridSummary`.
+    """
+
+    origin: Origin
+    grid_size: int
+    datum: tuple[int, int]
+    vector: tuple[float, float]
+    sigma: tuple[float, float]
+    summary: GridSummary
+
+
+@while_alive
+def lay_grid(
+    incident: Incident, *, cell_m: float, alt_m: float, grid_size: int | None, steps: int,
+    step_s: float, speed_mps: float, seed: int,
+) -> IncidentGrid:  # fmt: skip
+    """Return the grid around the positions that the particles of an incident reach.
+
+    Args:
+        incident: The incident.
+        cell_m: Side of a cell.
+        alt_m: Height of the sea above the ellipsoid.
+        grid_size: G; None for as many cells as hold the particles.
+        steps: Steps of the search.
+        step_s: Duration of a step.
+        speed_mps: Airspeed of the slowest drone, in transit from the base.
+        seed: Seed of the ensemble; truth and belief of the search have other draws.
+
+    Raises:
+        FieldError: If wind or current are missing, or the particles are too far from each other.
+    """
+    begins_s, lasts_s = incident.search_start_s, steps * step_s
+    count = math.ceil(lasts_s / TIME_STEP_S)
+    for approach in range(APPROACHES):
+        times = begins_s + lasts_s / count * np.arange(count + 1, dtype=np.float64)
+        # The first two children of the seed belong to truth and belief, see `cell_tracks`.
+        rng = np.random.default_rng(np.random.SeedSequence(seed).spawn(3)[2])
+        tracks = incident.tracks(times, PARTICLES, rng)
+        centre = float(tracks.lats_deg[0].mean()), mean_lon(tracks.lons_deg[0]), alt_m
+        x, y = metres_from(centre, tracks.lats_deg, tracks.lons_deg)
+        corner, size, inside = _square(x, y, cell_m, grid_size)
+        if size > MAX_SIDE:
+            raise FieldError(
+                f"incident must have particles within {MAX_SIDE} cells of {cell_m:g} m, got "
+                f"{size}; state a grid_size, or search from a greater altitude or earlier"
+            )
+        lat, lon = surface_to_geodetic(centre, *corner)
+        origin = float(lat), float(lon), alt_m
+        if incident.base is None or approach == APPROACHES - 1:
+            break
+        distance_m = _distance(origin, size * cell_m, incident)
+        begins_s = incident.search_start_s + distance_m / speed_mps
+        check_transit(incident, begins_s, speed_mps, LONGEST_SEARCH_S)
+    x, y = (x - corner[0]) / cell_m, size - (y - corner[1]) / cell_m
+    middle = float(x[0].mean()), float(y[0].mean())
+    return IncidentGrid(
+        origin, size,
+        (_clipped(middle[0], size), _clipped(middle[1], size)),
+        (float(x[-1].mean() - middle[0]) / steps, float(y[-1].mean() - middle[1]) / steps),
+        (max(float(x[0].std()), 0.1), max(float(y[0].std()), 0.1)),
+        GridSummary(begins_s, inside, float(tracks.stranded[-1].mean())),
+    )  # fmt: skip
+
+
+def check_transit(
+    incident: Incident, begins_s: float, speed_mps: float, endurance_s: float
+) -> None:
+    """Check that drones reach the grid from their base.
+
+    Args:
+        incident: The incident.
+        begins_s: Time at which they are at the grid.
+        speed_mps: Airspeed of the slowest drone.
+        endurance_s: Time that they can fly.
+
+    Raises:
+        FieldError: If the transit takes longer.
+    """
+    transit_s = begins_s - incident.search_start_s
+    if incident.base is not None and transit_s > endurance_s:
+        lat, lon = incident.base
+        raise FieldError(
+            f"incident.base must be at most {endurance_s / 60:.0f} min of flight from the grid, "
+            f"got [{lat:g}, {lon:g}], {transit_s * speed_mps / 1000:.0f} km and "
+            f"{transit_s / 60:.0f} min away"
+        )
+
+
+def positions(
+    incident: Incident, origin: Origin, side_m: float, step_s: float, steps: int,
+    rng: np.random.Generator, count: int,
+) -> tuple[NDArray[np.float64], NDArray[np.int8] | None]:  # fmt: skip
+    """Return positions on a grid and objects of particles, as in `targets.ensemble.WeightedTracks`.
+
+    Args:
+        incident: The incident, with the time at which the search begins.
+        origin: The grid's south-west corner.
+        side_m: Side of the grid.
+        step_s: Duration of a step of the sea.
+        steps: T - 1.
+        rng: Generator of the draws.
+        count: M; given tracks keep their number.
+
+    Raises:
+        FieldError: If wind or current are missing.
+    """
+    assert incident.grid_summary is not None
+    times = incident.grid_summary.begins_s + step_s * np.arange(steps + 1, dtype=np.float64)
+    tracks = incident.tracks(times, count, rng)
+    places_m = np.empty((*tracks.lats_deg.shape, 2))
+    for step in range(steps + 1):
+        x, y = metres_from(origin, tracks.lats_deg[step], tracks.lons_deg[step])
+        places_m[step, :, 0], places_m[step, :, 1] = x, side_m - y
+    return places_m, tracks.objects
+
+
+def nearest_cells(
+    origin: Origin, grid_size: int, cell_m: float, base: tuple[float, float], count: int,
+    mask: NDArray[np.bool_] | None,
+) -> tuple[tuple[int, int], ...]:  # fmt: skip
+    """Return the cells (col, row) nearest to a base, fewer than `count` if there are no more.
+
+    Args:
+        origin: The grid's south-west corner.
+        grid_size: G.
+        cell_m: Side of a cell.
+        base: Latitude and longitude.
+        count: Number of cells.
+        mask: (G, G) bool, the searched cells; None for all.
+    """
+    x, y = metres_from(origin, np.array([base[0]]), np.array([base[1]]))
+    rows, cols = np.indices((grid_size, grid_size))
+    distance = np.hypot((cols + 0.5) * cell_m - x, (grid_size - rows - 0.5) * cell_m - y)
+    if mask is not None:
+        distance[~mask] = np.inf
+        count = min(count, int(mask.sum()))
+    nearest = np.argsort(distance, axis=None, kind="stable")[:count]
+    return tuple((int(i % grid_size), int(i // grid_size)) for i in nearest)
+
+
+def _square(
+    x: NDArray[np.float64], y: NDArray[np.float64], cell_m: float, grid_size: int | None
+) -> tuple[tuple[float, float], int, float]:
+    """Return south-west corner, cells along a side and share inside of a square around tracks.
+
+    Args:
+        x: (T, M), metres to the east.
+        y: (T, M), metres to the north.
+        cell_m: Side of a cell.
+        grid_size: G; None for as many as hold all but `OUTSIDE` of the tracks.
+    """
+    ends = []
+    for axis in (x, y):
+        # Each of the four sides may lose a quarter of the share that may be outside.
+        low = np.quantile(axis.min(axis=0), OUTSIDE / 4)
+        high = np.quantile(axis.max(axis=0), 1 - OUTSIDE / 4)
+        ends.append((float(low), float(high)))
+    if grid_size is None:
+        # The margin covers the rotation of north between the grid's centre and its corner.
+        grid_size = math.ceil(max(high - low for low, high in ends) / cell_m) + 2
+    side = grid_size * cell_m
+    corner = tuple((low + high - side) / 2 for low, high in ends)
+    within = [
+        ((axis >= start) & (axis < start + side)).all(axis=0)
+        for axis, start in zip((x, y), corner, strict=True)
+    ]
+    return (corner[0], corner[1]), grid_size, float((within[0] & within[1]).mean())
+
+
+def _distance(origin: Origin, side_m: float, incident: Incident) -> float:
+    """Return the distance from an incident's base to the grid in metres, 0 inside."""
+    assert incident.base is not None
+    lat, lon = incident.base
+    x, y = metres_from(origin, np.array([lat]), np.array([lon]))
+    beyond = [max(0.0, -float(v[0]), float(v[0]) - side_m) for v in (x, y)]
+    return math.hypot(*beyond)
+
+
+def metres_from(
+    origin: Origin, lats: NDArray[np.float64], lons: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return metres to the east and to the north of an origin."""
+    x, y, _ = through_ecef(pymap3d.geodetic2enu, origin, lats, lons, origin[2])
+    return np.asarray(x), np.asarray(y)
+
+
+def _clipped(value: float, size: int) -> int:
+    return min(max(math.floor(value), 0), size - 1)

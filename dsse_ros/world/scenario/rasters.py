@@ -1,0 +1,90 @@
+# Copyright 2026 dsse_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""The grid and other rasters on the Earth, by rasterio (extra `geotiff`)."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from dsse_ros.world.scenario.geodesy import Origin
+
+_SAME_CELL = 0.1
+"""Share of a cell by which the corners of a raster on the grid may be off."""
+
+
+class Raster(NamedTuple):
+    """Where the cells of a raster lie.
+
+    Attributes:
+        crs: Coordinate reference system.
+        transform: Affine transformation from columns and rows to its plane.
+    """
+
+    crs: Any
+    transform: Any
+
+    def is_on_earth(self, shape: tuple[int, int]) -> bool:
+        """Return whether the corners of a raster of some rows and columns are on the Earth."""
+        rows, cols = shape
+        corners = _applied(self.transform, *np.array([[0, cols, 0, cols], [0, 0, rows, rows]]))
+        return bool(np.isfinite(_transformed(self.crs, "EPSG:4326", *corners)).all())
+
+    def is_near(self, other: Raster, side: int) -> bool:
+        """Return whether the cells of another raster, as many along a side, are the same."""
+        corners = np.array([[0, side, 0, side], [0, 0, side, side]])
+        there = _transformed(other.crs, self.crs, *_applied(other.transform, *corners))
+        return bool(np.abs(_applied(~self.transform, *there) - corners).max() <= _SAME_CELL)
+
+    def resampled(
+        self, values: NDArray[np.float64], other: Raster, side: int
+    ) -> NDArray[np.float64]:
+        """Return values (R, C) on the cells of another raster, (side, side); their sum is kept."""
+        from rasterio.warp import Resampling, reproject
+
+        found = np.zeros((side, side))
+        reproject(
+            values, found, src_crs=self.crs, src_transform=self.transform, dst_crs=other.crs,
+            dst_transform=other.transform, resampling=Resampling.sum,
+        )  # fmt: skip
+        return found
+
+
+def raster_of_grid(grid_size: int, cell_size_m: float, origin: Origin) -> Raster:
+    """Return the raster of a grid, row 0 in the north.
+
+    x and y of the map frame are those of the orthographic projection of the ellipsoid about the
+    origin, so the cells are exact rectangles of its plane. Above the ellipsoid, only the size of a
+    cell in that plane changes.
+    """
+    from pymap3d.rcurve import meridian, transverse
+    from rasterio.crs import CRS
+    from rasterio.transform import Affine
+
+    lat_deg, lon_deg, alt_m = origin
+    across, down = (
+        cell_size_m * radius_m / (radius_m + alt_m)
+        for radius_m in (float(curvature(lat_deg)) for curvature in (transverse, meridian))
+    )
+    crs = CRS.from_dict(proj="ortho", lat_0=lat_deg, lon_0=lon_deg, datum="WGS84", units="m")
+    return Raster(crs, Affine(across, 0, 0, 0, -down, grid_size * down))
+
+
+def _applied(transform: Any, x: Any, y: Any) -> NDArray[np.float64]:
+    """Return points (2, N) by an affine transformation."""
+    a, b, c, d, e, f = transform[:6]
+    return np.array([a * x + b * y + c, d * x + e * y + f])
+
+
+def _transformed(source: Any, target: Any, x: Any, y: Any) -> NDArray[np.float64]:
+    """Return points (2, N) in another reference system, NaN where they are not on the Earth."""
+    from rasterio.warp import transform
+
+    try:
+        return np.array(transform(source, target, x, y))
+    # The errors of GDAL have no common base.
+    except Exception:
+        return np.full((2, len(x)), np.nan)

@@ -1,0 +1,36 @@
+# Copyright 2026 dsse_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""The ensemble of an incident: objects that drift with wind and current."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from dsse_ros.world.targets import constant_drift
+from dsse_ros.world.targets.ensemble import Ensemble, WeightedTracks, requested
+
+
+def tracks(scenario: Any, steps: int, rng: np.random.Generator, count: int) -> WeightedTracks:
+    """Return tracks of equal weight; see `targets.ensemble.TracksOf`.
+
+    They are those of the scenario's incident. Without one there is only the drift of the datum, and
+    the tracks are those of `constant_drift`.
+    """
+    if scenario.incident is None:
+        return constant_drift.tracks(scenario, steps, rng, count)
+    positions, objects = scenario.incident_positions(steps, rng, count)
+    number = positions.shape[1]
+    return WeightedTracks(positions, np.full(number, 1.0 / number), objects)
+
+
+def count(scenario: Any) -> int:
+    """Return the number of tracks: the scenario's, or that of the tracks of another model."""
+    model_tracks = None if scenario.incident is None else scenario.incident.model_tracks
+    return requested(scenario) if model_tracks is None else int(model_tracks.lats_deg.shape[1])
+
+
+LEEWAY = Ensemble(
+    "drifts with wind and current like the object of the incident", tracks, count, of_incident=True
+)

@@ -1,6 +1,0 @@
-# Copyright 2026 dsse_ros maintainers
-# SPDX-License-Identifier: Apache-2.0
-"""A simulated autopilot that behaves as ArduCopter or PX4, in a process of its own.
-
-Start it with `python test/flight/autopilot --help`, or in a test by `autopilot.running`.
-"""
