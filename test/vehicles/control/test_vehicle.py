@@ -51,6 +51,8 @@ def fly(vehicle: Vehicle, order: Order) -> str:
     number = vehicle.give(order)
     until(lambda: vehicle.outcome.status not in ("under_way", "silent"))
     assert vehicle.outcome.number == number
+    if vehicle.outcome.reason:
+        print(order, vehicle.outcome)
     return vehicle.outcome.status
 
 
@@ -115,7 +117,7 @@ def test_it_flies_over_a_bad_link() -> None:
         running_relay(
             autopilot.port, loss=0.2, duplicate=0.1, reorder=0.2, jitter_s=0.02, seed=1
         ) as relay,
-        vehicle_of(relay, command_s=0.3) as vehicle,
+        vehicle_of(relay) as vehicle,
     ):
         orders = [TakeOff(5.0), GoTo(*NEAR, 8.0, 4.0), FlyMission(a_mission("ardupilot"))]
         assert [fly(vehicle, order) for order in orders] == ["done"] * 3
