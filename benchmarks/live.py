@@ -37,7 +37,7 @@ from dsse_ros.search.environments.factories import parallel_env
 from dsse_ros.search.environments.parallel_env import SearchEnv
 from dsse_ros.search.environments.world_beliefs import WorldBeliefs
 from dsse_ros.world.scenario.actions import ACTION_VECTORS
-from dsse_ros.world.scenario.frames import cell_centre
+from dsse_ros.world.scenario.frames import cell_centre, flip_y
 from dsse_ros.world.scenario.incident import Incident
 from dsse_ros.world.scenario.incident_grid import positions
 
@@ -257,7 +257,7 @@ class LiveMission:
         origin, side_m = (s.origin_lat, s.origin_lon, s.origin_alt), s.grid_size * s.cell_size
         tracks, _ = positions(law, origin, side_m, s.step_duration_s, STEPS, self._rng, 1)
         track = tracks[:, 0]
-        return np.stack([track[:, 0], side_m - track[:, 1]], axis=1)
+        return np.stack([track[:, 0], flip_y(side_m, track[:, 1])], axis=1)
 
     def _cell_at(self, step: int) -> tuple[int, int]:
         x, y = (self._truth[step] / self._scenario.cell_size).tolist()

@@ -41,7 +41,7 @@ from dsse_ros.planners.belief import BeliefPlanner
 from dsse_ros.planners.registry import planner_for
 from dsse_ros.search.environments.factories import parallel_env
 from dsse_ros.search.environments.parallel_env import SearchEnv
-from dsse_ros.world.scenario.frames import cell_centre
+from dsse_ros.world.scenario.frames import cell_centre, flip_y
 from dsse_ros.world.scenario.incident import Incident
 from dsse_ros.world.scenario.incident_grid import positions
 
@@ -170,7 +170,7 @@ class Arm:
             if not real and self._rng.random() >= self._case.false_alarms:
                 continue
             if real:
-                x, y = self._truth[step, 0], self._side_m - self._truth[step, 1]
+                x, y = self._truth[step, 0], flip_y(self._side_m, self._truth[step, 1])
                 self._detected.append(step)
             else:
                 col, row = cell + self._rng.uniform(-0.5, 0.5, 2)
@@ -190,7 +190,7 @@ class Arm:
         now_s = (step + 1) * scenario.step_duration_s
         for contact in live_search.contacts.of_state("open"):
             last, x, y = live_search.contact_now(contact, now_s)
-            cell = int(x // scenario.cell_size), int((self._side_m - y) // scenario.cell_size)
+            cell = int(x // scenario.cell_size), int(flip_y(self._side_m, y) // scenario.cell_size)
             old = now_s - last.time_s >= BACK_STEPS * scenario.step_duration_s
             if old and cell in cells and contact.name not in self._real:
                 take(

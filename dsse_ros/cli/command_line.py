@@ -37,12 +37,13 @@ from dsse_ros.ros.runtime.ros_arguments import (
     typed_names,
     without_prefix,
 )
+from dsse_ros.world.scenario.limits import MAX_SEED
 from dsse_ros.world.scenario.place_checks import LAT, LON
 from dsse_ros.world.scenario.rules import AUTO, PROFILES, Rules, profile
 from dsse_ros.world.scenario.scenario import ResolvedScenario, Scenario
 
 DEFAULT_SCENARIO = "santos"
-MAX_SEED = 2**62
+SEED = Spec("int", "Random seed.", low=0, high=MAX_SEED)
 SIM_NODE, PLANNER_NODE, DASHBOARD = "sim_node", "planner_node", "dashboard"
 _OF_SEARCH = {
     SCENARIO_FILE: ("scenario", SIM_PARAMETERS[SCENARIO_FILE]),
@@ -51,7 +52,7 @@ _OF_SEARCH = {
     "model": ("model", Spec("str", "")),
     "planner_options": ("planner_options", Spec("names", "")),
     "scenario.num_drones": ("num_drones", SIM_PARAMETERS["scenario.num_drones"]),
-    "seed": ("seed", Spec("int", "", low=0, high=MAX_SEED)),
+    "seed": ("seed", SEED),
 }
 """Parameters of the nodes that are options of a program: name and values of the option."""
 _FIELDS = {name: spec for name, spec in SIM_PARAMETERS.items() if "." in name}
@@ -169,8 +170,7 @@ def search_of(arguments: argparse.Namespace) -> tuple[Path, ResolvedScenario, Ru
     Raises:
         FieldError: If one of them, or the seed, is not allowed.
     """
-    if not 0 <= arguments.seed <= MAX_SEED:
-        raise FieldError(f"seed must be from 0 to 2^62, got {arguments.seed}")
+    SEED.check("seed", arguments.seed)
     of_scenario = without_prefix("scenario.", arguments.fields)
     path = find_scenario(arguments.scenario or DEFAULT_SCENARIO)
     scenario = Scenario.from_yaml(path).override(**of_scenario, num_drones=arguments.num_drones)

@@ -14,7 +14,7 @@ from pathlib import Path
 from dsse_ros.base.fields import FieldError
 from dsse_ros.base.progress_bar import progress
 from dsse_ros.base.whole_files import write_whole
-from dsse_ros.cli.command_line import MAX_SEED, Parser, make_folder
+from dsse_ros.cli.command_line import SEED, Parser, make_folder
 from dsse_ros.mission.files.scenario_files import scenario_with_incident
 from dsse_ros.planners.search_plan.assignments import SearchUnit
 from dsse_ros.planners.search_plan.optimiser import NoPlanError, best_plan, generations
@@ -65,8 +65,7 @@ def search_of(
     Raises:
         FieldError: If the scenario or a unit is not allowed.
     """
-    if not 0 <= arguments.seed <= MAX_SEED:
-        raise FieldError(f"seed must be from 0 to 2^62, got {arguments.seed}")
+    SEED.check("seed", arguments.seed)
     stated, incident = scenario_with_incident(arguments.scenario)
     units = read_units(arguments.units)
     # The search begins when the incident says, wherever the units are.
@@ -84,7 +83,7 @@ def search_of(
     found = []
     for unit in units:
         try:
-            found.append(replace(unit, base=unit.base or incident.base).unit(forecast.scenario))
+            found.append(unit.unit(forecast.scenario, incident.base))
         except FieldError as error:
             raise FieldError(f"{arguments.units}: {unit.name}: {error}") from None
     return forecast, found

@@ -41,6 +41,7 @@ from dsse_ros.search.environments.space import (
     turn_and_speed_of,
 )
 from dsse_ros.world.scenario.env_options import IGNORED_OPTION, check_seed
+from dsse_ros.world.scenario.limits import MAX_SEED
 
 T = TypeVar("T")
 
@@ -49,8 +50,6 @@ TIMEOUT_S = 9.0
 
 _RESEND_S = 0.5
 """Wall time after which an action that nothing has answered is sent again."""
-_MAX_SEED = 2**62
-"""Of the parameter `seed`."""
 _NEEDED = {"step_mode": "lockstep", "auto_reset": False}
 """Parameters of the node with which it waits for each action, and for a reset."""
 
@@ -184,11 +183,11 @@ class DsseRosEnv(AgentSpaces, ParallelEnv[str, AgentObservation, Any]):
                 raise FieldError(f"options must be empty over ROS, got {shown(name)}")
         if seed is not None:
             seed = check_seed(seed)
-            if seed > _MAX_SEED:
-                raise FieldError(f"seed must be 0 to {_MAX_SEED} over ROS, got {seed}")
+            if seed > MAX_SEED:
+                raise FieldError(f"seed must be 0 to {MAX_SEED} over ROS, got {seed}")
             self._draws = np.random.default_rng(seed)
         else:
-            seed = int(self._draws.integers(_MAX_SEED))
+            seed = int(self._draws.integers(MAX_SEED))
         self._leave()
         deadline_s = time.monotonic() + self.timeout_s
         parameter = Parameter("seed", value=seed).to_parameter_msg()

@@ -48,7 +48,7 @@ def test_the_same_seed_writes_the_same_files(
         (["none.yaml"], "none.yaml: No such file or directory"),
         ([UNITS, "--minutes=0"], "minutes must be > 0 and <= 1440, got 0"),
         ([UNITS, "--minutes=1", "--seed=1"], "ready must be from 2026-01-17T14:00:00Z to before"),
-        ([UNITS, "--seed=-1"], "seed must be from 0 to 2^62, got -1"),
+        ([UNITS, "--seed=-1"], "seed must be an integer >= 0 and <= 4611686018427387904, got -1"),
     ],
 )
 def test_bad_input_is_refused_in_a_line(

@@ -16,7 +16,7 @@ from dsse_ros.base.result import Accepted, Rejected, Result
 from dsse_ros.mission.run.command_parsers import parse_point
 from dsse_ros.search.environments.space import STRAIGHT_ON
 from dsse_ros.search.step.metres_paths import shares_of
-from dsse_ros.world.scenario.frames import GridFrame
+from dsse_ros.world.scenario.frames import GridFrame, flip_y
 
 if TYPE_CHECKING:
     from msg_adapters.poses import FramedPose
@@ -133,7 +133,7 @@ def parse_track(poses: Sequence[FramedPose], frame: GridFrame) -> Result[NDArray
             where = f"poses[{number}]: " if len(poses) > 1 else ""
             return Rejected(parsed.code, f"{where}{parsed.reason}")
         x_m, y_m = parsed.value
-        points.append((x_m, frame.side_m - y_m))
+        points.append((x_m, flip_y(frame.side_m, y_m)))
     return Accepted(np.array(points))
 
 

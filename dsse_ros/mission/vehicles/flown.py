@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from dsse_ros.search.environments.metres_drones import MetresDrones
 from dsse_ros.search.step.metres_paths import Wind
-from dsse_ros.world.scenario.frames import GridFrame
+from dsse_ros.world.scenario.frames import GridFrame, flip_y
 
 
 @dataclass(frozen=True)
@@ -90,7 +90,7 @@ def motions(frame: GridFrame, flown: Flown, wind: Wind, share: float) -> list[Mo
         stands = np.hypot(*air.T) == 0.0
         headings = np.where(stands, flown.flights["heading"], np.arctan2(air[:, 0], -air[:, 1]))
     return [
-        Motion((x, frame.side_m - y, altitude), (east, -south), yaw_of_heading(heading))
+        Motion((x, flip_y(frame.side_m, y), altitude), (east, -south), yaw_of_heading(heading))
         for (x, y), (east, south), heading, altitude in zip(
             places.tolist(),
             velocities.tolist(),

@@ -20,7 +20,7 @@ from dsse_ros.search.step.constants import NO_ACTION
 from dsse_ros.search.step.metres_paths import MOST_PIECES
 from dsse_ros.vehicles.fleet.vehicle_time import FOLLOWED, IGNORED, VehicleTimeSettings
 from dsse_ros.vehicles.mission_items.track_missions import acceptance_radius_m
-from dsse_ros.world.scenario.frames import GridFrame
+from dsse_ros.world.scenario.frames import GridFrame, flip_y
 from msg_adapters.poses import FramedPose
 
 
@@ -104,7 +104,7 @@ class VehicleSteps:
             ahead_s, silent_s = self._scheduler.fleet_ahead_s, self._clock.silent_s(drone)
             flown = self._flown[drone].take(MOST_PIECES, ahead_s, silent_s)
             if flown is not None:
-                flown[0][:, 1] = self._frame.side_m - flown[0][:, 1]
+                flown[0][:, 1] = flip_y(self._frame.side_m, flown[0][:, 1])
                 taken[drone] = flown
         return taken
 

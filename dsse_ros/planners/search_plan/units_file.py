@@ -13,6 +13,7 @@ from typing import Any
 from dsse_ros.base.fields import FieldError, check_all, check_known, field, shown, specs
 from dsse_ros.planners.search_plan.assignments import PATTERNS, SearchUnit
 from dsse_ros.world.drift.flow import utc
+from dsse_ros.world.scenario.frames import flip_y
 from dsse_ros.world.scenario.geodesy import geodetic_to_map
 from dsse_ros.world.scenario.incident import time_of
 from dsse_ros.world.scenario.place_checks import LAT, LON, check_near
@@ -89,8 +90,14 @@ class UnitFields:
                         f"{shown(getattr(self, name))}"
                     )
 
-    def unit(self, scenario: ResolvedScenario) -> SearchUnit:
+    def unit(
+        self, scenario: ResolvedScenario, default_base: tuple[float, float] | None
+    ) -> SearchUnit:
         """Return the unit in a search that begins with its incident.
+
+        Args:
+            scenario: Of the search.
+            default_base: Latitude and longitude of the base of a unit that states none.
 
         Raises:
             FieldError: If a value does not fit the search.
@@ -111,23 +118,24 @@ class UnitFields:
         if not (lateral.sweep_width_m or lateral.reach_m * lateral.pod):
             raise FieldError("sensor must have a sweep width > 0 m, got 0")
         return SearchUnit(
-            self.name, self.speed, self._base(scenario), ready_s, until_s, lateral,
+            self.name, self.speed, self._base(scenario, default_base), ready_s, until_s, lateral,
             math.inf if self.on_scene is None else self.on_scene * 60,
             math.inf if self.endurance is None else self.endurance * 60, self.patterns,
             self.altitude or scenario.altitude,
         )  # fmt: skip
 
-    def _base(self, scenario: ResolvedScenario) -> tuple[float, float]:
+    def _base(
+        self, scenario: ResolvedScenario, default: tuple[float, float] | None
+    ) -> tuple[float, float]:
         """Return its base, metres to the east and to the south of the north-west corner."""
-        assert scenario.incident is not None
-        place = self.base or scenario.incident.base
+        place = self.base or default
         if place is None:
             raise FieldError("base must be given, as the incident has none")
         lat, lon = LAT.check("base: latitude", place[0]), LON.check("base: longitude", place[1])
         frame = scenario_frame(scenario)
         check_near("base", (lat, lon), frame.origin[:2])
         east, north, _ = geodetic_to_map(frame, lat, lon, frame.origin_alt_m)
-        return float(east), frame.side_m - float(north)
+        return float(east), flip_y(frame.side_m, float(north))
 
     def _lateral(self, scenario: ResolvedScenario) -> LateralRange:
         """Return how it sees what it passes."""

@@ -19,13 +19,13 @@ from dsse_ros.mission.files.scenario_files import find_scenario
 from dsse_ros.planners.registry import load_planner
 from dsse_ros.results.campaign.provenance import files, versions
 from dsse_ros.world.scenario.definition import SearchDefinition
+from dsse_ros.world.scenario.limits import MAX_SEED
 from dsse_ros.world.scenario.rules import AUTO, Rules
 from dsse_ros.world.scenario.scenario import FILES, ResolvedScenario, Scenario, scenario_and_rules
 from dsse_ros.world.scenario.scenario_identity import identity_of, plain
 from dsse_ros.world.scenario.truth_fields import SIMULATED
 from dsse_ros.world.scenario.yaml_file import read_yaml
 
-MAX_SEED = 2**62
 MAX_MISSIONS = 10**8
 T = TypeVar("T", "PlannerEntry", "Case")
 

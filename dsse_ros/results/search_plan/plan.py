@@ -12,7 +12,7 @@ from dsse_ros.planners.search_plan.assignments import Assignment
 from dsse_ros.planners.search_plan.success import Success
 from dsse_ros.search.belief.ensemble_belief import EnsembleForecast
 from dsse_ros.world.drift.flow import utc
-from dsse_ros.world.scenario.frames import GridFrame
+from dsse_ros.world.scenario.frames import GridFrame, flip_y
 from dsse_ros.world.scenario.geodesy import map_to_geodetic
 from dsse_ros.world.scenario.scenario import ResolvedScenario, scenario_frame
 
@@ -65,7 +65,7 @@ class SearchPlan:
     def place(self, east: float, south: float) -> tuple[float, float]:
         """Return latitude and longitude of a point of the plan."""
         frame = self.frame
-        lat, lon, _ = map_to_geodetic(frame, float(east), frame.side_m - float(south), 0.0)
+        lat, lon, _ = map_to_geodetic(frame, float(east), flip_y(frame.side_m, float(south)), 0.0)
         return float(lat), float(lon)
 
     def date_s(self, time_s: float) -> float:

@@ -26,6 +26,7 @@ from dsse_ros.search.step.polylines import along
 from dsse_ros.vehicles.autopilots import AUTOPILOTS
 from dsse_ros.vehicles.mission_items.items import Home, VehicleMission
 from dsse_ros.vehicles.mission_items.track_missions import TrackStyle, track_mission
+from dsse_ros.world.scenario.frames import flip_y
 from dsse_ros.world.scenario.sea_state import sea_state
 
 LEGS = 4
@@ -141,7 +142,7 @@ def save_plan_picture(plan: SearchPlan, path: Path) -> None:
     axes, side_m = figure.axes[0], plan.frame.side_m
     for number, (name, assignment) in enumerate(zip(plan.names, plan.assignments, strict=True)):
         outline = np.concatenate([assignment.area.corners, assignment.area.corners[:1]])
-        x, y = outline[:, 0] / 1000, (side_m - outline[:, 1]) / 1000
+        x, y = outline[:, 0] / 1000, flip_y(side_m, outline[:, 1]) / 1000
         axes.plot(x, y, color=drone_colour(number), linewidth=1.6, zorder=4.5)
         axes.text(
             float(x[:4].mean()), float(y[:4].mean()), name, ha="center", va="center", fontsize=9,

@@ -24,7 +24,7 @@ from dsse_ros.ros.runtime.last_published import LastPublished
 from dsse_ros.ros.runtime.qos import Endpoints
 from dsse_ros.world.scenario.agents import AgentsInfo, agents_json, area_rows
 from dsse_ros.world.scenario.definition import SearchDefinition
-from dsse_ros.world.scenario.frames import GridFrame, map_positions
+from dsse_ros.world.scenario.frames import GridFrame, flip_y, map_positions
 from dsse_ros.world.scenario.geodesy import map_in_earth
 from msg_adapters.poses import earth_transform, odometry, path, transforms, yaw_of
 from msg_adapters.stamps import to_stamp
@@ -218,7 +218,7 @@ class MissionPublishers:
             self._tracks[drone] = track
             points = [] if track is None else track.points.tolist()
             altitude_m = self._frame.alt_of(drone)
-            positions = [(x, self._frame.side_m - south, altitude_m) for x, south in points]
+            positions = [(x, flip_y(self._frame.side_m, y), altitude_m) for x, y in points]
             publisher.publish(path(self._messages.header(stamp), positions))
 
     def publish_report(self, stamp: Time) -> None:

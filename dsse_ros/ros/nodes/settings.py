@@ -11,7 +11,7 @@ from dsse_ros.base.fields import FieldError, Spec, check_all, field, shown, spec
 from dsse_ros.mission.run.command_buffer import MISSING_ACTIONS
 from dsse_ros.planners.registry import DEFAULT_PLANNER, PLANNER_NAMES
 from dsse_ros.vehicles.fleet.vehicle_time import FOLLOWED, VehicleTimeSettings
-from dsse_ros.world.scenario.limits import LARGEST_GRID_CELLS, MAX_ID
+from dsse_ros.world.scenario.limits import LARGEST_GRID_CELLS, MAX_ID, MAX_SEED
 from dsse_ros.world.scenario.rules import AUTO, PROFILES, Rules
 from dsse_ros.world.scenario.scenario import Scenario
 
@@ -71,7 +71,7 @@ class SimSettings(VehicleTimeSettings):
         "float", "Realtime: simulated seconds per second of wall time.", 1.0, above=0, high=1e6
     )
     seed: int = field(
-        "int", "Seed of the mission that a reset starts; -1 draws one.", -1, low=-1, high=2**62
+        "int", "Seed of the mission that a reset starts; -1 draws one.", -1, low=-1, high=MAX_SEED
     )
     run_id: int = field(
         "int",
@@ -241,7 +241,7 @@ class PlannerSettings:
     planner_options: tuple[str, ...] = field(
         "names", "Options of the planner, such as horizon=10 for belief.", ()
     )
-    seed: int = field("int", "Seed of the planner's random draws.", 0, low=0, high=2**62)
+    seed: int = field("int", "Seed of the planner's random draws.", 0, low=0, high=MAX_SEED)
     resend_period: float = field(
         "float",
         "Wall time before an unanswered command is resent.",

@@ -134,6 +134,18 @@ def map_to_places(frame: GridFrame, x_m: F, y_m: F) -> tuple[F, F]:
     return x_m / cell_m - 0.5, frame.grid_size - 0.5 - y_m / cell_m
 
 
+def flip_y(height_m: float, y_m: F) -> F:
+    """Return metres from the other horizontal edge of the grid: north to south, or back.
+
+    y counts from the southern edge in the map frame, and from the northern one in the search.
+
+    Args:
+        height_m: From the southern to the northern edge.
+        y_m: Metres from one edge, a number or an array.
+    """
+    return height_m - y_m
+
+
 def map_positions(
     frame: GridFrame, cells: ArrayLike, drone: int | None = None
 ) -> list[tuple[float, float, float]]:

@@ -12,6 +12,7 @@ import pymap3d
 from numpy.typing import NDArray
 
 from dsse_ros.base.fields import FieldError
+from dsse_ros.world.scenario.frames import flip_y
 from dsse_ros.world.scenario.geodesy import mean_lon, surface_to_geodetic, through_ecef
 from dsse_ros.world.scenario.incident import LONGEST_SEARCH_S, GridSummary, Incident
 from dsse_ros.world.scenario.limits import MAX_SIDE
@@ -151,7 +152,7 @@ def positions(
     places_m = np.empty((*tracks.lats_deg.shape, 2))
     for step in range(steps + 1):
         x, y = metres_from(origin, tracks.lats_deg[step], tracks.lons_deg[step])
-        places_m[step, :, 0], places_m[step, :, 1] = x, side_m - y
+        places_m[step, :, 0], places_m[step, :, 1] = x, flip_y(side_m, y)
     return places_m, tracks.objects
 
 

@@ -20,6 +20,8 @@ MAX_PRE_SEARCH_STEPS = 1_000_000
 """Steps of drift before the drones arrive."""
 MAX_ID = 2**32 - 1
 """Largest run_id and mission: uint32 in the reports."""
+MAX_SEED = 2**62
+"""Largest seed of a parameter, an option or a file: the next missions' seeds are int64, too."""
 
 
 def check_cells(grid_size: int, max_cells: int) -> None:

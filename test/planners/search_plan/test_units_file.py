@@ -15,6 +15,7 @@ from dsse_ros.world.scenario.rules import profile
 from dsse_ros.world.scenario.scenario import ResolvedScenario, Scenario
 from dsse_ros.world.sensors.sweep_width import sweep_width_m
 
+BASE = (-24.0, -46.33)
 ROOT = Path(__file__).resolve().parents[3]
 
 
@@ -24,7 +25,9 @@ def kayak() -> ResolvedScenario:
 
 
 def test_the_example_has_four_units(kayak: ResolvedScenario) -> None:
-    units = [fields.unit(kayak) for fields in read_units(ROOT / "examples" / "kayak_units.yaml")]
+    units = [
+        fields.unit(kayak, BASE) for fields in read_units(ROOT / "examples" / "kayak_units.yaml")
+    ]
     assert [unit.name for unit in units] == ["drone 1", "drone 2", "lifeboat", "helicopter"]
     assert [unit.returns for unit in units] == [True, True, False, True]
     assert units[3].patterns == ("PS",)
@@ -40,7 +43,7 @@ def test_a_platform_has_its_own_sweep_width(kayak: ResolvedScenario) -> None:
     wanted = sweep_width_m(
         "raft_4_person", "boat", altitude_m=4.2672, visibility_m=stated.visibility, speed_mps=10,
     )  # fmt: skip
-    assert fields.unit(stated).lateral.sweep_width_m == pytest.approx(wanted)
+    assert fields.unit(stated, BASE).lateral.sweep_width_m == pytest.approx(wanted)
 
 
 @pytest.mark.parametrize(
@@ -94,11 +97,11 @@ def test_what_does_not_fit_the_search_is_refused(
     kayak: ResolvedScenario, fields: dict[str, object], message: str
 ) -> None:
     with pytest.raises(FieldError, match=message.replace("(", r"\(")):
-        UnitFields(name="a", speed=10, **fields).unit(kayak)  # type: ignore[arg-type]
+        UnitFields(name="a", speed=10, **fields).unit(kayak, BASE)  # type: ignore[arg-type]
 
 
 def test_a_unit_without_limits_searches_until_the_time_limit(kayak: ResolvedScenario) -> None:
-    unit = UnitFields(name="a", speed=10).unit(kayak)
+    unit = UnitFields(name="a", speed=10).unit(kayak, BASE)
     assert unit.until_s == pytest.approx(180 * 13.0)
     assert unit.endurance_s == unit.on_scene_s == math.inf
     assert not unit.returns

@@ -33,6 +33,7 @@ from dsse_ros.search.environments.metres_drones import strips_of
 from dsse_ros.search.step.metres_paths import MOST_PIECES
 from dsse_ros.world.scenario.agents import AgentsInfo, agents_json
 from dsse_ros.world.scenario.definition import SearchDefinition
+from dsse_ros.world.scenario.frames import flip_y
 from dsse_ros.world.scenario.geodesy import geodetic_to_map
 from dsse_ros.world.scenario.scenario import scenario_frame
 from dsse_ros.world.searchers import registry
@@ -250,7 +251,7 @@ def test_a_record_in_metres_is_exported_as_paths_and_strips(tmp_path: Path, vehi
     for n, name in enumerate(record.agents):
         track = metres(marks[name].findtext(".//LineString/coordinates", "", KML))
         flown_m = np.vstack([paths[0, n, -1:], paths[1:, n, 1:].reshape(-1, 2)])
-        flown_m[:, 1] = frame.side_m - flown_m[:, 1]
+        flown_m[:, 1] = flip_y(frame.side_m, flown_m[:, 1])
         assert np.abs(track - flown_m).max() < 0.01
         polygons = [
             shapely.Polygon(

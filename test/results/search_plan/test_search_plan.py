@@ -38,6 +38,8 @@ KAYAK = Path(__file__).resolve().parents[3] / "config" / "kayak.yaml"
 @pytest.fixture(scope="module")
 def plan() -> SearchPlan:
     scenario = Scenario.from_yaml(KAYAK).override(particles=2000, timestep_limit=150)
+    assert scenario.incident is not None
+    base = scenario.incident.base
     forecast = EnsembleForecast(scenario, profile("flight"))
     units = [
         UnitFields(name="drone", speed=10, endurance=30, altitude=100, sensor="flown_over"),
@@ -48,7 +50,7 @@ def plan() -> SearchPlan:
         Choice(1000.0, 2300.0, 65.0, True, 4, 240.0),
     ]
     laid = [
-        assignment_of(unit.unit(forecast.scenario), choice)
+        assignment_of(unit.unit(forecast.scenario, base), choice)
         for unit, choice in zip(units, choices, strict=True)
     ]
     return stated_plan(forecast, [each for each in laid if each is not None])

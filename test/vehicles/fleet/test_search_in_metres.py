@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from virtual_fleet import VirtualFleet
 
 from dsse_ros.vehicles.mavlink.messages import CommandLong
-from dsse_ros.world.scenario.frames import GridFrame, cell_to_map
+from dsse_ros.world.scenario.frames import GridFrame, cell_to_map, flip_y
 from dsse_ros.world.scenario.geodesy import geodetic_to_map
 
 FRAME = GridFrame(20, 130.0, -24.04, -46.17, 0.0, 40.0)
@@ -193,7 +193,9 @@ def test_what_the_vehicles_have_flown_is_what_the_mission_has() -> None:
     for i, path in enumerate(result.flown.paths):
         t, x, y = np.array(search.flown[i]).T
         at_s = np.linspace(begin_s, end_s, len(path))
-        flown = np.stack([np.interp(at_s, t, x), FRAME.side_m - np.interp(at_s, t, y)], axis=1)
+        flown = np.stack(
+            [np.interp(at_s, t, x), flip_y(FRAME.side_m, np.interp(at_s, t, y))], axis=1
+        )
         # A position comes every quarter of a second.
         assert np.hypot(*(path - flown).T).max() < 0.5 * 10.0
         east, south = path[-1] - path[-2]

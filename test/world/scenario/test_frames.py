@@ -11,7 +11,13 @@ from grid_frames import FRAMES
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dsse_ros.world.scenario.frames import GridFrame, cell_to_map, map_positions, map_to_cell
+from dsse_ros.world.scenario.frames import (
+    GridFrame,
+    cell_to_map,
+    flip_y,
+    map_positions,
+    map_to_cell,
+)
 
 SANTOS = GridFrame(8, 130.0, -24.04, -46.17, 0.0, 120.0)
 
@@ -30,6 +36,14 @@ def test_a_cell_east_is_plus_x_and_a_cell_north_is_plus_y(frame, data):
     x_north, y_north = cell_to_map(frame, col, row - 1)
     assert (x_east - x_m, y_east - y_m) == (pytest.approx(frame.cell_size_m), 0)
     assert (x_north - x_m, y_north - y_m) == (0, pytest.approx(frame.cell_size_m))
+
+
+@given(FRAMES, st.integers(0, 399))
+def test_rows_count_from_the_north_and_y_from_the_south(frame, row):
+    _, y_m = cell_to_map(frame, 0, row)
+    middle_m = (row + 0.5) * frame.cell_size_m
+    assert flip_y(frame.side_m, y_m) == pytest.approx(middle_m, abs=1e-9 * frame.side_m)
+    assert flip_y(frame.side_m, flip_y(frame.side_m, y_m)) == pytest.approx(y_m)
 
 
 @given(FRAMES, st.data())
