@@ -2,11 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """Compilation of the search: Numba's options and the dependencies of its cache.
 
-Numba recompiles a function when the time or size of its own module's file has changed: after each
-installation, but not when a module has changed from which it has a function that it calls or a
-constant. The functions compiled here depend on the content of their own module and of all modules
-of this package that it imports, directly or not, and on the motions of other packages, which are
-compiled in.
+Numba recompiles a function when its own module has changed, but not when a module has changed from
+which it has a function that it calls or a constant. The functions compiled here depend on all
+modules of this package that their own module imports, directly or not, and on the motions of other
+packages, which are compiled in.
 
 Numba's cache identifies a named tuple by its class, but compiled code finds its fields by position:
 here the names of the fields, in order, are part of the key.
@@ -148,7 +147,7 @@ def compiled(**options: Any) -> Compile:
             file.save = _locked(file.save, folder, fcntl.LOCK_EX)
             sources = sources_of(Path(function.__code__.co_filename))
             motions = sources_of_packages("motion")
-            file._source_stamp = (sources, motions)
+            file._source_stamp = (file._source_stamp, sources, motions)
             key_of = dispatcher._cache._index_key
             dispatcher._cache._index_key = lambda kinds, codegen: (
                 *key_of(kinds, codegen),

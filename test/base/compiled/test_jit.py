@@ -6,13 +6,11 @@ from __future__ import annotations
 
 import ast
 import os
-import runpy
 import shutil
 import subprocess
 import sys
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 import dsse_ros
@@ -68,16 +66,6 @@ DRIFTS = [
     f"    world.remainder_x += world.drift_{first}\n    world.remainder_y += world.drift_{second}\n"
     for first, second in ("xy", "yx")
 ]
-
-
-def test_what_is_installed_again_unchanged_is_not_compiled_again(tmp_path: Path) -> None:
-    file = tmp_path / "twice.py"
-    file.write_text(TWICE)
-    for hits, time_s in enumerate((1e9, 2e9)):
-        os.utime(file, (time_s, time_s))
-        twice = runpy.run_path(str(file))["twice"]
-        assert twice(np.ones(3)) == 6.0
-        assert sum(twice.stats.cache_hits.values()) == hits
 
 
 @pytest.mark.slow
