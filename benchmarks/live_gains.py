@@ -58,8 +58,9 @@ BACK_STEPS = 3
 def searched(_: np.random.Generator, incident: Incident) -> tuple[list[Report], Incident]:
     """Report at once that others have searched around the last known position."""
     seen = incident.sightings[0]
-    west, east, south, north = (seen.lon_deg - 0.008, seen.lon_deg + 0.008, seen.lat_deg - 0.008,
-                                seen.lat_deg + 0.008)  # fmt: skip
+    lat_deg, lon_deg = seen.place
+    west, east, south, north = (lon_deg - 0.008, lon_deg + 0.008, lat_deg - 0.008,
+                                lat_deg + 0.008)  # fmt: skip
     ring = [[west, south], [east, south], [east, north], [west, north], [west, south]]
     values = {"time": 300.0, "pod": 0.6, "geometry": {"type": "Polygon", "coordinates": [ring]}}
     return [Report(24, "searched", values)], incident

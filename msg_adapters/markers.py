@@ -87,11 +87,13 @@ class ShownSighting(NamedTuple):
         position: Its middle.
         radius_m: Radius of the circle of its uncertainty.
         label: Text below it.
+        lines: Lines (K, 2) of x and y in metres: the outline of an area, or a voyage.
     """
 
     position: Position
     radius_m: float
     label: str
+    lines: Sequence[NDArray[Any]] = ()
 
 
 class Scene(NamedTuple):
@@ -124,9 +126,9 @@ def marker_array(header: Header, scene: Scene) -> MarkerArray:
     """Return drones, tracks, datum and circle, persons, and the sea.
 
     The first marker deletes all earlier ones. Namespaces: `drones`, `names`, `tracks` and
-    `persons`, with the index as id, `datum`, `circle`, `wind`, `current`, `shore`, `lkp` and
-    `sea_names`. The arrow of the wind is as long as its way in a minute, that of the current as its
-    way in ten. A last known position is a disc in the circle of its uncertainty.
+    `persons`, with the index as id, `datum`, `circle`, `wind`, `current`, `shore`, `lkp`,
+    `lkp_lines` and `sea_names`. The arrow of the wind is as long as its way in a minute, that of
+    the current as its way in ten. A last known position is a disc in the circle of its uncertainty.
 
     Args:
         header: Time of the state, and the map frame.
@@ -234,6 +236,9 @@ class _Markers:
         self._add_line("lkp", 2 * number + 1, 0.06 * self._cell_m, _LKP, around)
         below = Point(x=place.x, y=place.y - 0.6 * self._cell_m, z=0.0)
         self._add_text("sea_names", name_number, seen.label, below, _LKP)
+        for line in seen.lines:
+            points = [Point(x=x, y=y, z=0.0) for x, y in line.tolist()]
+            self._add_line("lkp_lines", len(self.messages), 0.06 * self._cell_m, _LKP, points)
 
 
 def _point(position: Position) -> Point:

@@ -18,10 +18,10 @@ from dsse_ros.mission.files.scenario_files import scenario_with_incident
 from dsse_ros.ros.runtime.exit_codes import fail
 from dsse_ros.world.drift.flow import utc
 from dsse_ros.world.drift.kernels import degrees_per_metre
-from dsse_ros.world.drift.tracks import Sighting
+from dsse_ros.world.drift.sightings import Sighting
 from dsse_ros.world.scenario.geodesy import mean_lon
-from dsse_ros.world.scenario.incident import time_of
 from dsse_ros.world.scenario.place_checks import check_near
+from dsse_ros.world.scenario.sighting_fields import time_of
 
 INTERVAL_S = 600.0
 """Time between two lines of the table."""
@@ -78,7 +78,7 @@ def main(argv: list[str] | None = None) -> int:
             *place("found", arguments.found), time_of("time", arguments.time), arguments.radius
         )
         for sighting in incident.sightings[:1]:
-            check_near("found", found[:2], sighting[:2])
+            check_near("found", found.place, sighting.place)
         if arguments.until is not None:
             until_s = time_of("until", arguments.until)
         else:

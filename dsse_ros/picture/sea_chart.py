@@ -92,6 +92,8 @@ def draw_sightings(
 ) -> None:  # fmt: skip
     """Draw last known positions as fixes of a chart, with the circles of their uncertainty.
 
+    Areas, voyages and bearings have their lines too.
+
     Args:
         axes: Axes of the map.
         sea: The sea.
@@ -104,6 +106,8 @@ def draw_sightings(
     sides = label_sides(sea, 1000.0 * side_km, corner_m)
     for seen, side in zip(sea.sightings, sides, strict=True):
         x, y, radius = seen.x_m / 1000, seen.y_m / 1000, seen.radius_m / 1000
+        for line in seen.lines:
+            axes.plot(*(line / 1000).T, color=theme.lkp, linewidth=1.2, zorder=1.5)
         if radius:
             axes.plot(
                 x + radius * np.cos(around), y + radius * np.sin(around), color=theme.lkp,

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from dsse_ros.cli.backtrack import main
-from dsse_ros.world.drift.tracks import Sighting
+from dsse_ros.world.drift.sightings import Sighting
 from dsse_ros.world.scenario.scenario import Scenario
 
 KAYAK = Path(__file__).resolve().parents[2] / "config" / "kayak.yaml"

@@ -214,10 +214,7 @@ class LiveSearch:
         """Time of the earliest sighting that is accepted: a day before the search, or the first."""
         incident = self._stated.incident
         assert incident is not None and self.begins_s is not None
-        released = [
-            sighting.time_s - sighting.time_error_s - self.begins_s
-            for sighting in incident.sightings
-        ]
+        released = [sighting.first_s - self.begins_s for sighting in incident.sightings]
         return min(-EARLIEST_S, *released)
 
     def utc(self, time_s: float) -> str | None:

@@ -195,7 +195,7 @@ def _markers(maker: StepMessages, stamp: Any, reveal_person: bool) -> Any:
         flows=[ShownFlow(flow.kind, flow.velocity_mps, flow.label) for flow in sea.flows],
         shore=sea.shore,
         sightings=[
-            ShownSighting((seen.x_m, seen.y_m, 0.0), seen.radius_m, seen.label)
+            ShownSighting((seen.x_m, seen.y_m, 0.0), seen.radius_m, seen.label, seen.lines)
             for seen in sea.sightings
         ],
     )

@@ -15,9 +15,9 @@ from dsse_ros.planners.search_plan.assignments import PATTERNS, SearchUnit
 from dsse_ros.world.drift.flow import utc
 from dsse_ros.world.scenario.frames import flip_y
 from dsse_ros.world.scenario.geodesy import geodetic_to_map
-from dsse_ros.world.scenario.incident import time_of
 from dsse_ros.world.scenario.place_checks import LAT, LON, check_near
 from dsse_ros.world.scenario.scenario import ResolvedScenario, scenario_frame
+from dsse_ros.world.scenario.sighting_fields import time_of
 from dsse_ros.world.scenario.yaml_file import read_yaml
 from dsse_ros.world.searchers.searcher import Searcher
 from dsse_ros.world.sensors.lateral_range import LateralRange

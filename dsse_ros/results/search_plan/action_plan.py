@@ -9,6 +9,14 @@ from collections.abc import Iterator, Sequence
 from dsse_ros.planners.search_plan.assignments import Assignment
 from dsse_ros.results.search_plan.plan import SearchPlan
 from dsse_ros.world.drift.flow import utc
+from dsse_ros.world.drift.sightings import (
+    Bearing,
+    Seen,
+    SeenArea,
+    SeenRaster,
+    Sighting,
+    Voyage,
+)
 from dsse_ros.world.scenario.sea_state import sea_state
 
 
@@ -31,10 +39,7 @@ def _lines(plan: SearchPlan) -> Iterator[str]:
         share = "" if len(incident.objects) == 1 else f", {one.weight / weights:.0%}"
         yield f"   search object    {one.category.key}{share}"
     for seen in incident.sightings:
-        yield (
-            f"   last seen        {position(seen.lat_deg, seen.lon_deg)} at {utc(seen.time_s)}, "
-            f"99 % within {seen.radius_m:.0f} m"
-        )
+        yield f"   {last_seen(seen)}"
     for flow in sea_state(scenario, 0).flows:
         yield f"   sea              {flow.label}"
     yield f"   search begins    {plan.clock(0.0)}"
@@ -100,6 +105,28 @@ def _lines(plan: SearchPlan) -> Iterator[str]:
         )  # fmt: skip
     yield from table(rows)
     yield f"   POS of all units: {plan.pos:.1%}"
+
+
+def last_seen(seen: Seen) -> str:
+    """Return where and when the object was seen, or may have come to grief."""
+    place = position(*seen.place)
+    within = f"99 % within {seen.radius_m:.0f} m"
+    when = f"at {utc(seen.first_s)}"
+    if seen.last_s > seen.first_s:
+        when = f"between {utc(seen.first_s)} and {utc(seen.last_s)}"
+    match seen:
+        case Sighting():
+            return f"last seen        {place} at {utc(seen.time_s)}, {within}"
+        case SeenArea() | SeenRaster():
+            return f"last known       in an area around {place} {when}"
+        case Voyage():
+            end = position(*seen.way_points[-1][:2])
+            return f"voyage           from {place} to {end} {when}, {within} of it"
+        case Bearing():
+            return (
+                f"bearing          {seen.bearing_deg:05.1f} +- {seen.bearing_error_deg:g} from "
+                f"{place}, {seen.least_m:.0f} to {seen.greatest_m:.0f} m away, {when}"
+            )
 
 
 def position(lat_deg: float, lon_deg: float) -> str:

@@ -30,8 +30,8 @@ class Window(NamedTuple):
 def chart_of(info: AgentsInfo, sea: SeaState) -> dict[str, Any]:
     """Return what a map has of its place, in shares of its side from the west and the north.
 
-    The keys are shore (rings of points), sightings (point, radius, label, and its
-    side, see `label_sides`), and the colours of the drones.
+    The keys are shore (rings of points), sightings (point, radius, label, its
+    side, see `label_sides`, and lines of points), and the colours of the drones.
     """
     side_m = info.frame.side_m
 
@@ -41,9 +41,15 @@ def chart_of(info: AgentsInfo, sea: SeaState) -> dict[str, Any]:
     return {
         "shore": [[point(*place) for place in ring.tolist()] for ring in sea.shore],
         "sightings": [
-            [point(seen.x_m, seen.y_m), seen.radius_m / side_m, seen.label, label_side]
+            [
+                point(seen.x_m, seen.y_m),
+                seen.radius_m / side_m,
+                seen.label,
+                label_side,
+                [[point(*place) for place in line.tolist()] for line in seen.lines],
+            ]
             for seen, label_side in zip(sea.sightings, label_sides(sea, side_m), strict=True)
-        ],
+        ],  # fmt: skip
         "colours": DRONE_COLOURS,
     }
 

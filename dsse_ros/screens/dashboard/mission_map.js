@@ -302,13 +302,19 @@ export default {
       c.lineWidth = 1.2 * unit;
       c.stroke(land);
     },
-    // A circle with a dot, as the fix of a chart, in the circle of its uncertainty.
+    // A circle with a dot, as the fix of a chart, in the circle of its uncertainty; the lines of
+    // areas, voyages and bearings.
     paintSightings(c, side, theme, unit) {
       c.textBaseline = "middle";
-      this.chart.sightings.forEach(([[x, y], radius, label, to]) => {
+      this.chart.sightings.forEach(([[x, y], radius, label, to, lines]) => {
         [x, y] = [x * side, y * side];
         c.strokeStyle = c.fillStyle = theme.lkp;
         c.lineWidth = 1.2 * unit;
+        c.beginPath();
+        for (const line of lines) {
+          line.forEach(([east, south], i) => c[i ? "lineTo" : "moveTo"](east * side, south * side));
+        }
+        c.stroke();
         c.beginPath();
         c.arc(x, y, radius * side, 0, 2 * Math.PI);
         c.stroke();

@@ -26,32 +26,12 @@ from dsse_ros.world.drift.kernels import (
 )
 from dsse_ros.world.drift.leeway import PossibleObject, draw_objects, systematic
 from dsse_ros.world.drift.shore import Shore
+from dsse_ros.world.drift.sightings import Seen, draw_sightings
 
 LONGEST_STEP_S = 60.0
 """Longest step of the integration; longer steps between positions are divided."""
 MAX_REDRAWS = 1000
 _LACKING: dict[int, Kind] = {NO_WIND: "wind", NO_CURRENT: "current", NO_WAVES: "waves"}
-
-
-class Sighting(NamedTuple):
-    """Where and when an object was seen.
-
-    Attributes:
-        lat_deg: WGS84 latitude.
-        lon_deg: WGS84 longitude.
-        time_s: Time, in seconds since 1970-01-01 UTC.
-        radius_m: Distance from there that the object exceeds in one of a hundred cases; its
-            position is normal along both axes.
-        weight: Weight among several sightings of one object.
-        time_error_s: The object was there up to this time before or after.
-    """
-
-    lat_deg: float
-    lon_deg: float
-    time_s: float
-    radius_m: float = 0.0
-    weight: float = 1.0
-    time_error_s: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -101,7 +81,7 @@ class DriftTracks(NamedTuple):
 
 def drift_tracks(
     drift: Drift,
-    sightings: Sequence[Sighting],
+    sightings: Sequence[Seen],
     times_s: NDArray[np.float64],
     count: int,
     rng: np.random.Generator,
@@ -205,28 +185,30 @@ class _Noise:
 
 
 def _release(
-    drift: Drift, sightings: Sequence[Sighting], count: int, rng: np.random.Generator
+    drift: Drift, sightings: Sequence[Seen], count: int, rng: np.random.Generator
 ) -> tuple[Particles, NDArray[np.int8] | None]:
     """Return the particles where the object was seen, at sea, and the numbers of their objects."""
     # In a random order the crosswind sides, which alternate, are independent of the sightings.
     chosen = systematic([sighting.weight for sighting in sightings], count, rng)
-    lat, lon, time, radius, _, time_error = np.array(sightings, np.float64)[chosen].T
-    released = time + time_error * rng.uniform(-1.0, 1.0, count)
-    lats, lons = _near(lat, lon, radius, rng)
+    seen = draw_sightings(sightings, chosen, rng)
+    time_draws = rng.uniform(-1.0, 1.0, count)
+    lats, lons = _near(seen, rng)
     if drift.shore is not None:
         on_land = np.empty(count, np.bool_)
         for _ in range(MAX_REDRAWS):
             mark_land(drift.shore, lats, lons, on_land)
             again = np.flatnonzero(on_land)
-            lats[again], lons[again] = _near(lat[again], lon[again], radius[again], rng)
+            seen[again] = draw_sightings(sightings, chosen[again], rng)
+            lats[again], lons[again] = _near(seen[again], rng)
             if not len(again):
                 break
         else:
-            first = sightings[chosen[again[0]]]
+            lat_deg, lon_deg, _, radius_m, *_ = seen[again[0]]
             raise ValueError(
-                f"a sighting must be at sea, got {first.lat_deg:g}, {first.lon_deg:g} within "
-                f"{first.radius_m:g} m, on land"
+                f"a sighting must be at sea, got {lat_deg:g}, {lon_deg:g} within {radius_m:g} m, "
+                "on land"
             )
+    released = seen[:, 2] + seen[:, 5] * time_draws
     leeway, objects = draw_objects(drift.objects, count, rng)
     particles = Particles(
         lats, lons, released, np.ones(count, np.bool_), leeway, np.zeros((2, count)),
@@ -240,12 +222,11 @@ NINETY_NINE_PERCENT = math.sqrt(2 * math.log(100))
 
 
 def _near(
-    lat: NDArray[np.float64], lon: NDArray[np.float64], radius_m: NDArray[np.float64],
-    rng: np.random.Generator,
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:  # fmt: skip
-    """Return latitudes and longitudes drawn around positions, (M,) each."""
-    north_m, east_m = radius_m / NINETY_NINE_PERCENT * rng.standard_normal((2, len(lat)))
-    return displaced(lat, lon, east_m, north_m)
+    seen: NDArray[np.float64], rng: np.random.Generator
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return latitudes and longitudes (M,) drawn around those of sightings (M, 6)."""
+    north_m, east_m = seen[:, 3] / NINETY_NINE_PERCENT * rng.standard_normal((2, len(seen)))
+    return displaced(seen[:, 0], seen[:, 1], east_m, north_m)
 
 
 def displaced(lat_deg: Any, lon_deg: Any, east_m: Any, north_m: Any) -> tuple[Any, Any]:
@@ -255,7 +236,7 @@ def displaced(lat_deg: Any, lon_deg: Any, east_m: Any, north_m: Any) -> tuple[An
 
 
 def tracks_both_ways(
-    drift: Drift, sightings: Sequence[Sighting], times_s: NDArray[np.float64], count: int,
+    drift: Drift, sightings: Sequence[Seen], times_s: NDArray[np.float64], count: int,
     rng: np.random.Generator,
 ) -> DriftTracks:  # fmt: skip
     """Return tracks as `drift_tracks` does, but of particles that drift before they are seen too.
@@ -273,8 +254,8 @@ def tracks_both_ways(
     Raises:
         ValueError: If wind or current are missing at a place or time, or a sighting is on land.
     """
-    first_s = min(sighting.time_s - sighting.time_error_s for sighting in sightings)
-    last_s = max(sighting.time_s + sighting.time_error_s for sighting in sightings)
+    first_s = min(sighting.first_s for sighting in sightings)
+    last_s = max(sighting.last_s for sighting in sightings)
     if last_s <= times_s[0]:
         return drift_tracks(drift, sightings, times_s, count, rng)
     # A copy of the generator draws the same particles.

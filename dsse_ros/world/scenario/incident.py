@@ -26,13 +26,13 @@ from dsse_ros.world.drift.flow import (
     Span,
     Uncertainty,
     constant_flow,
-    seconds,
     utc,
 )
 from dsse_ros.world.drift.leeway import Appearance, LeewayClass, PossibleObject, leeway_class
 from dsse_ros.world.drift.shore import Box, Shore, box_around, shore_of
+from dsse_ros.world.drift.sightings import Seen, Sighting
 from dsse_ros.world.drift.track_files import at_times
-from dsse_ros.world.drift.tracks import Drift, DriftTracks, Sighting, tracks_both_ways
+from dsse_ros.world.drift.tracks import Drift, DriftTracks, tracks_both_ways
 from dsse_ros.world.scenario.area import Area
 from dsse_ros.world.scenario.incident_flow import (
     check_stokes_once,
@@ -45,6 +45,14 @@ from dsse_ros.world.scenario.incident_flow import (
 from dsse_ros.world.scenario.model_tracks import ModelTracks
 from dsse_ros.world.scenario.place_checks import FARTHEST_M, LAT, LON, check_near
 from dsse_ros.world.scenario.sensor_fields import SensorFields
+from dsse_ros.world.scenario.sighting_fields import (
+    names_files,
+    near_each_other,
+    read_seen,
+    seen_dict,
+    seen_identity,
+    time_of,
+)
 from dsse_ros.world.scenario.while_alive import while_alive
 
 LONGEST_SEARCH_S = 6 * 3600.0
@@ -59,14 +67,6 @@ _OF_DRIFT = ("object", "wind", "current", "waves", "jibing")
 _ALWAYS: tuple[Kind, ...] = ("wind", "current")
 """What every incident has; by default none moves."""
 _OF_TRACKS = ("tracks", "search_start", "base", "grid_summary")
-_OF_SIGHTING = {
-    "lat": (LAT, None),
-    "lon": (LON, None),
-    "time": (Spec("str", ""), None),
-    "radius": (Spec("float", "", low=0, high=1e5, unit="m"), 0.0),
-    "weight": (Spec("float", "", above=0, high=1e6), 1.0),
-    "time_error": (Spec("float", "", low=0, high=1e4, unit="min"), 0.0),
-}
 
 
 class GridSummary(NamedTuple):
@@ -89,7 +89,8 @@ class Incident:
 
     Attributes:
         objects: What it may be, by class of leeway; none with tracks of another model.
-        sightings: Where and when it was seen; none with tracks of another model.
+        sightings: Where and when it was seen, or may have come to grief; none with tracks of
+            another model.
         search_start_s: Time at which the drones start, in seconds since 1970-01-01 UTC.
         base: Latitude and longitude from where they start; None for the grid itself.
         wind: The wind.
@@ -110,7 +111,7 @@ class Incident:
     IS_FILE: ClassVar[bool] = False
 
     objects: tuple[PossibleObject, ...]
-    sightings: tuple[Sighting, ...]
+    sightings: tuple[Seen, ...]
     search_start_s: float
     base: tuple[float, float] | None
     wind: Flow
@@ -166,8 +167,10 @@ class Incident:
         drifts = [part for part in (value, value.get("truth")) if isinstance(part, Mapping)]
         files = [drift.get(name) for drift in drifts for name in ("shore", "tracks")]
         flows = [drift.get(kind) for drift in drifts for kind in SENSE]
-        return not any(isinstance(file, str) for file in files) and not any(
-            isinstance(flow, Mapping) and "file" in flow for flow in flows
+        return (
+            not any(isinstance(file, str) for file in files)
+            and not any(isinstance(flow, Mapping) and "file" in flow for flow in flows)
+            and not names_files(value.get("seen"))
         )
 
     def to_text(self) -> str:
@@ -176,17 +179,18 @@ class Incident:
 
     def to_json(self) -> dict[str, Any]:
         """Return the fields of an equal incident, without names of files, for JSON."""
-        return self._fields(flow_dict, ModelTracks.to_dict)
+        return self._fields(flow_dict, ModelTracks.to_dict, seen_dict)
 
     @property
     def identity(self) -> dict[str, Any]:
         """The fields of `to_json` with digests of flows and tracks; equal for equal incidents."""
-        return self._fields(flow_identity, lambda tracks: tracks.sha256)
+        return self._fields(flow_identity, lambda tracks: tracks.sha256, seen_identity)
 
     def _fields(
         self,
         of_flow: Callable[[Flow, Uncertainty], Any],
         of_tracks: Callable[[ModelTracks], Any],
+        of_seen: Callable[[Seen], Any],
     ) -> dict[str, Any]:
         search = {
             "search_start": utc(self.search_start_s),
@@ -197,14 +201,7 @@ class Incident:
             return {"tracks": of_tracks(self.model_tracks), **search}
         return self._drift_fields(of_flow) | {
             **search,
-            "seen": [
-                {
-                    "lat": sighting.lat_deg, "lon": sighting.lon_deg, "time": utc(sighting.time_s),
-                    "radius": sighting.radius_m, "weight": sighting.weight,
-                    "time_error": sighting.time_error_s / 60,
-                }
-                for sighting in self.sightings
-            ],
+            "seen": [of_seen(sighting) for sighting in self.sightings],
             "shore": None if self.land is None else self.land.to_json(),
             "truth": None if self.truth is None else self.truth._drift_fields(of_flow),
         }  # fmt: skip
@@ -233,7 +230,7 @@ class Incident:
         for kind, value in flows.items():
             changed[kind], changed[f"{kind}_error"] = stated_flow(kind, kind, value)
         if seen:
-            changed["sightings"] = _near((*self.sightings, *_sightings(seen)))
+            changed["sightings"] = near_each_other((*self.sightings, *read_seen(seen)))
         return replace(self, **changed)
 
     def tracks(
@@ -269,7 +266,7 @@ class Incident:
         return self._drifted([found], times_s, count, rng)
 
     def _drifted(
-        self, seen: Sequence[Sighting], times_s: NDArray[np.float64], count: int,
+        self, seen: Sequence[Seen], times_s: NDArray[np.float64], count: int,
         rng: np.random.Generator,
     ) -> DriftTracks:  # fmt: skip
         shore = None if self.land is None else _shore_within(self.land, self._box())
@@ -313,9 +310,9 @@ def _incident(values: Mapping[str, Any], folder: str) -> Incident:
             (), (), start_s, base, calm, Uncertainty(), still, Uncertainty(),
             grid_summary=grid_summary, model_tracks=tracks,
         )  # fmt: skip
-    sightings = _sightings(values["seen"])
-    _check_base(base, sightings[0][:2])
-    last = max(sighting.time_s + sighting.time_error_s for sighting in sightings)
+    sightings = read_seen(values["seen"], folder)
+    _check_base(base, sightings[0].place)
+    last = max(sighting.last_s for sighting in sightings)
     if start_s < last:
         raise FieldError(
             f"incident.search_start must not be before a sighting, got {utc(start_s)} and "
@@ -464,70 +461,15 @@ def _check_base(base: tuple[float, float] | None, search: tuple[float, float]) -
         check_near("incident.base", base, search)
 
 
-def _sightings(values: Any) -> tuple[Sighting, ...]:
-    """Return the sightings."""
-    if isinstance(values, Mapping):
-        values = [values]
-    if not isinstance(values, list | tuple) or not values:
-        raise FieldError(f"incident.seen must be a list of sightings, got {shown(values)}")
-    sightings = []
-    for number, value in enumerate(values):
-        name = f"incident.seen[{number}]"
-        fields = mapping(name, value)
-        check_known(name, fields, _OF_SIGHTING)
-        checked: dict[str, Any] = {}
-        for part, (spec, default) in _OF_SIGHTING.items():
-            stated = fields.get(part, default)
-            if stated is None:
-                raise FieldError(f"{name}.{part} must be given")
-            checked[part] = spec.check(f"{name}.{part}", stated)
-        sightings.append(
-            Sighting(
-                checked["lat"], checked["lon"], time_of(f"{name}.time", checked["time"]),
-                checked["radius"], checked["weight"], round(checked["time_error"] * 60),
-            )
-        )  # fmt: skip
-    return _near(sightings)
-
-
-def _near(sightings: Sequence[Sighting]) -> tuple[Sighting, ...]:
-    """Return sightings with longitudes near each other, on both sides of the antimeridian too."""
-    for number, sighting in enumerate(sightings):
-        check_near(f"incident.seen[{number}]", sighting[:2], sightings[0][:2])
-    first = sightings[0].lon_deg
-    return tuple(
-        sighting._replace(lon_deg=sighting.lon_deg + 360 * round((first - sighting.lon_deg) / 360))
-        for sighting in sightings
-    )
-
-
-def _span(sightings: tuple[Sighting, ...], start_s: float) -> Span:
+def _span(sightings: tuple[Seen, ...], start_s: float) -> Span:
     """Return where and when a drift may need wind and current."""
-    begin = min(sighting.time_s - sighting.time_error_s for sighting in sightings)
+    begin = min(sighting.first_s for sighting in sightings)
     end = start_s + LONGEST_SEARCH_S
     spread = min(FASTEST_DRIFT_MPS * (end - begin), FARTHEST_M)
-    lats = np.array([sighting.lat_deg for sighting in sightings])
-    lons = np.array([sighting.lon_deg for sighting in sightings])
+    lines = [line for sighting in sightings for line in sighting.lines]
+    lats, lons = (np.concatenate(axis) for axis in zip(*lines, strict=True))
     radius = max(sighting.radius_m for sighting in sightings)
     return Span(box_around(lats, lons, spread + 2 * radius), begin, end)
-
-
-def time_of(name: str, value: Any) -> float:
-    """Return a time in whole seconds since 1970-01-01 UTC.
-
-    Args:
-        name: Name of what has it, for the error.
-        value: The time in ISO 8601, in UTC without an offset.
-
-    Raises:
-        FieldError: If it is not a time.
-    """
-    try:
-        return float(round(seconds(value)))
-    except (AttributeError, OverflowError, TypeError, ValueError):
-        raise FieldError(
-            f"{name} must be a time like 2026-01-17T14:00Z, got {shown(value)}"
-        ) from None
 
 
 @while_alive

@@ -9,6 +9,10 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from dsse_ros.base.defects import reason_of
+from dsse_ros.base.extras import pip_install
+from dsse_ros.base.fields import FieldError
+
 if TYPE_CHECKING:
     from dsse_ros.world.scenario.geodesy import Origin
 
@@ -51,6 +55,56 @@ class Raster(NamedTuple):
             dst_transform=other.transform, resampling=Resampling.sum,
         )  # fmt: skip
         return found
+
+
+def geographic_raster(
+    name: str, path: str
+) -> tuple[tuple[float, float, float, float], NDArray[np.float64]]:
+    """Return a GeoTIFF of probabilities on a grid of latitude and longitude.
+
+    One of another reference system is resampled, and its sum is kept.
+
+    Args:
+        name: Name of the field that has it.
+        path: The file.
+
+    Returns:
+        South, north, west and east in degrees, and (R, C) float64 with row 0 in the north; cells
+        without data are 0.
+
+    Raises:
+        FieldError: If it cannot be read or has no probabilities, or rasterio is missing.
+    """
+    try:
+        import rasterio
+        from rasterio.warp import Resampling, calculate_default_transform, reproject
+    except ModuleNotFoundError:
+        raise FieldError(f"{name}: rasterio is missing; {pip_install('geotiff')}") from None
+    allowed = f"{name} must be a GeoTIFF file of probabilities on the Earth, got {path!r}"
+    try:
+        with rasterio.open(path) as file:
+            values = file.read(1, masked=True).filled(0).astype(np.float64)
+            crs, transform, bounds = file.crs, file.transform, file.bounds
+    except rasterio.errors.RasterioIOError as error:
+        raise FieldError(f"{allowed}: {reason_of(error)}") from None
+    values[np.isnan(values)] = 0.0
+    if crs is None or not (np.isfinite(values).all() and values.min() >= 0 < values.sum()):
+        raise FieldError(f"{allowed}: they must be finite, >= 0 and not all 0")
+    a, b, _, d, e, _ = transform[:6]
+    if not (crs.is_geographic and b == d == 0 and a > 0 > e):
+        rows, cols = values.shape
+        target = "EPSG:4326"
+        on_earth, width, height = calculate_default_transform(crs, target, cols, rows, *bounds)
+        resampled = np.zeros((height, width))
+        reproject(
+            values, resampled, src_crs=crs, src_transform=transform, dst_crs=target,
+            dst_transform=on_earth, resampling=Resampling.sum,
+        )  # fmt: skip
+        values, transform = resampled, on_earth
+    (west, east), (north, south) = _applied(
+        transform, np.array([0, values.shape[1]]), np.array([0, values.shape[0]])
+    ).tolist()
+    return (south, north, west, east), values
 
 
 def raster_of_grid(grid_size: int, cell_size_m: float, origin: Origin) -> Raster:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from dsse_ros.world.drift.flow import SENSE, Flow, Kind, speed_and_direction, utc
 from dsse_ros.world.drift.kernels import read_flow
+from dsse_ros.world.drift.sightings import Seen, Sighting
 from dsse_ros.world.scenario.area import Area
 from dsse_ros.world.scenario.frames import cell_centre
 from dsse_ros.world.scenario.geodesy import Origin, surface_to_geodetic
@@ -61,13 +62,15 @@ class LastKnownPosition(NamedTuple):
         x_m: Metres to the east of the grid's south-west corner.
         y_m: Metres to the north of it.
         radius_m: The object was within this distance in 99 of 100 cases.
-        label: `LKP` and the time in UTC, with its share among several.
+        label: What it is and the time in UTC, with its share among several.
+        lines: Lines (K, 2) in the same metres: the outline of an area, or a voyage.
     """
 
     x_m: float
     y_m: float
     radius_m: float
     label: str
+    lines: tuple[NDArray[np.float64], ...] = ()
 
 
 class SeaState(NamedTuple):
@@ -125,18 +128,28 @@ def sea_state(scenario: ResolvedScenario, step: int) -> SeaState:
 
 def _sightings(incident: Incident, origin: Origin) -> tuple[LastKnownPosition, ...]:
     seen = incident.sightings
-    x, y = metres_from(
-        origin, *np.array([(sighting.lat_deg, sighting.lon_deg) for sighting in seen]).T
-    )
+    x, y = metres_from(origin, *np.array([sighting.place for sighting in seen]).T)
     total = sum(sighting.weight for sighting in seen)
     return tuple(
         LastKnownPosition(
-            east, north, sighting.radius_m,
-            f"LKP {_clock(sighting.time_s, incident)}"
+            east, north, sighting.radius_m if isinstance(sighting, Sighting) else 0.0,
+            f"{sighting.label} {_when(sighting, incident)}"
             + (f", {sighting.weight / total:.0%}" if len(seen) > 1 else ""),
+            tuple(
+                np.stack(metres_from(origin, *line), axis=1)
+                for line in sighting.lines if len(line[0]) > 1
+            ),
         )
         for sighting, east, north in zip(seen, x.tolist(), y.tolist(), strict=True)
     )  # fmt: skip
+
+
+def _when(seen: Seen, incident: Incident) -> str:
+    """Return when the object was seen; of an area, a voyage or a bearing from when to when."""
+    if isinstance(seen, Sighting):
+        return _clock(seen.time_s, incident)
+    first, last = (_clock(time_s, incident) for time_s in (seen.first_s, seen.last_s))
+    return first if first == last else f"{first} to {last}"
 
 
 def _clock(time_s: float, incident: Incident) -> str:

@@ -16,7 +16,8 @@ from pymap3d.vincenty import vdist
 
 from dsse_ros.world.drift.flow import Flow, constant_flow
 from dsse_ros.world.drift.leeway import PossibleObject, leeway_class
-from dsse_ros.world.drift.tracks import Drift, DriftTracks, Sighting
+from dsse_ros.world.drift.sightings import Sighting
+from dsse_ros.world.drift.tracks import Drift, DriftTracks
 
 HOUR_S = 3600.0
 STILL = constant_flow("current", 0.0, 0.0)

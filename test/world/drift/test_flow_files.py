@@ -21,7 +21,8 @@ from hypothesis import strategies as st
 from dsse_ros.world.drift.flow import Extent, Flow, Span, Uncertainty, seconds
 from dsse_ros.world.drift.flow_files import read_forecast
 from dsse_ros.world.drift.shore import Box
-from dsse_ros.world.drift.tracks import Sighting, drift_tracks
+from dsse_ros.world.drift.sightings import Sighting
+from dsse_ros.world.drift.tracks import drift_tracks
 from dsse_ros.world.scenario.incident import Incident
 from dsse_ros.world.scenario.incident_flow import flow_dict
 

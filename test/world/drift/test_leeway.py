@@ -25,7 +25,8 @@ from dsse_ros.world.drift.leeway import (
     leeway_class,
     leeway_classes,
 )
-from dsse_ros.world.drift.tracks import Drift, Sighting, drift_tracks
+from dsse_ros.world.drift.sightings import Sighting
+from dsse_ros.world.drift.tracks import Drift, drift_tracks
 
 COUNT = 4_000
 TIME_S = 6 * HOUR_S

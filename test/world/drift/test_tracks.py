@@ -14,7 +14,8 @@ from hypothesis import strategies as st
 
 from dsse_ros.world.drift.flow import Flow, Uncertainty, constant_flow, table_flow
 from dsse_ros.world.drift.shore import Box, shore_of
-from dsse_ros.world.drift.tracks import Sighting, drift_tracks
+from dsse_ros.world.drift.sightings import Sighting
+from dsse_ros.world.drift.tracks import drift_tracks
 
 AT_SEA = Sighting(-24.0, -46.0, 0.0)
 NORTH = constant_flow("current", 1.0, 0.0)
