@@ -1,6 +1,14 @@
 // Copyright 2026 dsse_ros maintainers
 // SPDX-License-Identifier: Apache-2.0
 // The map of a mission on a canvas. The server sends steps once, then which of them is shown.
+//
+// Places on the map are shares of its side from the west and from the north, those on the canvas are
+// shares of its side. The window is what the canvas shows of the map. A sheet is what is drawn on,
+// in pixels of the canvas:
+//   c, theme  its context, in which (0, 0) is the north-west corner of the map, and the colours
+//   unit      a pixel of the page
+//   side      the side of the canvas; whole: that of the whole map; cell: that of a cell
+//   box       the window: its west and north edge, and its side
 
 const DASHES = [[], [6, 3], [2, 2]];
 const THEMES = {
@@ -19,6 +27,7 @@ const THEMES = {
 const TRIANGLE = [[0, -1], [1, 0.8], [-1, 0.8]];
 const ARROW = [[0, -1.5], [0.9, 1], [0, 0.5], [-0.9, 1]];
 const STRIP_ALPHA = 0.2;
+// The flags of a drone: its state in the lowest bits, and whether it found a person in this step.
 const FLYING = 0, FINDER = 1, LOST = 3, OUT_OF_TIME = 4;
 const STATE = 7, FOUND = 16;
 const KEYS = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] };
@@ -32,6 +41,74 @@ const MAX_NUMBERED = 24;
 const CLICK = 0.01;
 // Milliseconds without a change of the window after which tracks are drawn for it.
 const STILL_MS = 150;
+
+// A row is a step: its number; col, row and flags of each drone; then col and row of each cell that
+// was looked at. In metres there are none, but the flight of each drone: its heading, on which legs
+// of its path it looked (null for all), and col and row of each place on the path.
+const stepOf = (row) => row[0];
+const cellOf = (row, i) => [row[1 + 3 * i], row[2 + 3 * i]];
+const flagsOf = (row, i) => row[3 + 3 * i];
+const flightOf = (row, i, drones) => row[1 + 3 * drones + i];
+const cellsLookedAt = (row, drones) => {
+  const cells = [];
+  for (let j = 1 + 3 * drones; j < row.length; j += 2) cells.push([row[j], row[j + 1]]);
+  return cells;
+};
+
+// Draw a text with a halo.
+function write({ c, theme, unit }, text, x, y, colour, weight = 400) {
+  c.font = `${weight} ${11 * unit}px system-ui, sans-serif`;
+  c.lineWidth = 3 * unit;
+  c.lineJoin = "round";
+  c.strokeStyle = theme.halo;
+  c.strokeText(text, x, y);
+  c.fillStyle = colour;
+  c.fillText(text, x, y);
+}
+
+function strokeCircle(c, x, y, radius) {
+  c.beginPath();
+  c.arc(x, y, radius, 0, 2 * Math.PI);
+  c.stroke();
+}
+
+function fillCircle(c, x, y, radius) {
+  c.beginPath();
+  c.arc(x, y, radius, 0, 2 * Math.PI);
+  c.fill();
+}
+
+// The symbols of drones, around (x, y): paths that `paintDrones` strokes.
+function crossOut(c, x, y, size) {
+  c.moveTo(x - size, y - size);
+  c.lineTo(x + size, y + size);
+  c.moveTo(x + size, y - size);
+  c.lineTo(x - size, y + size);
+}
+
+function fillStar(c, x, y, size) {
+  for (let k = 0; k < 10; k++) {
+    const r = size * (k % 2 ? 0.65 : 1.6), a = (Math.PI * (k - 2.5)) / 5;
+    c.lineTo(x + r * Math.cos(a), y + r * Math.sin(a));
+  }
+  c.closePath();
+  c.fill();
+}
+
+function fillSquare(c, x, y, size) {
+  c.rect(x - size * 0.8, y - size * 0.8, size * 1.6, size * 1.6);
+  c.fill();
+}
+
+// A triangle, or an arrow along the heading, filled in flight.
+function pointTo(c, x, y, size, heading, isFlying) {
+  const [sin, cos] = [Math.sin(heading) * size, Math.cos(heading) * size];
+  for (const [right, back] of heading === null ? TRIANGLE : ARROW) {
+    c.lineTo(x + right * cos - back * sin, y + right * sin + back * cos);
+  }
+  c.closePath();
+  if (isFlying) c.fill();
+}
 
 export default {
   template: `
@@ -112,6 +189,9 @@ export default {
       canvas.dataset.drawn = ++this.drawn;
       this.$emit("drawn", { number: frame.number });
     },
+
+    // Pointer and keys
+
     // Place of a pointer on the canvas, as shares of its sides.
     shareAt(event) {
       const box = this.$refs.canvas.getBoundingClientRect();
@@ -191,6 +271,9 @@ export default {
       this.point(from.map((at, i) => Math.min(Math.max(at + far * move[i], 0), last)));
       this.follow(this.pointed);
     },
+
+    // The window
+
     // Place of a cell's centre on the canvas, as shares of its sides.
     shareOf([col, row]) {
       const { west, north, zoom } = this.window, grid = this.frame.grid;
@@ -230,70 +313,73 @@ export default {
         this.$emit("window", this.window);
       });
     },
+    // Mark a cell, by default none.
     point(cell) {
       if (!cell && !this.pointed) return;
       this.pointed = cell;
       this.$emit("point", { cell });
       this.paint();
     },
+    // Draw everything, from the sea up.
     paint() {
       const canvas = this.$refs.canvas;
       if (!canvas || !canvas.clientWidth) return;
-      const side = Math.round(canvas.clientWidth * (window.devicePixelRatio || 1));
-      if (canvas.width !== side) canvas.width = canvas.height = side;
-      const c = canvas.getContext("2d");
-      const theme = THEMES[document.body.classList.contains("body--dark") ? "dark" : "light"];
+      const sheet = this.sheetOf(canvas);
+      const { c, theme, side, box } = sheet;
       c.setTransform(1, 0, 0, 1, 0, 0);
       c.fillStyle = theme.sea;
       c.fillRect(0, 0, side, side);
-      const grid = this.frame.grid;
-      if (!grid) return;
-      const unit = side / canvas.clientWidth;
-      // The side of the whole map and of a cell, and what is shown of it.
-      const { west, north, zoom } = this.window;
-      const whole = side * zoom, cell = whole / grid;
-      const box = [Math.round(west * whole), Math.round(north * whole), side];
-      const last = this.shownRows();
+      if (!this.frame.grid) return;
+      const count = this.shownRows();
       // While the window moves, what was drawn for the one before moves with it.
-      if (!this.moving || !this.past) this.paintPast(box, cell, last, theme, unit);
+      if (!this.moving || !this.past) this.paintPast(sheet, count);
       c.translate(-box[0], -box[1]);
-      if (this.image) {
-        c.imageSmoothingEnabled = false;
-        c.drawImage(this.image, 0, 0, whole, whole);
-      }
-      this.paintShore(c, whole, theme, unit);
-      if (grid / zoom <= 60) this.paintGrid(c, whole, cell, theme);
-      const drawn = this.past.box.map((at) => (at * cell) / this.past.cell);
-      for (const layer of [this.past.searched, this.past.tracks]) {
-        // Strips of steps overlap.
-        const isStrips = layer === this.past.searched && this.frame.strips.length;
-        c.globalAlpha = isStrips ? STRIP_ALPHA : 1;
-        c.drawImage(layer.canvas, drawn[0], drawn[1], drawn[2], drawn[2]);
-      }
-      c.globalAlpha = 1;
-      this.paintSightings(c, whole, theme, unit);
-      if (this.frame.live) this.paintLive(c, whole, theme, unit);
-      if (last) this.paintDrones(c, box, cell, last - 1, theme, unit);
-      this.paintVehicles(c, cell, theme, unit);
-      if (this.pointed) this.paintPointed(c, box, cell, theme, unit);
+      this.paintImage(sheet);
+      this.paintShore(sheet);
+      if (this.frame.grid / this.window.zoom <= 60) this.paintGrid(sheet);
+      this.showPast(sheet);
+      this.paintSightings(sheet);
+      if (this.frame.live) this.paintLive(sheet);
+      if (count) this.paintDrones(sheet, this.rows[count - 1]);
+      this.paintVehicles(sheet);
+      if (this.pointed) this.paintPointed(sheet);
       c.translate(box[0], box[1]);
-      this.paintMarks(c, side, theme, unit);
-      this.paintCorner(c, theme, unit);
-      this.paintScale(c, side, theme, unit);
+      this.paintMarks(sheet);
+      this.paintCorner(sheet);
+      this.paintScale(sheet);
     },
-    write(c, text, x, y, colour, theme, unit, weight = 400) {
-      c.font = `${weight} ${11 * unit}px system-ui, sans-serif`;
-      c.lineWidth = 3 * unit;
-      c.lineJoin = "round";
-      c.strokeStyle = theme.halo;
-      c.strokeText(text, x, y);
-      c.fillStyle = colour;
-      c.fillText(text, x, y);
+    sheetOf(canvas) {
+      const side = Math.round(canvas.clientWidth * (window.devicePixelRatio || 1));
+      if (canvas.width !== side) canvas.width = canvas.height = side;
+      const { west, north, zoom } = this.window;
+      const whole = side * zoom;
+      return {
+        c: canvas.getContext("2d"),
+        theme: THEMES[document.body.classList.contains("body--dark") ? "dark" : "light"],
+        unit: side / canvas.clientWidth,
+        side, whole, cell: whole / this.frame.grid,
+        box: [Math.round(west * whole), Math.round(north * whole), side],
+      };
     },
-    paintShore(c, side, theme, unit) {
+    // How many rows there are up to the step that is shown.
+    shownRows() {
+      let count = this.rows.length;
+      while (count && stepOf(this.rows[count - 1]) > this.frame.shown) count--;
+      return count;
+    },
+
+    // The place
+
+    // The map or the belief.
+    paintImage({ c, whole }) {
+      if (!this.image) return;
+      c.imageSmoothingEnabled = false;
+      c.drawImage(this.image, 0, 0, whole, whole);
+    },
+    paintShore({ c, theme, unit, whole }) {
       const land = new Path2D();
       for (const ring of this.chart.shore) {
-        ring.forEach(([x, y], i) => land[i ? "lineTo" : "moveTo"](x * side, y * side));
+        ring.forEach(([x, y], i) => land[i ? "lineTo" : "moveTo"](x * whole, y * whole));
         land.closePath();
       }
       c.fillStyle = theme.land;
@@ -302,102 +388,41 @@ export default {
       c.lineWidth = 1.2 * unit;
       c.stroke(land);
     },
+    paintGrid({ c, theme, whole, cell }) {
+      c.strokeStyle = theme.line;
+      c.lineWidth = 1;
+      c.beginPath();
+      for (let i = 1; i < this.frame.grid; i++) {
+        const at = Math.round(i * cell) + 0.5;
+        c.moveTo(at, 0);
+        c.lineTo(at, whole);
+        c.moveTo(0, at);
+        c.lineTo(whole, at);
+      }
+      c.stroke();
+    },
     // A circle with a dot, as the fix of a chart, in the circle of its uncertainty; the lines of
     // areas, voyages and bearings.
-    paintSightings(c, side, theme, unit) {
+    paintSightings(sheet) {
+      const { c, theme, unit, whole } = sheet;
       c.textBaseline = "middle";
       this.chart.sightings.forEach(([[x, y], radius, label, to, lines]) => {
-        [x, y] = [x * side, y * side];
+        [x, y] = [x * whole, y * whole];
         c.strokeStyle = c.fillStyle = theme.lkp;
         c.lineWidth = 1.2 * unit;
         c.beginPath();
         for (const line of lines) {
-          line.forEach(([east, south], i) => c[i ? "lineTo" : "moveTo"](east * side, south * side));
+          line.forEach(([east, south], i) => c[i ? "lineTo" : "moveTo"](east * whole, south * whole));
         }
         c.stroke();
-        c.beginPath();
-        c.arc(x, y, radius * side, 0, 2 * Math.PI);
-        c.stroke();
+        strokeCircle(c, x, y, radius * whole);
         if (!to) return;
         c.lineWidth = 2 * unit;
-        c.beginPath();
-        c.arc(x, y, 5.5 * unit, 0, 2 * Math.PI);
-        c.stroke();
-        c.beginPath();
-        c.arc(x, y, 1.8 * unit, 0, 2 * Math.PI);
-        c.fill();
+        strokeCircle(c, x, y, 5.5 * unit);
+        fillCircle(c, x, y, 1.8 * unit);
         c.textAlign = to[0] > 0 ? "left" : "right";
-        this.write(c, label, x + 9 * unit * to[0], y - 9 * unit * to[1], theme.lkp, theme, unit, 600);
+        write(sheet, label, x + 9 * unit * to[0], y - 9 * unit * to[1], theme.lkp, 600);
       });
-    },
-    // Contacts as diamonds in the circle of their uncertainty, crossed out if they are dismissed, and
-    // what is being entered.
-    paintLive(c, side, theme, unit) {
-      const { contacts, sketch, closed } = this.frame.live;
-      c.textBaseline = "middle";
-      c.textAlign = "left";
-      // The most probable one is drawn last, and its label has its place first.
-      const places = this.labelPlaces(c, contacts, side, unit);
-      for (const [[east, south], radius, name, state, label] of [...contacts].reverse()) {
-        const [x, y] = [east * side, south * side], half = 7 * unit;
-        c.strokeStyle = c.fillStyle = theme[state];
-        c.lineWidth = 1.2 * unit;
-        c.beginPath();
-        if (state !== "dismissed") c.arc(x, y, radius * side, 0, 2 * Math.PI);
-        c.stroke();
-        c.lineWidth = 2 * unit;
-        c.beginPath();
-        c.moveTo(x, y - half);
-        c.lineTo(x + half, y);
-        c.lineTo(x, y + half);
-        c.lineTo(x - half, y);
-        c.closePath();
-        if (state === "confirmed") c.fill();
-        if (state === "dismissed") {
-          c.moveTo(x - half, y - half);
-          c.lineTo(x + half, y + half);
-        }
-        c.stroke();
-        const at = places.get(name);
-        if (at) this.write(c, label, at[0], at[1], theme[state], theme, unit, 600);
-      }
-      if (!sketch.length) return;
-      const line = new Path2D();
-      for (const [east, south] of sketch) line.lineTo(east * side, south * side);
-      if (closed) line.closePath();
-      c.strokeStyle = c.fillStyle = theme.ink;
-      c.lineWidth = 2 * unit;
-      c.setLineDash([6 * unit, 4 * unit]);
-      c.stroke(line);
-      c.setLineDash([]);
-      for (const [east, south] of sketch) {
-        c.beginPath();
-        c.arc(east * side, south * side, 4 * unit, 0, 2 * Math.PI);
-        c.fill();
-      }
-    },
-    // Where the labels of contacts are, by name: beside their mark, off all other marks and labels.
-    // Without room a label is left out: the table has all.
-    labelPlaces(c, contacts, side, unit) {
-      const places = new Map(), high = 13 * unit, far = 10 * unit;
-      const taken = contacts.map(([[x, y]]) => [x * side - far / 1.2, y * side, (2 * far) / 1.2]);
-      c.font = `600 ${11 * unit}px system-ui, sans-serif`;
-      for (const [[east, south], , name, , label] of contacts) {
-        const [x, y] = [east * side, south * side], wide = c.measureText(label).width;
-        const tries = [];
-        for (let row = 0; row < 3; row++) {
-          for (const up of row ? [row, -row] : [0]) {
-            tries.push([x + far, y + up * high], [x - far - wide, y + up * high]);
-          }
-        }
-        const isFree = ([left, middle]) => !taken.some(([other, height, width]) =>
-          left < other + width && other < left + wide && Math.abs(middle - height) < high);
-        const at = tries.find(isFree);
-        if (!at) continue;
-        taken.push([at[0], at[1], wide + 3 * unit]);
-        places.set(name, at);
-      }
-      return places;
     },
     // The marks in sight of longitude and latitude: shares of the sides, and labels.
     marksInSight() {
@@ -418,7 +443,7 @@ export default {
         }));
       });
     },
-    paintMarks(c, side, theme, unit) {
+    paintMarks({ c, theme, unit, side }) {
       const [lons, lats] = this.marksInSight().map((marks) => marks.map(([at]) => at * side));
       c.strokeStyle = theme.ink;
       c.lineWidth = 1.5 * unit;
@@ -434,7 +459,8 @@ export default {
       c.stroke();
     },
     // A bar of a round length in the south-west corner, and north beside it.
-    paintScale(c, side, theme, unit) {
+    paintScale(sheet) {
+      const { c, theme, unit, side } = sheet;
       const [length, label] = this.edges.scale;
       const x = 12 * unit, y = side - 14 * unit;
       const end = x + length * this.window.zoom * side, north = end + 60 * unit;
@@ -455,11 +481,12 @@ export default {
         c.lineTo(north + 4 * unit, y - 14 * unit);
         c.stroke();
       }
-      this.write(c, label, x, y - 5 * unit, theme.ink, theme, unit, 600);
-      this.write(c, "N", north + 7 * unit, y - 6 * unit, theme.ink, theme, unit, 600);
+      write(sheet, label, x, y - 5 * unit, theme.ink, 600);
+      write(sheet, "N", north + 7 * unit, y - 6 * unit, theme.ink, 600);
     },
     // Arrows in the north-west corner: to where wind and current go, and to sightings off the map.
-    paintCorner(c, theme, unit) {
+    paintCorner(sheet) {
+      const { c, theme, unit } = sheet;
       c.textAlign = "left";
       c.textBaseline = "middle";
       this.frame.corner.forEach(([kind, east, north, label], i) => {
@@ -480,51 +507,124 @@ export default {
         c.lineTo(half * 0.1, -half * 0.5);
         c.fill();
         c.restore();
-        this.write(c, label, x + 16 * unit, y, theme[kind], theme, unit, 600);
+        write(sheet, label, x + 16 * unit, y, theme[kind], 600);
       });
     },
-    shownRows() {
-      let count = this.rows.length;
-      while (count && this.rows[count - 1][0] > this.frame.shown) count--;
-      return count;
+
+    // A live search
+
+    // Contacts, and what is being entered.
+    paintLive(sheet) {
+      const { contacts, sketch, closed } = this.frame.live;
+      sheet.c.textBaseline = "middle";
+      sheet.c.textAlign = "left";
+      this.paintContacts(sheet, contacts);
+      if (sketch.length) this.paintSketch(sheet, sketch, closed);
     },
-    paintGrid(c, side, cell, theme) {
-      c.strokeStyle = theme.line;
-      c.lineWidth = 1;
-      c.beginPath();
-      for (let i = 1; i < this.frame.grid; i++) {
-        const at = Math.round(i * cell) + 0.5;
-        c.moveTo(at, 0);
-        c.lineTo(at, side);
-        c.moveTo(0, at);
-        c.lineTo(side, at);
+    // Contacts as diamonds in the circle of their uncertainty, crossed out if they are dismissed.
+    paintContacts(sheet, contacts) {
+      const { c, theme, unit, whole } = sheet;
+      // The most probable one is drawn last, and its label has its place first.
+      const places = this.labelPlaces(sheet, contacts);
+      for (const [[east, south], radius, name, state, label] of [...contacts].reverse()) {
+        const [x, y] = [east * whole, south * whole], half = 7 * unit;
+        c.strokeStyle = c.fillStyle = theme[state];
+        c.lineWidth = 1.2 * unit;
+        c.beginPath();
+        if (state !== "dismissed") c.arc(x, y, radius * whole, 0, 2 * Math.PI);
+        c.stroke();
+        c.lineWidth = 2 * unit;
+        c.beginPath();
+        c.moveTo(x, y - half);
+        c.lineTo(x + half, y);
+        c.lineTo(x, y + half);
+        c.lineTo(x - half, y);
+        c.closePath();
+        if (state === "confirmed") c.fill();
+        if (state === "dismissed") {
+          c.moveTo(x - half, y - half);
+          c.lineTo(x + half, y + half);
+        }
+        c.stroke();
+        const at = places.get(name);
+        if (at) write(sheet, label, at[0], at[1], theme[state], 600);
       }
-      c.stroke();
     },
+    paintSketch({ c, theme, unit, whole }, sketch, closed) {
+      const line = new Path2D();
+      for (const [east, south] of sketch) line.lineTo(east * whole, south * whole);
+      if (closed) line.closePath();
+      c.strokeStyle = c.fillStyle = theme.ink;
+      c.lineWidth = 2 * unit;
+      c.setLineDash([6 * unit, 4 * unit]);
+      c.stroke(line);
+      c.setLineDash([]);
+      for (const [east, south] of sketch) fillCircle(c, east * whole, south * whole, 4 * unit);
+    },
+    // Where the labels of contacts are, by name: beside their mark, off all other marks and labels.
+    // Without room a label is left out: the table has all.
+    labelPlaces({ c, unit, whole }, contacts) {
+      const places = new Map(), high = 13 * unit, far = 10 * unit;
+      const taken = contacts.map(([[x, y]]) => [x * whole - far / 1.2, y * whole, (2 * far) / 1.2]);
+      c.font = `600 ${11 * unit}px system-ui, sans-serif`;
+      for (const [[east, south], , name, , label] of contacts) {
+        const [x, y] = [east * whole, south * whole], wide = c.measureText(label).width;
+        const tries = [];
+        for (let row = 0; row < 3; row++) {
+          for (const up of row ? [row, -row] : [0]) {
+            tries.push([x + far, y + up * high], [x - far - wide, y + up * high]);
+          }
+        }
+        const isFree = ([left, middle]) => !taken.some(([other, height, width]) =>
+          left < other + width && other < left + wide && Math.abs(middle - height) < high);
+        const at = tries.find(isFree);
+        if (!at) continue;
+        taken.push([at[0], at[1], wide + 3 * unit]);
+        places.set(name, at);
+      }
+      return places;
+    },
+
+    // The past
+
     // What was done up to the step that is shown is kept as two pictures: only what is new since is
     // drawn, so that a long mission costs no more than a short one.
-    paintPast(box, cell, count, theme, unit) {
+    paintPast(sheet, count) {
+      const { theme, unit, cell, box } = sheet;
       const key = [box, cell, theme.ink, unit, this.frame.search, this.frame.names.length].join();
       if (!this.past || this.past.key !== key || this.past.count > count) {
-        const makeLayer = () => {
-          const canvas = document.createElement("canvas");
-          canvas.width = canvas.height = box[2];
-          const layer = canvas.getContext("2d");
-          layer.translate(-box[0], -box[1]);
-          return layer;
+        this.past = {
+          key, box, cell, count: 0,
+          searched: this.newLayer(box), times: new Map(),
+          tracks: this.newLayer(box), lengths: [],
         };
-        this.past = { key, box, cell, count: 0, times: new Map(), lengths: [] };
-        this.past.searched = makeLayer();
-        this.past.tracks = makeLayer();
       }
       if (this.past.count === count) return;
-      if (this.frame.strips.length) this.paintStrips(this.past.searched, cell, count, theme);
-      else this.paintSearched(this.past.searched, cell, count, theme, unit);
-      this.paintTracks(this.past.tracks, cell, count, theme, unit);
+      const searched = { ...sheet, c: this.past.searched }, tracks = { ...sheet, c: this.past.tracks };
+      if (this.frame.strips.length) this.paintStrips(searched, count);
+      else this.paintSearched(searched, count);
+      this.paintTracks(tracks, count);
       this.past.count = count;
     },
+    newLayer([west, north, side]) {
+      const canvas = document.createElement("canvas");
+      canvas.width = canvas.height = side;
+      const layer = canvas.getContext("2d");
+      layer.translate(-west, -north);
+      return layer;
+    },
+    showPast({ c, cell }) {
+      const [west, north, side] = this.past.box.map((at) => (at * cell) / this.past.cell);
+      for (const layer of [this.past.searched, this.past.tracks]) {
+        // Strips of steps overlap.
+        const isStrips = layer === this.past.searched && this.frame.strips.length;
+        c.globalAlpha = isStrips ? STRIP_ALPHA : 1;
+        c.drawImage(layer.canvas, west, north, side, side);
+      }
+      c.globalAlpha = 1;
+    },
     // In metres, where a drone flew and how far it saw.
-    paintStrips(c, cell, count, theme) {
+    paintStrips({ c, theme, cell }, count) {
       const from = Math.max(this.past.count - 2, 0);
       c.strokeStyle = theme.ink;
       c.lineJoin = "round";
@@ -534,71 +634,36 @@ export default {
       });
     },
     // A frame inside each cell, thicker with each search of it; a shade where cells are small.
-    paintSearched(c, cell, count, theme, unit) {
+    paintSearched(sheet, count) {
+      const { c, theme, cell } = sheet;
       const times = this.past.times, grid = this.frame.grid, changed = new Set();
-      for (let k = this.past.count; k < count; k++) {
-        const row = this.rows[k];
-        for (let j = 1 + 3 * this.frame.names.length; j < row.length; j += 2) {
-          const key = row[j + 1] * grid + row[j];
+      for (const row of this.rows.slice(this.past.count, count)) {
+        for (const [col, line] of cellsLookedAt(row, this.frame.names.length)) {
+          const key = line * grid + col;
           times.set(key, (times.get(key) || 0) + 1);
           changed.add(key);
         }
       }
       c.strokeStyle = c.fillStyle = theme.ink;
       for (const key of changed) {
-        const searches = times.get(key);
         const x = (key % grid) * cell, y = Math.floor(key / grid) * cell;
-        c.clearRect(x, y, cell, cell);
-        if (cell < 10 * unit) {
-          c.globalAlpha = Math.min(0.12 + 0.08 * searches, 0.5);
-          c.fillRect(x, y, cell, cell);
-          continue;
-        }
-        const width = Math.max(cell * Math.min(0.02 + 0.03 * searches, 0.2), 1);
-        const at = cell * 0.14 + width / 2;
-        c.lineWidth = width;
-        c.globalAlpha = 0.6;
-        c.strokeRect(x + at, y + at, cell - 2 * at, cell - 2 * at);
+        this.paintSearchedCell(sheet, x, y, times.get(key));
       }
     },
-    // Where a drone is drawn. On cells, tracks through the same ones lie beside each other.
-    place(row, i, cell) {
-      const lanes = this.lanes();
-      const lane = (((i * 2) % lanes) - (lanes - 1) / 2) * (cell / (lanes + 2));
-      return [(row[1 + 3 * i] + 0.5) * cell + lane, (row[2 + 3 * i] + 0.5) * cell + lane];
-    },
-    lanes() {
-      const count = this.frame.names.length;
-      return count < 2 || this.frame.strips.length ? 1 : Math.min(count | 1, 7);
-    },
-    // In metres, what a row has of a drone besides: its heading, on which legs of its path it looked
-    // (null for all), and places on it.
-    flight(row, i) {
-      return this.frame.strips.length ? row[1 + 3 * this.frame.names.length + i] : [null, null];
-    },
-    // The way of a drone from one row to another, or what of it it looked on, and its length.
-    way(i, from, count, cell, searching = false) {
-      const path = new Path2D();
-      let before = null, length = 0;
-      const add = (x, y, is_drawn) => {
-        if (!before || !is_drawn) path.moveTo(x, y);
-        else if (x !== before[0] || y !== before[1]) {
-          path.lineTo(x, y);
-          length += Math.hypot(x - before[0], y - before[1]);
-        }
-        before = [x, y];
-      };
-      for (let k = from; k < count; k++) {
-        const [, looked, ...places] = k > from ? this.flight(this.rows[k], i) : [null, null];
-        const is_drawn = (leg) => !searching || !looked || looked[leg];
-        for (let p = 0; p < places.length; p += 2) {
-          add((places[p] + 0.5) * cell, (places[p + 1] + 0.5) * cell, is_drawn(p / 2));
-        }
-        add(...this.place(this.rows[k], i, cell), is_drawn(places.length / 2));
+    paintSearchedCell({ c, unit, cell }, x, y, searches) {
+      c.clearRect(x, y, cell, cell);
+      if (cell < 10 * unit) {
+        c.globalAlpha = Math.min(0.12 + 0.08 * searches, 0.5);
+        c.fillRect(x, y, cell, cell);
+        return;
       }
-      return [path, length];
+      const width = Math.max(cell * Math.min(0.02 + 0.03 * searches, 0.2), 1);
+      const at = cell * 0.14 + width / 2;
+      c.lineWidth = width;
+      c.globalAlpha = 0.6;
+      c.strokeRect(x + at, y + at, cell - 2 * at, cell - 2 * at);
     },
-    paintTracks(c, cell, count, theme, unit) {
+    paintTracks({ c, theme, unit, cell }, count) {
       const lengths = this.past.lengths;
       const from = Math.max(this.past.count - 1, 0);
       c.lineJoin = "round";
@@ -620,19 +685,59 @@ export default {
         lengths[i] = (lengths[i] || 0) + length;
       }
     },
-    paintDrones(c, box, cell, last, theme, unit) {
-      const row = this.rows[last], many = this.frame.names.length > MAX_NUMBERED;
+    // The way of a drone from one row to another, or what of it it looked on, and its length.
+    way(i, from, count, cell, searching = false) {
+      const path = new Path2D();
+      let before = null, length = 0;
+      const add = (x, y, is_drawn) => {
+        if (!before || !is_drawn) path.moveTo(x, y);
+        else if (x !== before[0] || y !== before[1]) {
+          path.lineTo(x, y);
+          length += Math.hypot(x - before[0], y - before[1]);
+        }
+        before = [x, y];
+      };
+      for (let k = from; k < count; k++) {
+        const [, looked, ...places] = k > from ? this.flightIn(this.rows[k], i) : [null, null];
+        const is_drawn = (leg) => !searching || !looked || looked[leg];
+        for (let p = 0; p < places.length; p += 2) {
+          add((places[p] + 0.5) * cell, (places[p + 1] + 0.5) * cell, is_drawn(p / 2));
+        }
+        add(...this.place(this.rows[k], i, cell), is_drawn(places.length / 2));
+      }
+      return [path, length];
+    },
+    // Where a drone is drawn. On cells, tracks through the same ones lie beside each other.
+    place(row, i, cell) {
+      const lanes = this.lanes();
+      const lane = (((i * 2) % lanes) - (lanes - 1) / 2) * (cell / (lanes + 2));
+      return cellOf(row, i).map((at) => (at + 0.5) * cell + lane);
+    },
+    lanes() {
+      const count = this.frame.names.length;
+      return count < 2 || this.frame.strips.length ? 1 : Math.min(count | 1, 7);
+    },
+    // The flight of a drone in a row; on cells it has none.
+    flightIn(row, i) {
+      const names = this.frame.names;
+      return this.frame.strips.length ? flightOf(row, i, names.length) : [null, null];
+    },
+
+    // The present
+
+    paintDrones(sheet, row) {
+      const { c, theme, unit, whole, cell, box } = sheet;
+      const many = this.frame.names.length > MAX_NUMBERED;
       const size = Math.min(Math.max(cell * 0.42, (many ? 4 : 6) * unit), 11 * unit);
       const numbered = !many || cell >= 24 * unit;
       // A drone in a cell at the edge is drawn as a whole, unless the edge is only that of the window.
-      const whole = cell * this.frame.grid;
       const inside = (at) => Math.min(Math.max(at, size), whole - size);
       const outside = (at, k) => at < box[k] - size || at > box[k] + box[2] + size;
       c.textBaseline = "middle";
       for (let i = 0; i < this.frame.names.length; i++) {
         const [x, y] = this.place(row, i, cell).map(inside);
         if (outside(x, 0) || outside(y, 1)) continue;
-        const flags = row[3 + 3 * i], state = flags & STATE;
+        const flags = flagsOf(row, i), state = flags & STATE;
         c.lineWidth = 1.5 * unit;
         c.fillStyle = this.chart.colours[i % this.chart.colours.length];
         c.strokeStyle = theme.ink;
@@ -640,29 +745,13 @@ export default {
         if (state === LOST) {
           c.lineWidth = 3 * unit;
           c.strokeStyle = this.chart.colours[i % this.chart.colours.length];
-          c.moveTo(x - size, y - size);
-          c.lineTo(x + size, y + size);
-          c.moveTo(x + size, y - size);
-          c.lineTo(x - size, y + size);
+          crossOut(c, x, y, size);
         } else if (state === FINDER || flags & FOUND) {
-          for (let k = 0; k < 10; k++) {
-            const r = size * (k % 2 ? 0.65 : 1.6), a = (Math.PI * (k - 2.5)) / 5;
-            c.lineTo(x + r * Math.cos(a), y + r * Math.sin(a));
-          }
-          c.closePath();
-          c.fill();
+          fillStar(c, x, y, size);
         } else if (state === OUT_OF_TIME) {
-          c.rect(x - size * 0.8, y - size * 0.8, size * 1.6, size * 1.6);
-          c.fill();
+          fillSquare(c, x, y, size);
         } else {
-          const [heading] = this.flight(row, i);
-          const shape = heading === null ? TRIANGLE : ARROW;
-          const [sin, cos] = [Math.sin(heading) * size, Math.cos(heading) * size];
-          for (const [right, back] of shape) {
-            c.lineTo(x + right * cos - back * sin, y + right * sin + back * cos);
-          }
-          c.closePath();
-          if (state === FLYING) c.fill();
+          pointTo(c, x, y, size, this.flightIn(row, i)[0], state === FLYING);
         }
         c.stroke();
         if (!numbered) continue;
@@ -670,10 +759,10 @@ export default {
         const left = x + size + 14 * unit > box[0] + box[2];
         c.textAlign = left ? "right" : "left";
         const at = left ? x - size - 2 * unit : x + size + 2 * unit;
-        this.write(c, text, at, y, theme.ink, theme, unit, 600);
+        write(sheet, text, at, y, theme.ink, 600);
       }
     },
-    paintVehicles(c, cell, theme, unit) {
+    paintVehicles({ c, theme, unit, cell }) {
       c.strokeStyle = theme.ink;
       c.lineWidth = 1.5 * unit;
       for (const [, col, row] of this.frame.vehicles) {
@@ -687,7 +776,7 @@ export default {
         c.stroke();
       }
     },
-    paintPointed(c, box, cell, theme, unit) {
+    paintPointed({ c, theme, unit, cell, box }) {
       const [col, row] = this.pointed;
       const side = Math.max(cell, 8 * unit);
       c.strokeStyle = theme.ink;
