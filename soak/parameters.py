@@ -16,7 +16,6 @@ import threading
 from typing import Any
 
 from dsse_ros.base.fields import Spec, specs
-from soak import ROOT
 from soak.rigs import ENVIRONMENT, Sim, domain
 from soak.row import Figures, Row, Run, zero
 
@@ -167,13 +166,13 @@ def start_all(
 
     One process tries the cases in turn; a new process continues after a node that has started.
     """
+    variables = {"ROS_DOMAIN_ID": str(ros_domain), "PYTHONPATH": os.pathsep.join(sys.path)}
     answers: list[tuple[int | None, str]] = []
     while len(answers) < len(cases):
         done = subprocess.run(
             [sys.executable, "-m", "soak.parameters", node],
             input=json.dumps(cases[len(answers) :]),
-            cwd=ROOT,
-            env=os.environ | ENVIRONMENT | {"ROS_DOMAIN_ID": str(ros_domain)},
+            env=os.environ | ENVIRONMENT | variables,
             capture_output=True,
             text=True,
         )

@@ -5,6 +5,7 @@
 import contextlib
 import faulthandler
 import gc
+import os
 import sys
 import tracemalloc
 from collections.abc import Callable, Generator, Iterator
@@ -17,6 +18,8 @@ from hypothesis import HealthCheck, settings
 FOLDER = Path(__file__).resolve().parent
 # For `benchmarks` and `soak`, also where one file is run; behind the installed package.
 sys.path.append(str(FOLDER.parent))
+# Programs that tests start would find the package of the source tree first, and compile it again.
+os.environ["PYTHONSAFEPATH"] = "1"
 FIRST = ("test_mavlink_bridge.py", "test_bridge_restarts.py")
 """Of all files those that take longest: by far the most of it they wait for vehicles in flight."""
 WAITING = {"ros", "cli", "soak", "control", "dashboard"}

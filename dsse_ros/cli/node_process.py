@@ -36,8 +36,9 @@ def process(
 
     Further ROS arguments come before the parameters.
     """
-    # With -m, a source tree in the working directory would come before the installation.
-    program = f"import sys; del sys.path[0]; from dsse_ros.cli.start import {module}; "
+    # A source tree in the working directory would come before the installation.
+    program = "import sys; sys.path[:] = filter(None, sys.path); "
+    program += f"from dsse_ros.cli.start import {module}; "
     program += f"from dsse_ros.ros.runtime.interrupts import end_with; end_with({os.getpid()}); "
     command = [sys.executable, "-c", program + f"sys.exit({module}())", "--ros-args", *ros]
     for name, value in parameters.items():

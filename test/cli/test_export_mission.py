@@ -165,7 +165,7 @@ def test_the_program_ends_with_one_line_and_code_2(arguments: tuple[str, ...], l
             "home must be at most 500 km from the search at -24, -46, got -46, -24",
         ),
         (("--search-hold", "-1"), "search_hold must be a finite number >= 0"),
-        (("--seed", "-1"), "seed must be from 0"),
+        (("--seed", "-1"), "seed must be an integer >= 0"),
         (("--planner", "nobody"), "--planner"),
         (("--num-drones", "0"), "num_drones must be an integer >= 1"),
         (("--out", "/dev/null/here"), "out: '/dev/null/here'"),

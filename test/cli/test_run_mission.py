@@ -260,7 +260,7 @@ def test_a_simulation_that_refuses_to_start_is_quoted(tmp_path: Path) -> None:
         (["--num-drones", "0"], "num_drones must be an integer >= 1"),
         (["--num-drones", "401"], "at most 400"),
         (["--num-drones", "many"], "--num-drones"),
-        (["--seed", "-1"], "seed must be from 0"),
+        (["--seed", "-1"], "seed must be an integer >= 0"),
         (["--seed", str(2**63)], "seed"),
         (["--rate", "nan"], "rate must be a finite number"),
         (["--rate", "-1"], "rate"),

@@ -72,6 +72,12 @@ env.close()
 """
 
 
+@pytest.fixture(autouse=True)
+def neighbours(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let programs find the modules of their working directory."""
+    monkeypatch.delenv("PYTHONSAFEPATH")
+
+
 def run(folder: Path, script: str, *options: str) -> subprocess.CompletedProcess[str]:
     (folder / "helper.py").write_text("", encoding="utf-8")
     (folder / "script.py").write_text(script, encoding="utf-8")

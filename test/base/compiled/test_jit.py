@@ -155,6 +155,12 @@ def imported_by(file: Path) -> set[Path]:
     return found
 
 
+@pytest.fixture(autouse=True)
+def neighbours(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let programs find the modules of their working directory."""
+    monkeypatch.delenv("PYTHONSAFEPATH")
+
+
 def test_a_compiled_function_depends_on_all_that_its_module_imports() -> None:
     compiled = [
         path
