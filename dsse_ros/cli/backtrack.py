@@ -37,7 +37,12 @@ def parse(argv: list[str] | None) -> argparse.Namespace:
     )
     add = parser.add
     add("--scenario", default="kayak", help="YAML file or name, with an incident")
-    add("--found", metavar="LAT,LON", required=True, help="place, such as -24.0,-46.4")
+    add(
+        "--found",
+        metavar="LAT,LON",
+        required=True,
+        help="place, such as -24.0,-46.4 or '24 00.0 S 046 24.0 W'",
+    )
     add("--time", required=True, help="time of the find, ISO 8601, in UTC without an offset")
     add(
         "--radius",

@@ -38,7 +38,8 @@ from dsse_ros.ros.runtime.ros_arguments import (
     without_prefix,
 )
 from dsse_ros.world.scenario.limits import MAX_SEED
-from dsse_ros.world.scenario.place_checks import LAT, LON
+from dsse_ros.world.scenario.place_checks import LAT, LON, place_of
+from dsse_ros.world.scenario.positions import EXAMPLES
 from dsse_ros.world.scenario.rules import AUTO, PROFILES, Rules, profile
 from dsse_ros.world.scenario.scenario import ResolvedScenario, Scenario
 
@@ -202,18 +203,17 @@ def options_of(arguments: argparse.Namespace) -> dict[str, Any]:
 
 
 def place(name: str, text: str) -> tuple[float, float]:
-    """Return latitude and longitude of an option LAT,LON.
+    """Return latitude and longitude of an option LAT,LON, see `positions.position`.
 
     Raises:
         FieldError: If the value is not LAT,LON.
     """
-    parts = text.split(",")
     try:
-        lat_deg, lon_deg = (float(part) for part in parts)
-        return LAT.check(name, lat_deg), LON.check(name, lon_deg)
+        return place_of(name, text)
     except ValueError:
         raise FieldError(
-            f"{name} must be LAT,LON up to {LAT.high:g} and {LON.high:g} degrees, got {text!r}"
+            f"{name} must be LAT,LON up to {LAT.high:g} and {LON.high:g} degrees, or such as "
+            f"{EXAMPLES}, got {text!r}"
         ) from None
 
 

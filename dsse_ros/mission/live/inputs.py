@@ -18,6 +18,7 @@ from dsse_ros.base.result import Accepted, Rejected, Result
 from dsse_ros.world.drift.flow import Kind as FlowKind
 from dsse_ros.world.drift.flow import seconds
 from dsse_ros.world.scenario.incident_flow import flow_dict, stated_flow
+from dsse_ros.world.scenario.place_checks import LAT, LON
 
 LONGEST_TEXT = 1 << 20
 """Characters of an input: a grid of wind or current fits in."""
@@ -31,7 +32,7 @@ def _number(**limits: Any) -> Read:
     return Spec("float", "", **limits).check
 
 
-_LAT, _LON = _number(low=-85, high=85), _number(low=-360, high=360)
+_LAT, _LON = LAT.check, LON.check
 _ID = Spec("str", "")
 _LONGEST_NAME = 100
 

@@ -15,7 +15,7 @@ from dsse_ros.planners.search_plan.assignments import PATTERNS, SearchUnit
 from dsse_ros.world.drift.flow import utc
 from dsse_ros.world.scenario.frames import flip_y
 from dsse_ros.world.scenario.geodesy import geodetic_to_map
-from dsse_ros.world.scenario.place_checks import LAT, LON, check_near
+from dsse_ros.world.scenario.place_checks import LAT, LON, check_near, place_of
 from dsse_ros.world.scenario.scenario import ResolvedScenario, scenario_frame
 from dsse_ros.world.scenario.sighting_fields import time_of
 from dsse_ros.world.scenario.yaml_file import read_yaml
@@ -189,6 +189,8 @@ def _unit(where: str, values: Any) -> UnitFields:
         if values.get(name) is None:
             raise FieldError(f"{where}.{name} must be given")
     try:
+        if isinstance(values.get("base"), str):
+            values = {**values, "base": place_of("base", values["base"])}
         return UnitFields(**values)
     except FieldError as error:
         raise FieldError(f"{where}.{error}") from None

@@ -4,15 +4,14 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping
 from typing import Any
 
 from dsse_ros.world.scenario.live_texts import Answer
+from dsse_ros.world.scenario.positions import EXAMPLES, position
 
 MAX_CORNERS = 200
 """Largest number of places of an area or a track in a form."""
-_PLACE = re.compile(r"\s*([-+]?\d+(?:\.\d*)?)\s*[,;\s]\s*([-+]?\d+(?:\.\d*)?)\s*")
 
 
 def places_of(text: str) -> list[tuple[float, float]]:
@@ -26,10 +25,12 @@ def places_of(text: str) -> list[tuple[float, float]]:
         raise ValueError(f"places must be at most {MAX_CORNERS}, got {len(lines)}")
     places = []
     for line in lines:
-        match = _PLACE.fullmatch(line)
-        if match is None:
-            raise ValueError(f"a place must be latitude, longitude in degrees, got {line!r:.60}")
-        places.append((float(match[1]), float(match[2])))
+        try:
+            places.append(position(line))
+        except ValueError:
+            raise ValueError(
+                f"a place must be latitude, longitude such as {EXAMPLES}, got {line!r:.60}"
+            ) from None
     return places
 
 

@@ -27,6 +27,7 @@ from dsse_ros.base.json_reader import read_json
 from dsse_ros.world.scenario.frames import cell_centre
 from dsse_ros.world.scenario.outline_faults import fault_of
 from dsse_ros.world.scenario.outlines import BY_GDAL, outlines_of, read_by_gdal
+from dsse_ros.world.scenario.positions import position
 
 if TYPE_CHECKING:
     from dsse_ros.world.scenario.geodesy import Origin
@@ -273,12 +274,13 @@ def _read(source: str | os.PathLike[str], name: str) -> Any:
 
 
 def _geojson_of(content: Any) -> Mapping[str, Any]:
-    """Return GeoJSON, or a list of points (latitude, longitude), as GeoJSON."""
+    """Return GeoJSON, or a list of points (latitude, longitude) or texts, as GeoJSON."""
     if isinstance(content, Mapping):
         return content
     if not isinstance(content, Sequence):
         raise TypeError
-    ring = [(lon, lat) for lat, lon in content]
+    places = [position(place) if isinstance(place, str) else place for place in content]
+    ring = [(lon, lat) for lat, lon in places]
     return {"type": "Polygon", "coordinates": [ring if ring[0] == ring[-1] else [*ring, ring[0]]]}
 
 

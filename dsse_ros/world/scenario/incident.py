@@ -43,7 +43,7 @@ from dsse_ros.world.scenario.incident_flow import (
     stated_flow,
 )
 from dsse_ros.world.scenario.model_tracks import ModelTracks
-from dsse_ros.world.scenario.place_checks import FARTHEST_M, LAT, LON, check_near
+from dsse_ros.world.scenario.place_checks import FARTHEST_M, check_near, place_of
 from dsse_ros.world.scenario.sensor_fields import SensorFields
 from dsse_ros.world.scenario.sighting_fields import (
     names_files,
@@ -446,13 +446,7 @@ def _land(value: Any, folder: str) -> Area:
 
 def _base(value: Any) -> tuple[float, float] | None:
     """Return latitude and longitude of a base."""
-    if value is None:
-        return None
-    try:
-        lat, lon = value
-    except (TypeError, ValueError):
-        raise FieldError(f"incident.base must be [lat, lon], got {shown(value)}") from None
-    return LAT.check("incident.base", lat), LON.check("incident.base", lon)
+    return None if value is None else place_of("incident.base", value)
 
 
 def _check_base(base: tuple[float, float] | None, search: tuple[float, float]) -> None:

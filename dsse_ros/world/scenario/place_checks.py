@@ -8,15 +8,77 @@ kilometres away.
 
 from __future__ import annotations
 
+import contextlib
 import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
 
-from dsse_ros.base.fields import FieldError, Spec
+from dsse_ros.base.fields import FieldError, Spec, shown
+from dsse_ros.world.scenario.positions import (
+    EXAMPLES,
+    LAT_LETTERS,
+    LON_LETTERS,
+    degrees,
+    position,
+)
 
-LAT = Spec("float", "", low=-85, high=85, unit="deg")
-LON = Spec("float", "", low=-360, high=360, unit="deg")
+
+@dataclass(frozen=True)
+class Angle(Spec):
+    """A latitude or a longitude: a number of degrees, or text as `positions` reads it.
+
+    Attributes:
+        letters: See `positions.degrees`.
+    """
+
+    letters: str = LAT_LETTERS
+
+    def allowed(self) -> str:
+        """Return the allowed values as text."""
+        example = "38 40.5 N" if self.letters == LAT_LETTERS else "009 25.1 W"
+        return f"{super().allowed()}, or text such as {example}"
+
+    def check(self, name: str, value: Any) -> Any:
+        """See `Spec.check`."""
+        stated = value
+        if isinstance(value, str):
+            with contextlib.suppress(ValueError):
+                stated = degrees(value, self.letters)
+        try:
+            return super().check(name, stated)
+        except FieldError:
+            raise FieldError(f"{name} must be {self.allowed()}, got {shown(value)}") from None
+
+
+LAT = Angle("float", "", low=-85, high=85, unit="deg", letters=LAT_LETTERS)
+LON = Angle("float", "", low=-360, high=360, unit="deg", letters=LON_LETTERS)
 FARTHEST_M = 500_000.0
 """Greatest distance of a place from the search: no drone and no drift of a day comes farther."""
 _EARTH_RADIUS_M = 6_371_000.0
+
+
+def place_of(name: str, value: Any) -> tuple[float, float]:
+    """Return latitude and longitude of a place.
+
+    Args:
+        name: Name of the place, for the error.
+        value: Text as `positions.position` reads it, or latitude and longitude.
+
+    Raises:
+        FieldError: If it is neither, or not on the Earth.
+    """
+    try:
+        if isinstance(value, str):
+            value = position(value)
+        if not isinstance(value, Sequence):
+            raise TypeError
+        lat, lon = value
+    except (TypeError, ValueError):
+        raise FieldError(
+            f"{name} must be [lat, lon], or text such as {EXAMPLES}, got {shown(value)}"
+        ) from None
+    return LAT.check(name, lat), LON.check(name, lon)
 
 
 def check_near(

@@ -28,8 +28,9 @@ from dsse_ros.world.drift.sightings import (
 )
 from dsse_ros.world.scenario.area import Area
 from dsse_ros.world.scenario.incident_flow import mapping
-from dsse_ros.world.scenario.place_checks import LAT, LON, check_near
+from dsse_ros.world.scenario.place_checks import LAT, LON, check_near, place_of
 from dsse_ros.world.scenario.rasters import geographic_raster
+from dsse_ros.world.scenario.sighting_files import sightings_of_file
 
 _RADIUS = Spec("float", "", low=0, high=1e5, unit="m")
 _RANGE = Spec("float", "", low=0, high=2e5, unit="m")
@@ -78,10 +79,15 @@ def read_seen(value: Any, folder: str = "") -> tuple[Seen, ...]:
     Raises:
         FieldError: If a field is missing or not allowed.
     """
+    if isinstance(value, str):
+        value = sightings_of_file("incident.seen", os.path.join(folder, value))
     if isinstance(value, Mapping):
         value = [value]
     if not isinstance(value, list | tuple) or not value:
-        raise FieldError(f"incident.seen must be a list of sightings, got {shown(value)}")
+        raise FieldError(
+            f"incident.seen must be a list of sightings, or a CSV or GeoJSON file of them, got "
+            f"{shown(value)}"
+        )
     return near_each_other(
         [_read(f"incident.seen[{number}]", one, folder) for number, one in enumerate(value)]
     )
@@ -105,7 +111,7 @@ def near_each_other(seen: Sequence[Seen]) -> tuple[Seen, ...]:
 def names_files(value: Any) -> bool:
     """Return whether the field `seen` names files."""
     parts = value if isinstance(value, list | tuple) else [value]
-    return any(
+    return isinstance(value, str) or any(
         isinstance(part, Mapping) and any(isinstance(part.get(kind), str) for kind in _KINDS)
         for part in parts
     )
@@ -130,7 +136,7 @@ def time_of(name: str, value: Any) -> float:
 
 
 def _read(name: str, value: Any, folder: str) -> Seen:
-    fields = mapping(name, value)
+    fields = _placed(name, mapping(name, value))
     kinds = [kind for kind in _KINDS if kind in fields]
     if len(kinds) > 1:
         raise FieldError(
@@ -163,6 +169,16 @@ def _read(name: str, value: Any, folder: str) -> Seen:
                 least, greatest,
             )  # fmt: skip
     return Sighting(checked["lat"], checked["lon"], time_s, checked["radius"], *law[1:])
+
+
+def _placed(name: str, fields: Mapping[str, Any]) -> Mapping[str, Any]:
+    """Return fields with `lat` and `lon` in place of a `position`."""
+    if "position" not in fields:
+        return fields
+    if fields.keys() & {"lat", "lon"}:
+        raise FieldError(f"{name} must have a position, or lat and lon, got both")
+    lat, lon = place_of(f"{name}.position", fields["position"])
+    return {**{key: fields[key] for key in fields if key != "position"}, "lat": lat, "lon": lon}
 
 
 def _times(
@@ -246,7 +262,7 @@ def _voyage(name: str, fields: Mapping[str, Any], checked: Mapping[str, Any]) ->
     points: list[WayPoint] = []
     for number, value in enumerate(values):
         part = f"{name}.voyage[{number}]"
-        stated = mapping(part, value)
+        stated = _placed(part, mapping(part, value))
         check_known(part, stated, (*own, *(() if by_speed else ("time",))))
         for field, (_, default) in own.items():
             if stated.get(field, default) is None:

@@ -282,7 +282,7 @@ def test_a_snapshot_has_the_digest_of_a_flow_and_fits_no_other_flow() -> None:
         ({"base": [-24.0, -49.0]}, "incident.base must be at most 360 min of flight from the grid"),
         ({"seen": [{"lat": 1.0, "lon": 1.0}]}, "incident.seen[0].time must be given"),
         ({"search_start": "2026-01-17T12:00Z"}, "incident.search_start must not be before"),
-        ({"base": 3}, "incident.base must be [lat, lon], got 3"),
+        ({"base": 3}, "incident.base must be [lat, lon], or text such as"),
         ({"wind": {"toward": 3, "speed": 1}}, "'toward' is not a field of incident.wind"),
         ({"wind": {"speed": 1}}, "incident.wind must have speed and from, or a file"),
         (

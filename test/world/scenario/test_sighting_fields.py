@@ -130,3 +130,52 @@ def test_what_is_not_allowed_is_refused_in_a_line(seen: dict[str, Any], message:
     with pytest.raises(FieldError) as error:
         Incident.read({**FIELDS, "seen": seen})
     assert message in str(error.value) and "\n" not in str(error.value)
+
+
+def test_sightings_come_from_csv_and_geojson_and_positions_in_minutes(tmp_path: Path) -> None:
+    (tmp_path / "seen.csv").write_text(
+        "position,time,radius\n24 00 S 46 00 W,2026-01-17T13:00Z,300\n\n"
+    )
+    stated = {**FIELDS, "seen": "seen.csv"}
+    assert not Incident.may_be_sent(stated)
+    wanted = Incident.read({**FIELDS, "seen": POINT})
+    assert Incident.read(stated, str(tmp_path)) == wanted
+    by_minutes = {**POINT, "lat": "24 00 S", "lon": "046-00.0W"}
+    assert Incident.read({**FIELDS, "seen": by_minutes}) == wanted
+    line = {"type": "LineString", "coordinates": [[-46.0, -24.0], [-46.0, -24.1]]}
+    times = ["2026-01-17T09:00Z", "2026-01-17T10:00Z"]
+    polygon = {"type": "Polygon", "coordinates": [[[-46, -24], [-45.9, -24], [-45.9, -23.9]]]}
+    polygon["coordinates"][0].append(polygon["coordinates"][0][0])
+    features = [
+        {"geometry": {"type": "Point", "coordinates": [-46.0, -24.0, 0]}, "properties": POINT},
+        {"geometry": line, "properties": {"times": times, "radius": 200, "name": "Ana"}},
+        {"geometry": polygon, "properties": TIME},
+    ]
+    path = tmp_path / "seen.geojson"
+    path.write_text(json.dumps({"type": "FeatureCollection", "features": features}))
+    point, voyage, area = read_seen(str(path))
+    assert (point,) == read_seen(POINT) and isinstance(voyage, Voyage) and voyage.radius_m == 200
+    assert area == read_seen({**AREA, "area": polygon})[0]
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "message"),
+    [
+        ("a.csv", "lat,long\n1,2\n", "first, got 'long'"),
+        ("a.csv", "lat,lon\n1,2,3\n", "incident.seen: line 2 must have one cell a column"),
+        ("a.csv", "lat,lon,time,radius\n1,2,2026-01-17T13:00Z,far\n", "radius must be a finite"),
+        ("a.csv", "", "must have a row of the columns"),
+        ("a.csv", "lat,lon\n", "incident.seen must be a list of sightings, or a CSV"),
+        ("a.json", '{"type": "Feature", "geometry": null}', "feature 1 must be a Point"),
+        ("a.json", "[", "incident.seen"),
+        ("a.json", "[]", "incident.seen must be a .json file of sightings"),
+        ("a.txt", "", "or a file of them, .csv, .geojson, .json, got"),
+    ],
+)
+def test_files_of_something_else_are_refused_in_a_line(
+    name: str, text: str, message: str, tmp_path: Path
+) -> None:
+    (tmp_path / name).write_text(text)
+    with pytest.raises(FieldError) as error:
+        read_seen(name, str(tmp_path))
+    assert message in str(error.value) and "\n" not in str(error.value)
