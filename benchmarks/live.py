@@ -255,7 +255,7 @@ class LiveMission:
         """Return a track of the law, (T, 2) metres to the east and north in the map frame."""
         s = self._scenario
         origin, side_m = (s.origin_lat, s.origin_lon, s.origin_alt), s.grid_size * s.cell_size
-        tracks, _ = positions(law, origin, side_m, s.step_duration_s, STEPS, self._rng, 1)
+        tracks, *_ = positions(law, origin, side_m, s.step_duration_s, STEPS, self._rng, 1)
         track = tracks[:, 0]
         return np.stack([track[:, 0], flip_y(side_m, track[:, 1])], axis=1)
 

@@ -119,7 +119,7 @@ class Arm:
         self._inputs, _ = case.inputs(rng, scenario.incident)
         origin = scenario.origin_lat, scenario.origin_lon, scenario.origin_alt
         self._side_m = scenario.grid_size * scenario.cell_size
-        tracks, _ = positions(
+        tracks, *_ = positions(
             scenario.incident, origin, self._side_m, scenario.step_duration_s, STEPS, rng, 1
         )
         self._truth: NDArray[np.float64] = tracks[:, 0]

@@ -22,6 +22,7 @@ from dsse_ros.results.report.recomputed import (
     follow_belief,
     forecast_for,
     object_shares,
+    pos_alive,
     with_coverage,
     with_waits,
 )
@@ -84,7 +85,10 @@ def main(argv: list[str] | None = None) -> int:
         record = missions[at] = with_waits(missions[at])
         forecast = forecast_for(record, forecast)
         if forecast is not None:
-            record = missions[at] = replace(record, object_shares=object_shares(record, forecast))
+            record = missions[at] = replace(
+                record, object_shares=object_shares(record, forecast),
+                pos_alive=pos_alive(record, forecast),
+            )  # fmt: skip
         shown = pictures(record, wanted, forecast, bag)
         make_folder("out", arguments.out)
     except FieldError as error:

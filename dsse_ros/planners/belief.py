@@ -41,6 +41,7 @@ from dsse_ros.planners.planner import (
 )
 from dsse_ros.search.belief.belief import Forecast
 from dsse_ros.search.belief.drift_estimate import FIRST_OBSERVED, DriftEstimate
+from dsse_ros.search.belief.ensemble_belief import EnsembleBelief
 from dsse_ros.search.belief.forecasts import forecast_for, is_ensemble
 from dsse_ros.search.belief.protocol import TargetBelief, TargetForecast
 from dsse_ros.search.step.cell_tracks import Draw
@@ -110,10 +111,13 @@ class Forecasts:
         rules: The rules of the search.
         horizon: Of the forecasts.
         drift_samples: Of the forecasts.
+        living: Of the forecasts.
     """
 
-    def __init__(self, rules: Rules, horizon: int, drift_samples: int) -> None:
-        self._rules = rules
+    def __init__(
+        self, rules: Rules, horizon: int, drift_samples: int, living: bool = False
+    ) -> None:
+        self._rules, self._living = rules, living
         self._horizon, self._drift_samples = horizon, drift_samples
         self._kept: list[TargetForecast] = []
 
@@ -128,6 +132,7 @@ class Forecasts:
             horizon=self._horizon,
             drift_samples=self._drift_samples,
             draw=Draw.PLANNING,
+            living=self._living,
         )
         before = self._kept[-1] if self._kept else None
         if isinstance(forecast, Forecast) and isinstance(before, Forecast):
@@ -156,6 +161,7 @@ class BeliefPlanner:
         learn_drift: Whether to learn the drift if the observed map is not the expected one. The
             planner does not learn it if drones observe the belief instead of the map
             (`Search.observed`), if no drift explains the maps, or if persons follow an ensemble.
+        living: Whether only persons who are alive count, see `EnsembleForecast`.
 
     Attributes:
         belief: The belief at the last observation, None before the first. Its drift is
@@ -176,11 +182,13 @@ class BeliefPlanner:
         horizon: int = 0,
         drift_samples: int = DRIFT_SAMPLES,
         learn_drift: bool = True,
+        living: bool = False,
     ) -> None:
+        self._living = living
         self._search = search
         self._new_tactic = new_tactic
         self._seed = seed
-        self.forecasts = Forecasts(search.rules, horizon, drift_samples)
+        self.forecasts = Forecasts(search.rules, horizon, drift_samples, living)
         self._swarm = Swarm.of_scenario(search.scenario, search.rules).with_moves()
         self._may_be_held_up = self._swarm.may_be_under_way or hold_up(search.scenario)
         self._learn_drift = (
@@ -302,6 +310,8 @@ class BeliefPlanner:
     def _take_over(self, belief: TargetBelief) -> None:
         """Go on from a belief of the present step that somebody else has computed."""
         assert self.belief is not None
+        if self._living and isinstance(belief, EnsembleBelief) and not belief.forecast.living:
+            belief = belief.of_living()
         if belief.forecast is not self.belief.forecast:
             self._forecast = belief.forecast
             self._tactic = self._new_tactic(belief.forecast, seed=self._seed)
@@ -378,6 +388,7 @@ def make_belief(search: Search, options: BeamOptions, *, seed: int) -> BeliefPla
     return BeliefPlanner(
         search, partial(BeamSearch, options=options), seed=seed, learn_drift=options.learn_drift,
         horizon=steps_planned(search.rules, options.horizon),
+        living=options.living(search.scenario),
     )  # fmt: skip
 
 

@@ -202,7 +202,7 @@ class MetresBelief(MetresPlanner):
 
     def __init__(self, search: Search, options: BeamOptions, *, seed: int = 0) -> None:
         super().__init__(search, seed=seed)
-        self._options = options
+        self._options, self._living = options, options.living(search.scenario)
         self.belief: EnsembleBelief | None = None
         self._paths: dict[str, Floats] = {}
 
@@ -222,7 +222,9 @@ class MetresBelief(MetresPlanner):
 
     def forecasts(self, scenario: ResolvedScenario) -> EnsembleForecast:
         """Return the forecast of a scenario, see `OnBelief`."""
-        return EnsembleForecast(scenario, self._search.rules, draw=Draw.PLANNING)
+        return EnsembleForecast(
+            scenario, self._search.rules, draw=Draw.PLANNING, living=self._living
+        )
 
     def _start(self, observations: Observations, step: int) -> None:
         self._take_over(self.forecasts(self._scenario).belief())
@@ -230,6 +232,8 @@ class MetresBelief(MetresPlanner):
 
     def _take_over(self, belief: EnsembleBelief) -> None:
         """Go on from a belief."""
+        if self._living and not belief.forecast.living:
+            belief = belief.of_living()
         before, self.belief = self.belief, belief.copy()
         if before is not None and before.forecast is belief.forecast:
             return

@@ -18,6 +18,8 @@ from dsse_ros.planners.patterns import SearchPattern
 if TYPE_CHECKING:
     from typing_extensions import Self
 
+    from dsse_ros.world.scenario.scenario import Scenario
+
 
 @dataclass(frozen=True, kw_only=True)
 class Options:
@@ -115,6 +117,7 @@ class BeliefOptions(Options):
     )
 
 
+POS, POS_ALIVE = "pos", "pos_alive"
 SAMPLES, OF_PARTICLES = 2048, 4096
 """Default of `BeamOptions.samples`, and for an ensemble: with fewer of its particles, plans are
 worse."""
@@ -138,11 +141,28 @@ class BeamOptions(BeliefOptions):
     kappa: float = field(
         "float", "Weight of the scenarios left at the end of a plan.", 0.2, low=0, high=1e6
     )
+    maximise: str = field(
+        "str", "What plans maximise: the POS, or the probability to find the person alive, with "
+        "the survival of the incident.", POS, choices=(POS, POS_ALIVE),
+    )  # fmt: skip
     budget_ms: float | None = field(
         "float", "Wall time of a step after which no further drone plans; the others continue "
         "their last plans. The same seed then need not give the same mission.", None, low=0,
         high=1e9, unit="ms",
     )  # fmt: skip
+
+    def living(self, scenario: Scenario) -> bool:
+        """Return whether only persons who are alive count, see `EnsembleForecast`.
+
+        Raises:
+            FieldError: If the incident has no survival curve for that.
+        """
+        incident = scenario.incident
+        if self.maximise == POS_ALIVE and (incident is None or incident.survival is None):
+            raise FieldError(
+                f"maximise must be {POS} without a survival of the incident, got {POS_ALIVE!r}"
+            )
+        return self.maximise == POS_ALIVE
 
 
 @dataclass(frozen=True, kw_only=True)

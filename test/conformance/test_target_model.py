@@ -63,7 +63,7 @@ class EachAnother:
     def __call__(
         self, scenario: Any, steps: int, rng: np.random.Generator, count: int
     ) -> WeightedTracks:
-        positions, weights, _ = tracks(scenario, steps, rng, count)
+        positions, weights, *_ = tracks(scenario, steps, rng, count)
         # The first two are drawn with one generator, the others for the truth and the belief.
         east = 0.2 * scenario.cell_size * max(next(self._calls) - 2, 0)
         return WeightedTracks(positions + np.array([east, 0.0]), weights)
@@ -72,22 +72,22 @@ class EachAnother:
 def of_global_state(
     scenario: Any, steps: int, rng: np.random.Generator, count: int
 ) -> WeightedTracks:
-    positions, weights, _ = tracks(scenario, steps, rng, count)
+    positions, weights, *_ = tracks(scenario, steps, rng, count)
     return WeightedTracks(positions + np.random.standard_normal(positions.shape), weights)  # noqa: NPY002
 
 
 def too_heavy(scenario: Any, steps: int, rng: np.random.Generator, count: int) -> WeightedTracks:
-    positions, weights, _ = tracks(scenario, steps, rng, count)
+    positions, weights, *_ = tracks(scenario, steps, rng, count)
     return WeightedTracks(positions, 1.01 * weights)
 
 
 def too_short(scenario: Any, steps: int, rng: np.random.Generator, count: int) -> WeightedTracks:
-    positions, weights, _ = tracks(scenario, steps, rng, count)
+    positions, weights, *_ = tracks(scenario, steps, rng, count)
     return WeightedTracks(positions[:-1], weights)
 
 
 def negative(scenario: Any, steps: int, rng: np.random.Generator, count: int) -> WeightedTracks:
-    positions, weights, _ = tracks(scenario, steps, rng, count)
+    positions, weights, *_ = tracks(scenario, steps, rng, count)
     weights[:2] = -weights[0], 3 * weights[0]
     return WeightedTracks(positions, weights)
 

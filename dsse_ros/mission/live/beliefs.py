@@ -52,6 +52,12 @@ class LiveBeliefs:
         """(1,) cumulative probability of success."""
         return np.array([self.live_search.pos])
 
+    @property
+    def pos_alive(self) -> NDArray[np.float64] | None:
+        """(1,) as `pos`, to find the person alive; None without a survival curve."""
+        alive = self.live_search.pos_alive
+        return None if alive is None else np.array([alive])
+
     def before_step(self, actions: NDArray[np.int8]) -> None:
         """Record which drones are about to act.
 

@@ -159,6 +159,12 @@ class LiveSearch:
         """
         return self._by_searches.posterior.belief.pos
 
+    @property
+    def pos_alive(self) -> float | None:
+        """As `pos`, to find the person alive; None without a survival curve."""
+        alive = self._by_searches_alive
+        return None if alive is None else alive.posterior.belief.pos
+
     def update(self) -> None:
         """Compute both beliefs again as far as inputs have changed them.
 
@@ -170,6 +176,8 @@ class LiveSearch:
     def _invalidate(self, step: int) -> None:
         """Have both beliefs computed again from a step on."""
         self._by_searches.invalidate(step)
+        if self._by_searches_alive is not None:
+            self._by_searches_alive.invalidate(step)
         self._by_detections.invalidate(step)
 
     def step(self, done: StepLooks) -> None:
@@ -403,6 +411,12 @@ class LiveSearch:
             lambda: forecast.of_pos.belief(), self.steps,
             _Searches(*known, lambda: forecast.of_pos),
         )  # fmt: skip
+        alive = forecast.of_pos_alive if isinstance(forecast, EnsembleForecast) else None
+        self._by_searches_alive = None
+        if alive is not None:
+            self._by_searches_alive = Chain(
+                alive.belief, self.steps, _Searches(*known, lambda: alive)
+            )
         self._by_detections = Chain(
             forecast.belief, self.steps, _Detections(*known, lambda: forecast)
         )

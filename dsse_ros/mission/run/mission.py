@@ -241,6 +241,12 @@ class Mission:
         return self.coverage.get("pos")
 
     @property
+    def pos_alive(self) -> float | None:
+        """As `pos`, to find the person alive; None without `Incident.survival`."""
+        alive = None if self.beliefs is None else self.beliefs.pos_alive
+        return None if alive is None else float(alive[0])
+
+    @property
     def coverage(self) -> dict[str, float]:
         """The metrics of the coverage task by name, see `coverage_task.Coverage`; else empty."""
         metrics = self.env.world.coverage_metrics()

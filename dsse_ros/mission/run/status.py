@@ -232,9 +232,11 @@ def _condition(condition: np.void) -> str:
 
 
 def _of_incident(mission: Mission) -> dict[str, object]:
-    """Return `poc_outside`, `stranded` and the shares of objects; empty without an incident."""
+    """Return `pos_alive`, `poc_outside`, `stranded` and the shares of objects, as far as known."""
     outside, incident = mission.poc_outside, mission.env.scenario.incident
     found: dict[str, object] = {} if outside is None else {"poc_outside": f"{outside:.6f}"}
+    if mission.pos_alive is not None:
+        found["pos_alive"] = f"{mission.pos_alive:.6f}"
     if incident is not None and incident.grid_summary is not None:
         found["stranded"] = f"{incident.grid_summary.stranded:.6f}"
     return found | {

@@ -231,6 +231,12 @@ METRICS = (
         lambda record, progress: _last(progress.pos),
     ),
     Metric(
+        "pos_alive", "POS alive", "share",
+        "Incident with a survival curve: probability, before their outcomes are known, that the "
+        "searches find the person alive. A planning aid: no reason to end a search.",
+        lambda record, progress: record.pos_alive,
+    ),
+    Metric(
         "poc_outside", "POC outside", "share",
         "Incident: share of the particles that leave the grid before the time limit.",
         lambda record, progress: _of_incident(record, lambda summary: 1.0 - summary.inside),

@@ -249,6 +249,29 @@ def follow_belief(
     return pos, beliefs
 
 
+def pos_alive(record: RecordedMission, forecast: TargetForecast) -> float | None:
+    """Return the probability that the searches find the person alive; None without a survival.
+
+    Args:
+        record: See `follow_belief`.
+        forecast: Of the search.
+
+    Raises:
+        FieldError: As `follow_belief`.
+    """
+    alive = forecast.of_pos_alive if isinstance(forecast, EnsembleForecast) else None
+    if alive is None:
+        return None
+    if record.rules.in_metres:
+        with _same_mission():
+            *_, last = (mission.pos_alive for mission in _flown_missions(record, belief=True))
+        return last
+    belief = alive.belief()
+    for _ in _updated(record, alive, [belief]):
+        pass
+    return belief.pos
+
+
 def object_shares(record: RecordedMission, forecast: TargetForecast) -> NDArray[np.float64] | None:
     """Return the probability of each possible object after each step, (K, O); None for only one.
 

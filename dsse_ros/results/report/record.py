@@ -65,6 +65,8 @@ class RecordedMission:
             with `work`.
         probabilities: (K, N) float64, map values of the cells searched; None if not recorded.
         pos: (K,) float64 cumulative probability of success after each step; None if not recorded.
+        pos_alive: POS alive at the end; None without `Incident.survival`, or not computed, see
+            `recomputed.pos_alive`.
         object_shares: (K, O) float64 probability of each possible object of the incident after
             each step; None if there is one, or not computed, see `recomputed.object_shares`.
         coverage_rate: (K,) float64 share of the cells to cover that are covered after each step;
@@ -100,6 +102,7 @@ class RecordedMission:
     flown: FlownPaths | None = None
     probabilities: NDArray[np.float64] | None = None
     pos: NDArray[np.float64] | None = None
+    pos_alive: float | None = None
     object_shares: NDArray[np.float64] | None = None
     coverage_rate: NDArray[np.float64] | None = None
     repeated_coverage: NDArray[np.float64] | None = None

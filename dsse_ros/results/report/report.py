@@ -30,7 +30,7 @@ from dsse_ros.results.report.record import RecordedMission
 
 _Chart: TypeAlias = tuple[str, str, str, Callable[[Theme], Any]]
 """Name, caption, text for readers who do not see it, and figure."""
-OF_INCIDENT = ("poc_outside", "stranded")
+OF_INCIDENT = ("pos_alive", "poc_outside", "stranded")
 FACTS = ("pos", *OF_INCIDENT, "time_to_detection", "expected_time_at_least",
          "expected_time_at_most", "coverage", "path_length", "collisions")  # fmt: skip
 """Metrics at the top of the page, those of an incident only where there is one."""

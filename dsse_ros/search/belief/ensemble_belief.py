@@ -24,7 +24,7 @@ from dsse_ros.search.belief.motion_kernels import MARGIN
 from dsse_ros.search.belief.particle_kernels import BinnedParticles
 from dsse_ros.search.belief.passing_kernels import ParticlePositions, Passing, moved_of, seen_of
 from dsse_ros.search.belief.protocol import Expected, Futures, LooksToCome, Outlook
-from dsse_ros.search.step.cell_tracks import Draw, particle_positions, tracks_of
+from dsse_ros.search.step.cell_tracks import Draw, of_living, particle_positions, tracks_of
 from dsse_ros.world.scenario.actions import Cell
 from dsse_ros.world.scenario.probable_cells import datum_of
 from dsse_ros.world.scenario.rules import Rules
@@ -63,6 +63,9 @@ class EnsembleForecast(ForecastBase):
         rules: The rules of the search; persons must follow an ensemble.
         horizon: Number of steps after the present one that are available.
         draw: What the particles are drawn for.
+        living: Whether particles vanish when their persons are no longer alive, see
+            `Incident.survival`. What beliefs then call POS is the probability to find the person
+            alive.
 
     Attributes:
         tracks: The tracks of the scenario.
@@ -72,19 +75,34 @@ class EnsembleForecast(ForecastBase):
     """
 
     def __init__(
-        self, scenario: Scenario, rules: Rules, *, horizon: int = 0, draw: Draw = Draw.BELIEF
-    ) -> None:
+        self, scenario: Scenario, rules: Rules, *, horizon: int = 0, draw: Draw = Draw.BELIEF,
+        living: bool = False,
+    ) -> None:  # fmt: skip
         super().__init__(scenario, rules, horizon)
-        self._draw = draw
+        self._draw, self.living = draw, living
         tracks = tracks_of(self.scenario, rules, draw)
         if tracks is None:
             raise ValueError(f"person_motion must be an ensemble, got {rules.person_motion!r}")
-        self.tracks = tracks
+        self.tracks = of_living(tracks) if living and tracks.dies is not None else tracks
 
     @cached_property
     def of_pos(self) -> EnsembleForecast:
         """The forecast whose beliefs state the POS: its particles are seen by nobody else."""
         return EnsembleForecast(self.scenario, self.rules, draw=Draw.POS)
+
+    @cached_property
+    def of_pos_alive(self) -> EnsembleForecast | None:
+        """As `of_pos`, for the POS alive; None without a survival curve."""
+        if self.tracks.dies is None:
+            return None
+        return EnsembleForecast(self.scenario, self.rules, draw=Draw.POS, living=True)
+
+    @cached_property
+    def of_living(self) -> EnsembleForecast:
+        """The forecast with the same particles as long as their persons are alive."""
+        return EnsembleForecast(
+            self.scenario, self.rules, horizon=self.horizon, draw=self._draw, living=True
+        )
 
     @property
     def cells(self) -> NDArray[np.int16]:
@@ -280,6 +298,12 @@ class EnsembleBelief(BeliefBase):
         keys = [of_object.category.key for of_object in incident.objects]
         shares = np.bincount(objects, self.of_missing().sum(axis=0), len(keys))
         return dict(zip(keys, shares.tolist(), strict=True))
+
+    def of_living(self) -> EnsembleBelief:
+        """Return a copy whose particles vanish when their persons are no longer alive."""
+        twin = self.copy()
+        twin.forecast = self.forecast.of_living
+        return twin
 
     def advance(self) -> None:
         """Advance the sea by one step, after the update with this step's looks."""

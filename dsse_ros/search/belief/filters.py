@@ -152,11 +152,15 @@ class ParticleFilter:
         scenario: What is searched.
         rules: The rules of the search.
         draw: What the particles are drawn for.
+        living: See `EnsembleForecast`.
     """
 
-    def __init__(self, scenario: ResolvedScenario, rules: Rules, draw: Draw = Draw.BELIEF) -> None:
-        self._made_of = scenario, rules, draw
-        belief = EnsembleBelief(EnsembleForecast(scenario, rules, draw=draw))
+    def __init__(
+        self, scenario: ResolvedScenario, rules: Rules, draw: Draw = Draw.BELIEF,
+        living: bool = False,
+    ) -> None:  # fmt: skip
+        self._made_of = scenario, rules, draw, living
+        belief = EnsembleBelief(EnsembleForecast(scenario, rules, draw=draw, living=living))
         self._forecast, self._in_metres = belief.forecast, rules.in_metres
         self._update = Specialized(
             passing_kernels.filter_paths if rules.in_metres else particle_kernels.filter_particles
@@ -172,8 +176,15 @@ class ParticleFilter:
 
     def of_pos(self) -> ParticleFilter:
         """Return the filter of the beliefs that state the POS, with particles of its own."""
-        scenario, rules, _ = self._made_of
+        scenario, rules, *_ = self._made_of
         return ParticleFilter(scenario, rules, Draw.POS)
+
+    def of_pos_alive(self) -> ParticleFilter | None:
+        """As `of_pos`, for the POS alive; None without a survival curve."""
+        scenario, rules, *_ = self._made_of
+        if self._forecast.tracks.dies is None:
+            return None
+        return ParticleFilter(scenario, rules, Draw.POS, living=True)
 
     def prepare(self) -> None:
         """Do nothing: the particles are already complete."""

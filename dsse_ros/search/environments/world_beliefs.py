@@ -21,7 +21,7 @@ from dsse_ros.world.scenario.scenario import ResolvedScenario
 
 __all__ = ["DRIFT_SAMPLES", "WorldBeliefs", "observed_beliefs"]
 
-_PUBLISHED, _OF_POS = "belief", "pos"
+_PUBLISHED, _OF_POS, _OF_POS_ALIVE = "belief", "pos", "pos_alive"
 """The beliefs of a world, by what a snapshot calls them."""
 
 
@@ -47,7 +47,7 @@ class WorldBeliefs:
                 "'belief'"
             )
         self._world = world
-        # What is published, and last what states the POS, which is the same without particles.
+        # What is published; of particles also what states the POS, and the POS alive.
         self._filtered: dict[str, tuple[BeliefFilter, Beliefs]] = {}
         self._scenario: ResolvedScenario | None = None
         self._live = np.zeros(world.drones.shape, bool)
@@ -88,9 +88,14 @@ class WorldBeliefs:
         return self._of_pos.pos
 
     @property
+    def pos_alive(self) -> NDArray[np.float64] | None:
+        """(B,) float64, as `pos`, to find the person alive; None without a survival curve."""
+        alive = self._filtered.get(_OF_POS_ALIVE)
+        return None if alive is None else alive[1].pos
+
+    @property
     def _of_pos(self) -> Beliefs:
-        *_, (_, beliefs) = self._filtered.values()
-        return beliefs
+        return self._filtered.get(_OF_POS, self._filtered[_PUBLISHED])[1]
 
     def reset(self, which: NDArray[np.bool_] | None = None) -> None:
         """Start new missions with the last placed values of the worlds.
@@ -107,6 +112,8 @@ class WorldBeliefs:
             filters = {_PUBLISHED: published}
             if (of_pos := published.of_pos()) is not published:
                 filters[_OF_POS] = of_pos
+            if isinstance(published, ParticleFilter) and (alive := published.of_pos_alive()):
+                filters[_OF_POS_ALIVE] = alive
             self._filtered = {name: (each, self._new(each)) for name, each in filters.items()}
             self._scenario = scenario
             self._pods = np.ascontiguousarray(self._world.looks.pods[:, published.pod_columns])

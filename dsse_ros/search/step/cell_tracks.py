@@ -22,6 +22,7 @@ from dsse_ros.world.targets.ensemble import Ensemble, WeightedTracks, check_trac
 from dsse_ros.world.targets.registry import TARGET_MODELS
 
 _T = TypeVar("_T", bound=np.generic)
+_NOWHERE_M = -2 * FARTHEST_M
 
 LARGEST_BYTES = 1 << 30
 """Memory limit of an ensemble."""
@@ -47,6 +48,8 @@ class CellTracks:
         objects: (M',) int8, numbers of the particles' objects, see `WeightedTracks`.
         appearances: (M',) int8, numbers of the particles' appearances, see `Incident`.
         truth_appearances: (M,) int8, those of `truth`.
+        dies: (M',) int32, first step of the sea at which the person of a particle is no longer
+            alive, T or more for never; None without a survival curve.
         maps: (T, G, G) float32 as [y, x], the probability of each cell by the particles. They leave
             out probability outside the grid or the area and are not scaled to sum to 1.
         truth_m: (T, M, 2) float32, the positions of `truth` in metres to the east and to the south
@@ -64,6 +67,7 @@ class CellTracks:
     objects: NDArray[np.int8] | None = None
     appearances: NDArray[np.int8] | None = None
     truth_appearances: NDArray[np.int8] | None = None
+    dies: NDArray[np.int32] | None = None
 
     def __deepcopy__(self, memo: object) -> CellTracks:
         """Return the tracks themselves: nothing changes them."""
@@ -134,6 +138,7 @@ def _cached(model: Ensemble, scenario: ResolvedScenario, rules: Rules, draw: Dra
         new = replace(
             searched, particles=drawn.cells, weights=drawn.weights, particles_m=drawn.positions_m,
             objects=drawn.objects, appearances=_appearances(scenario, scenario, drawn),
+            dies=drawn.dies,
         )  # fmt: skip
     else:
         new = _made(model, scenario, rules)
@@ -177,7 +182,20 @@ def _made(model: Ensemble, scenario: ResolvedScenario, rules: Rules) -> CellTrac
         None if truth.positions_m is None else _by_track(truth.positions_m), belief.positions_m,
         belief.objects, _appearances(scenario, scenario, belief),
         _appearances(scenario, scenario.followed if scenario.has_persons else scenario, truth),
+        belief.dies,
     )  # fmt: skip
+
+
+def of_living(tracks: CellTracks) -> CellTracks:
+    """Return tracks whose particles are nowhere once their persons are no longer alive."""
+    assert tracks.dies is not None
+    dead = np.arange(len(tracks.particles))[:, None] >= tracks.dies
+    particles = tracks.particles.copy()
+    particles[dead] = -FAR
+    particles_m = None if tracks.particles_m is None else tracks.particles_m.copy()
+    if particles_m is not None:
+        particles_m[dead] = _NOWHERE_M
+    return replace(tracks, particles=particles, particles_m=particles_m)
 
 
 def _by_track(steps: NDArray[_T]) -> NDArray[_T]:
@@ -216,12 +234,13 @@ def particle_positions(
 
 
 class _Drawn(NamedTuple):
-    """Tracks of particles: (T, M, 2) cells, (M,) weights and objects; positions in metres."""
+    """Tracks of particles: (T, M, 2) cells, (M,) weights, objects; positions in metres; deaths."""
 
     cells: NDArray[np.int16]
     weights: NDArray[np.float64]
     positions_m: NDArray[np.float32] | None
     objects: NDArray[np.int8] | None
+    dies: NDArray[np.int32] | None
 
 
 def _drawn(model: Ensemble, scenario: ResolvedScenario, rules: Rules, draw: Draw) -> _Drawn:
@@ -241,12 +260,16 @@ def _drawn(model: Ensemble, scenario: ResolvedScenario, rules: Rules, draw: Draw
         of_step[:] = np.clip(place, -FAR, FAR)
     positions_m = None
     if rules.in_metres:
-        nowhere = -2 * FARTHEST_M
         positions_m = np.nan_to_num(
-            tracks.positions.astype(np.float32), nan=nowhere, posinf=nowhere, neginf=nowhere
-        )
+            tracks.positions.astype(np.float32), nan=_NOWHERE_M, posinf=_NOWHERE_M,
+            neginf=_NOWHERE_M,
+        )  # fmt: skip
+    dies = None
+    if tracks.dies_s is not None:
+        at_step = np.ceil(tracks.dies_s / scenario.step_duration_s)
+        dies = np.clip(at_step, 0, steps + 1).astype(np.int32)
     # Copy the weights: the compiled functions do not accept read-only arrays.
-    return _Drawn(cells, np.array(tracks.weights, np.float64), positions_m, tracks.objects)
+    return _Drawn(cells, np.array(tracks.weights, np.float64), positions_m, tracks.objects, dies)
 
 
 def _appearances(

@@ -70,6 +70,7 @@ class DriftTracks(NamedTuple):
         stranded: (T, M) bool, which particles lie ashore; these stay where they are.
         objects: (M,) int8, number of each particle's object among those of the drift; None if it
             has one.
+        released_s: (M,) float64, time from which on each particle drifts; None if unknown.
     """
 
     times_s: NDArray[np.float64]
@@ -77,6 +78,7 @@ class DriftTracks(NamedTuple):
     lons_deg: NDArray[np.float64]
     stranded: NDArray[np.bool_]
     objects: NDArray[np.int8] | None = None
+    released_s: NDArray[np.float64] | None = None
 
 
 def drift_tracks(
@@ -118,7 +120,7 @@ def drift_tracks(
     ]
     shape = len(times_s), count
     tracks = DriftTracks(
-        times_s, np.empty(shape), np.empty(shape), np.empty(shape, np.bool_), objects
+        times_s, np.empty(shape), np.empty(shape), np.empty(shape, np.bool_), objects, released
     )
     for index, until_s in enumerate(times_s):
         steps = max(math.ceil(abs(until_s - begin) / step_s - 1e-9), 1)
@@ -269,4 +271,5 @@ def tracks_both_ways(
     turned = backward.lons_deg[:0:-1] - backward.lons_deg[0]
     lons = forward.lons_deg[1:] + (turned + 180.0) % 360.0 - 180.0
     ashore = forward.stranded[1:] | backward.stranded[:0:-1]
-    return DriftTracks(times_s, lats, (lons + 180.0) % 360.0 - 180.0, ashore, forward.objects)
+    lons = (lons + 180.0) % 360.0 - 180.0
+    return forward._replace(times_s=times_s, lats_deg=lats, lons_deg=lons, stranded=ashore)

@@ -53,6 +53,7 @@ from dsse_ros.world.scenario.sighting_fields import (
     seen_identity,
     time_of,
 )
+from dsse_ros.world.scenario.survival import Survival
 from dsse_ros.world.scenario.while_alive import while_alive
 
 LONGEST_SEARCH_S = 6 * 3600.0
@@ -61,7 +62,7 @@ FASTEST_DRIFT_MPS = 2.0
 """Fastest drift for which wind, current and shore are read around the sightings."""
 _OF_INCIDENT = (
     "object", "seen", "search_start", "base", "wind", "current", "waves", "jibing", "shore",
-    "tracks", "truth", "grid_summary",
+    "tracks", "truth", "survival", "grid_summary",
 )  # fmt: skip
 _OF_DRIFT = ("object", "wind", "current", "waves", "jibing")
 _ALWAYS: tuple[Kind, ...] = ("wind", "current")
@@ -104,6 +105,7 @@ class Incident:
         model_tracks: Tracks of another model, which then replace sightings, wind, current and land.
         truth: The incident whose drift the persons follow, if it is a different one; it
             differs in the fields of `truth`.
+        survival: How long people survive from a particle's own time; None if not considered.
     """
 
     ALLOWED: ClassVar[str] = "a mapping with object, seen and search_start"
@@ -124,6 +126,7 @@ class Incident:
     grid_summary: GridSummary | None = None
     model_tracks: ModelTracks | None = None
     truth: Incident | None = None
+    survival: Survival | None = None
 
     @property
     def appearances(self) -> tuple[Appearance, ...]:
@@ -165,7 +168,7 @@ class Incident:
     def may_be_sent(cls, value: Any) -> bool:
         """Return whether fields of an incident name no files."""
         drifts = [part for part in (value, value.get("truth")) if isinstance(part, Mapping)]
-        files = [drift.get(name) for drift in drifts for name in ("shore", "tracks")]
+        files = [drift.get(name) for drift in drifts for name in ("shore", "tracks", "survival")]
         flows = [drift.get(kind) for drift in drifts for kind in SENSE]
         return (
             not any(isinstance(file, str) for file in files)
@@ -204,6 +207,7 @@ class Incident:
             "seen": [of_seen(sighting) for sighting in self.sightings],
             "shore": None if self.land is None else self.land.to_json(),
             "truth": None if self.truth is None else self.truth._drift_fields(of_flow),
+            **({} if self.survival is None else {"survival": self.survival.to_json()}),
         }  # fmt: skip
 
     def _drift_fields(self, of_flow: Callable[[Flow, Uncertainty], Any]) -> dict[str, Any]:
@@ -320,11 +324,11 @@ def _incident(values: Mapping[str, Any], folder: str) -> Incident:
         )
     span = _span(sightings, start_s)
     drift_fields = _drift_fields("incident", {**dict.fromkeys(_ALWAYS), **values}, folder, span)
-    land = values.get("shore")
+    land, survival = values.get("shore"), values.get("survival")
     incident = Incident(
         sightings=sightings, search_start_s=start_s, base=base,
         land=None if land is None else _land(land, folder), grid_summary=grid_summary,
-        **drift_fields,
+        survival=None if survival is None else Survival.read(survival, folder), **drift_fields,
     )  # fmt: skip
     check_stokes_once("incident", incident.current, incident.waves)
     if values.get("truth") is None:

@@ -131,8 +131,10 @@ def check_transit(
 def positions(
     incident: Incident, origin: Origin, side_m: float, step_s: float, steps: int,
     rng: np.random.Generator, count: int,
-) -> tuple[NDArray[np.float64], NDArray[np.int8] | None]:  # fmt: skip
-    """Return positions on a grid and objects of particles, as in `targets.ensemble.WeightedTracks`.
+) -> tuple[
+    NDArray[np.float64], NDArray[np.int8] | None, NDArray[np.float64] | None
+]:  # fmt: skip
+    """Return positions on a grid, objects and `dies_s` of particles, as in `WeightedTracks`.
 
     Args:
         incident: The incident, with the time at which the search begins.
@@ -153,7 +155,13 @@ def positions(
     for step in range(steps + 1):
         x, y = metres_from(origin, tracks.lats_deg[step], tracks.lons_deg[step])
         places_m[step, :, 0], places_m[step, :, 1] = x, flip_y(side_m, y)
-    return places_m, tracks.objects
+    dies_s = None
+    if incident.survival is not None:
+        # Drawn last: the tracks are those of the same incident without a survival curve.
+        assert tracks.released_s is not None
+        alive_s = incident.survival.draw_s(len(tracks.released_s), rng)
+        dies_s = tracks.released_s + alive_s - times[0]
+    return places_m, tracks.objects, dies_s
 
 
 def nearest_cells(

@@ -427,8 +427,8 @@ class ResolvedScenario(Scenario):
 
     def incident_positions(
         self, steps: int, rng: np.random.Generator, count: int
-    ) -> tuple[NDArray[np.float64], NDArray[np.int8] | None]:
-        """Return positions and objects of particles, see `targets.ensemble.WeightedTracks`.
+    ) -> tuple[NDArray[np.float64], NDArray[np.int8] | None, NDArray[np.float64] | None]:
+        """Return positions, objects and `dies_s` of particles, see `ensemble.WeightedTracks`.
 
         Raises:
             FieldError: If wind, current or given tracks do not cover them.

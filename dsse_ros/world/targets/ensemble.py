@@ -28,11 +28,14 @@ class WeightedTracks(NamedTuple):
         weights: (M,) float64, probability of each track; they sum to 1.
         objects: (M,) int8, number of each particle's object among those that the scenario's
             incident may be about; None if all are alike.
+        dies_s: (M,) float64, seconds from the first position until the person of each particle is
+            no longer alive, as far as the scenario's incident states it; None if it does not.
     """
 
     positions: NDArray[np.float64]
     weights: NDArray[np.float64]
     objects: NDArray[np.int8] | None = None
+    dies_s: NDArray[np.float64] | None = None
 
 
 class TracksOf(Protocol):
@@ -83,14 +86,15 @@ def check_tracks(tracks: WeightedTracks, steps: int) -> None:
     Raises:
         ValueError: If they do not.
     """
-    positions, weights, objects = tracks
+    positions, weights, objects, dies_s = tracks
     if weights.ndim != 1 or not len(weights):
         raise ValueError(f"weights must be (M,) with M >= 1, got {weights.shape}")
     shape = (steps + 1, len(weights), 2)
     if positions.shape != shape:
         raise ValueError(f"positions must be {shape}, got {positions.shape}")
-    if objects is not None and objects.shape != weights.shape:
-        raise ValueError(f"objects must be {weights.shape}, got {objects.shape}")
+    for name, values in (("objects", objects), ("dies_s", dies_s)):
+        if values is not None and values.shape != weights.shape:
+            raise ValueError(f"{name} must be {weights.shape}, got {values.shape}")
     # This form of the comparison also refuses NaN.
     if not (weights >= 0.0).all():
         raise ValueError(f"weights must be >= 0, got {weights.min():g}")

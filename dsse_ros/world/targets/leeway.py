@@ -20,9 +20,9 @@ def tracks(scenario: Any, steps: int, rng: np.random.Generator, count: int) -> W
     """
     if scenario.incident is None:
         return constant_drift.tracks(scenario, steps, rng, count)
-    positions, objects = scenario.incident_positions(steps, rng, count)
+    positions, objects, dies_s = scenario.incident_positions(steps, rng, count)
     number = positions.shape[1]
-    return WeightedTracks(positions, np.full(number, 1.0 / number), objects)
+    return WeightedTracks(positions, np.full(number, 1.0 / number), objects, dies_s)
 
 
 def count(scenario: Any) -> int:
