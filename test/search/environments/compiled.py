@@ -41,6 +41,9 @@ CHAIN: dict[str, Any] = {
 }
 """Where the motion of persons differs from cell to cell, too."""
 
+METRES: dict[str, Any] = {"rules": "flight", "particles": 100}
+"""Where drones fly in metres, too."""
+
 
 def use_world(fields: dict[str, Any]) -> VectorEnv:
     """Use what is compiled for a batch."""
@@ -52,13 +55,21 @@ def use_world(fields: dict[str, Any]) -> VectorEnv:
 
 def use(fields: dict[str, Any]) -> None:
     """Use what is compiled: one environment with a belief, a planner and a batch."""
+    if fields.get("rules") == METRES["rules"]:
+        use_planners(fields, "belief")
+        return
     use_world(fields)
     batch = use_world(fields | {"battery_move": 1.0})
     if batch.rules.covers:
         return
     prepared_env(batch.scenario, batch.rules, has_belief=bool)
+    use_planners(fields, "belief_greedy", "belief")
+
+
+def use_planners(fields: dict[str, Any], *names: str) -> None:
+    """Use what is compiled of an environment that planners play."""
     env = parallel_env(**fields)
-    for name in ("belief_greedy", "belief"):
+    for name in names:
         planner = planner_for(env, name, seed=1)
         observations, infos = env.reset(seed=1)
         for _ in range(3):
@@ -67,7 +78,7 @@ def use(fields: dict[str, Any]) -> None:
 
 if __name__ == "__main__":
     with Pool(2) as pool:
-        others, used = [AREA, SEA, COVERAGE, AREA | COVERAGE, CHAIN], use
+        others, used = [AREA, SEA, COVERAGE, AREA | COVERAGE, CHAIN, METRES], use
         if sys.argv[1:] == ["worlds"]:
             others, used = [AREA, SEA, COVERAGE], use_world
         pool.map(used, [FIELDS, *(FIELDS | other for other in others)], chunksize=1)
