@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from benchmarks.processes import BenchmarkError
 from benchmarks.workload import random_walks
-from dsse_ros.search.belief import component_kernels, motion_kernels
+from dsse_ros.search.belief import component_kernels, component_motion, motion_kernels
 from dsse_ros.search.belief.belief import Forecast
 from dsse_ros.search.environments.world import World
 from dsse_ros.search.environments.world_beliefs import DRIFT_SAMPLES, WorldBeliefs
@@ -183,9 +183,9 @@ class _Search:
         before, count = np.eye(side * side), side * side
         boxes = np.tile([0, side, 0, side, 0, 0, side], (count, 1))
         mass = component_kernels.Mass(before, boxes, np.eye(count), np.ones(count))
-        scratch = component_kernels.new_scratch(count)
+        scratch = component_motion.new_scratch(count)
         of_slot = forecast.moves.at(slot)._replace(directions=np.array([direction]))
-        component_kernels.predict(forecast.constants, forecast.sea, mass, of_slot, scratch)
+        component_motion.predict(forecast.constants, forecast.sea, mass, of_slot, scratch)
         after = np.empty_like(before)
         component_kernels.unpack(mass, side, after)
         table = np.zeros((STEPS, side * side))

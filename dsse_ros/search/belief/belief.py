@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from dsse_ros.search.belief import (
     component_kernels,
+    component_motion,
     filter_kernels,
     future_kernels,
     motion_kernels,
@@ -167,7 +168,7 @@ class Belief(BeliefBase):
     def __init__(self, forecast: Forecast) -> None:
         self.forecast = forecast
         cells = forecast.side**2
-        self._scratch = component_kernels.new_scratch(cells)
+        self._scratch = component_motion.new_scratch(cells)
         scenario = forecast.scenario
         scattered = np.zeros(scenario.person_amount, np.bool_)
         scattered[1:] = forecast.rules.person_scatter > 0
@@ -222,7 +223,7 @@ class Belief(BeliefBase):
         """Advance the sea by one step, after the update with this step's searches."""
         forecast = self.forecast
         slot = forecast.prepare(self.step + forecast.first_step)
-        component_kernels.predict(
+        component_motion.predict(
             forecast.constants, forecast.sea, self.mass, forecast.moves.at(slot), self._scratch
         )
         self.step += 1

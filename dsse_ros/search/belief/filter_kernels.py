@@ -20,8 +20,8 @@ from dsse_ros.search.belief.component_kernels import (
     copy_mass,
     detectable,
     mass_of,
-    predict,
 )
+from dsse_ros.search.belief.component_motion import predict
 from dsse_ros.search.belief.look_kernels import LooksDone, StepDone, list_looks
 from dsse_ros.search.belief.motion_kernels import (
     Floats,
@@ -81,11 +81,12 @@ def learn_of_one(
     constants: Constants, mass: Mass, moves: MotionTables, looks: LooksDone, pos: float
 ) -> float:
     """Update the belief about a single person; see `learn`."""
-    for turn in range(2):
-        taken, first = 0.0, looks.failed if turn == 1 else 0
-        for q in range(first, looks.number if turn == 1 else looks.failed):
+    for finds in (False, True):
+        first, last = (looks.failed, looks.number) if finds else (0, looks.failed)
+        taken = 0.0
+        for q in range(first, last):
             x, y, pods = looks.seen[q, 0], looks.seen[q, 1], looks.pods[looks.rows[q]]
-            if turn == 1 and constants.one_find_per_search:
+            if finds and constants.one_find_per_search:
                 share = detectable(constants, mass, pods, x, y)
                 pos += (1.0 - pos) * share / mass.totals[0]
             else:

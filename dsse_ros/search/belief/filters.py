@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from dsse_ros.base.compiled.overloads import Specialized
 from dsse_ros.base.fields import FieldError
 from dsse_ros.search.belief import (
-    component_kernels,
+    component_motion,
     filter_kernels,
     particle_kernels,
     passing_kernels,
@@ -129,9 +129,7 @@ class GridFilter:
             moves=forecast.moves,
             first_step=forecast.first_step,
         )
-        scratch = _scratch(
-            self, step, component_kernels.new_scratch(self.start.components.shape[1])
-        )
+        scratch = _scratch(self, step, component_motion.new_scratch(self.start.components.shape[1]))
         self._update(step, tables, beliefs, scratch, first, last)
         self._forecasts.append(forecast)
 

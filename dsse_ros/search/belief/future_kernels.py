@@ -11,12 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dsse_ros.base.compiled.jit import compiled, part
-from dsse_ros.search.belief.component_kernels import (
-    Mass,
-    apply_failed_search,
-    place_of,
-    predict,
-)
+from dsse_ros.search.belief.component_kernels import Mass, apply_failed_search, place_of
+from dsse_ros.search.belief.component_motion import predict
 from dsse_ros.search.belief.motion_kernels import (
     MARGIN,
     ROW,
@@ -170,7 +166,7 @@ def expect(
 
     Args:
         looks: A `LooksToCome` with PODs (Q, C) by detection class.
-        scratch: Of `component_kernels.predict`.
+        scratch: Of `component_motion.predict`.
     """
     side, plans = constants[0].grid_size + 2 * MARGIN, len(looks.starts) - 1
     expected = Expected(np.zeros(plans), np.zeros((plans, side * side)))

@@ -63,7 +63,7 @@ def list_looks(done: StepDone, b: int, seen: Ints, rows: Ints) -> tuple[int, int
     """
     entities, actions = done.batch.entities, done.actions[b]
     failed = count = 0
-    for turn in range(2):
+    for finds in (False, True):
         for n in range(len(actions)):
             drone, kind = entities.drones[b, n], entities.kinds[n]
             view = viewpoint_of(done.batch.extensions.viewpoints, drone, actions[n], b, n)
@@ -77,11 +77,11 @@ def list_looks(done: StepDone, b: int, seen: Ints, rows: Ints) -> tuple[int, int
             for k in range(first, last):
                 bit = (entities.finds[b, n] >> np.uint64(k - first)) & np.uint64(1)
                 found = drone.found and bit > 0
-                if found == (turn == 1):
+                if found == finds:
                     seen[count, 0] = view.x + entities.look_offsets[k, 0]
                     seen[count, 1] = view.y + entities.look_offsets[k, 1]
                     rows[count] = k
                     count += 1
-        if turn == 0:
+        if not finds:
             failed = count
     return failed, count

@@ -27,7 +27,7 @@ from dsse_ros.search.belief.motion_kernels import MARGIN, Floats, Ints, index_of
 from dsse_ros.search.belief.protocol import Expected, LooksToCome
 from dsse_ros.search.belief.search_outcomes import (
     APART,
-    LEFT_MIXED,
+    KEPT_MIXED,
     MIXED,
     TAKEN_MIXED,
     TOTAL,
@@ -123,7 +123,7 @@ def learn_look(
             if by_appearance:
                 weights[m, k] *= 1.0 - pods[particles.appearances[k] * classes + m]
             else:
-                weights[m, k] *= numbers[LEFT_MIXED, m]
+                weights[m, k] *= numbers[KEPT_MIXED, m]
 
 
 @part

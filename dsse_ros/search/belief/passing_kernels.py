@@ -273,9 +273,9 @@ def learn_paths(
         row: Step of the sea.
     """
     open_classes(persons, mass.totals)
-    for turn in range(2):
+    for finds in (False, True):
         for n in range(len(passing.paths)):
-            if passing.flown[n] and passing.found[n] == (turn == 1):
+            if passing.flown[n] and passing.found[n] == finds:
                 learn_path(constants[0], places, row, mass, persons, passing, n, seen)
     close_weights(mass, persons, places.particles.prior)
     return mean_found(persons)

@@ -37,11 +37,16 @@ from dsse_ros.search.belief.motion_kernels import MARGIN, Flags, Floats, Ints
 from dsse_ros.search.step.constants import Constants
 from dsse_ros.world.targets.sea_map import is_inside
 
-TOTAL, APART, MIXED, LEFT_APART, LEFT_MIXED, TAKEN_APART, TAKEN_MIXED, ELSEWHERE = range(8)
-"""Numbers of a class: the sum of its belief; the probability that a missing person of the class is
-in the searched cell, apart from all others or not; the factors of the outcome on these two,
-relative to the probability that the person is elsewhere, and one minus them; the probability of the
-outcome if the person is elsewhere."""
+TOTAL, APART, MIXED, KEPT_APART, KEPT_MIXED, TAKEN_APART, TAKEN_MIXED, ELSEWHERE = range(8)
+"""Numbers of a class:
+
+- `TOTAL`: the sum of its belief.
+- `APART`, `MIXED`: the probabilities that a missing person of the class is in the searched cell,
+  apart from all others or not.
+- `KEPT_APART`, `KEPT_MIXED`: the factors of the outcome on these two, relative to the probability
+  that the person is elsewhere. `TAKEN_APART`, `TAKEN_MIXED`: one minus them.
+- `ELSEWHERE`: the probability of the outcome if the person is elsewhere.
+"""
 OF_CLASS = 8
 
 SURE = 1e-9
@@ -68,171 +73,10 @@ class Persons(NamedTuple):
 
 
 @part
-def hazards(one_find: bool, pods: Floats, persons: Persons) -> float:
-    """Write the hazards of a search; return the probability that it finds anyone."""
-    class_of, missing = persons.class_of, persons.missing
-    numbers, hazard = persons.numbers, persons.hazard
-    total, nobody, none, occupied = 0.0, 1.0, 1.0, 0.0
-    for p in range(len(missing)):
-        m = class_of[p]
-        alone, mixed = numbers[APART, m], numbers[MIXED, m]
-        looked_for = alone + mixed
-        if one_find:
-            looked_for = none * (alone + mixed * (1.0 - occupied))
-        none *= 1.0 - missing[p] * mixed
-        occupied = min(occupied + missing[p] * alone, 1.0)
-        hazard[p] = looked_for * pods[m]
-        total += missing[p] * hazard[p]
-        nobody *= 1.0 - missing[p] * hazard[p]
-    return min(total, 1.0) if one_find else 1.0 - nobody
-
-
-@part
-def what_is_left(one_find: bool, pods: Floats, persons: Persons, found: bool, total: float) -> None:
-    """Write `LEFT_APART` and `LEFT_MIXED`: the remaining shares of the classes in the cell."""
-    numbers = persons.numbers
-    for m in range(len(pods)):
-        numbers[LEFT_APART, m] = numbers[LEFT_MIXED, m] = 0.0 if one_find else 1.0 - pods[m]
-        numbers[ELSEWHERE, m] = 0.0
-    if not one_find:
-        return
-    add_what_is_left(pods, persons, found, total)
-    for m in range(len(pods)):
-        if numbers[ELSEWHERE, m] > 0.0:
-            numbers[LEFT_APART, m] /= numbers[ELSEWHERE, m]
-            numbers[LEFT_MIXED, m] /= numbers[ELSEWHERE, m]
-        else:
-            # All persons of the class are found: write where one would be if it were missing.
-            numbers[LEFT_APART, m] = numbers[LEFT_MIXED, m] = 1.0 - pods[m]
-
-
-@part
-def add_what_is_left(pods: Floats, persons: Persons, found: bool, total: float) -> None:
-    """Add up `LEFT_APART`, `LEFT_MIXED` and `ELSEWHERE` of a search for the first person."""
-    class_of, missing = persons.class_of, persons.missing
-    numbers, hazard = persons.numbers, persons.hazard
-    # Probabilities that persons before this one leave it to be looked for, or are detected.
-    none, occupied, before, before_mixed = 1.0, 0.0, 0.0, 0.0
-    for p in range(len(missing)):
-        m, share = class_of[p], missing[p]
-        mixed = share * numbers[MIXED, m]
-        alone = min(share * numbers[APART, m], 1.0 - occupied)
-        detected, after = share * hazard[p], 0.0
-        if alone + mixed < 1.0 - SURE:
-            after = max(total - before - detected, 0.0) / (1.0 - alone - mixed)
-        if found:
-            # The find is another person.
-            numbers[LEFT_APART, m] += share * before_mixed
-            numbers[LEFT_MIXED, m] += share * before
-            numbers[ELSEWHERE, m] += share * (before + after)
-        else:
-            # Rounding may leave each of these below 0.
-            own = none * pods[m]
-            numbers[LEFT_APART, m] += share * max(1.0 - before_mixed - own, 0.0)
-            numbers[LEFT_MIXED, m] += share * max(1.0 - before - own * (1.0 - occupied), 0.0)
-            numbers[ELSEWHERE, m] += share * max(1.0 - before - after, 0.0)
-        before += detected
-        before_mixed += none * mixed * pods[m]
-        none *= 1.0 - mixed
-        occupied += alone
-
-
-@part
-def update_missing(one_find: bool, persons: Persons, found: bool, total: float) -> None:
-    """Update the probabilities of being missing with the outcome of a search.
-
-    A find reduces the expected number of missing persons by the expected number of finds, which is
-    one in a search for one person. At least one stays missing, because the search continues. A
-    failed search keeps their number, but persons whom it would have detected are less likely to be
-    missing. With two persons this is exact.
-    """
-    missing, hazard = persons.missing, persons.hazard
-    count, expected = 0.0, 0.0
-    for p in range(len(missing)):
-        detected = missing[p] * hazard[p]
-        count += missing[p]
-        expected += detected
-        if found:
-            # The find is another person; in a search for all, this one is not detected.
-            others = total - detected
-            if not one_find:
-                others = (1.0 - hazard[p]) * max(
-                    1.0 - (1.0 - total) / max(1.0 - detected, SURE), 0.0
-                )
-            missing[p] *= others / total
-            if missing[p] < SURE:
-                missing[p] = 0.0
-    if found:
-        count = max(count - expected / total, 1.0)
-    in_question = 0
-    for p in range(len(missing)):
-        if SURE < missing[p] < 1.0 - SURE:
-            in_question += 1
-        else:
-            count -= missing[p]
-    few_missing, total_weight = 2.0 * count <= in_question, 0.0
-    for turn in range(2):
-        for p in range(len(missing)):
-            if SURE < missing[p] < 1.0 - SURE:
-                left = 1.0 if found else max(1.0 - hazard[p], SURE)
-                weight = missing[p] * left if few_missing else (1.0 - missing[p]) / left
-                if turn == 0:
-                    total_weight += weight
-                elif few_missing:
-                    missing[p] = min(weight * max(count, 0.0) / total_weight, 1.0)
-                else:
-                    missing[p] = 1.0 - min(
-                        weight * max(in_question - count, 0.0) / total_weight, 1.0
-                    )
-
-
-@kernel
-def weigh_classes(class_of: Ints, missing: Floats, totals: Floats, weights: Floats) -> None:
-    """Write the factors, (C,), that make a belief that of the missing persons, with the sum 1.
-
-    `totals` are those of the `Mass`. A class counts by its share of the missing persons.
-    """
-    count = 0.0
-    for p in range(len(missing)):
-        count += missing[p]
-    weights[:] = 0.0
-    for p in range(len(missing)):
-        share = missing[p] / count if count > SURE else 1.0 / len(missing)
-        weights[class_of[p]] += share
-    for m in range(len(weights)):
-        weights[m] = weights[m] / totals[m] if totals[m] > 0.0 else 0.0
-
-
-@part
 def open_classes(persons: Persons, totals: Floats) -> None:
     """Write the sum of each class of a belief."""
     for m in range(len(totals)):
         persons.numbers[TOTAL, m] = totals[m]
-
-
-@part
-def conclude(constants: Constants, pods: Floats, persons: Persons, found: bool) -> bool:
-    """Compute the effect of a search's outcome; return whether it has any.
-
-    Of `persons.numbers`, `TOTAL`, `APART` and `MIXED` are in, and `TOTAL`, `LEFT_APART` and
-    `LEFT_MIXED` are out, the factors for the classes in the cell.
-    """
-    one_find, numbers = constants.one_find_per_search, persons.numbers
-    total = hazards(one_find, pods, persons)
-    for p in range(len(persons.unfound)):
-        persons.unfound[p] *= 1.0 - persons.hazard[p]
-    if found and total <= 0.0:
-        return False
-    what_is_left(one_find, pods, persons, found, total)
-    # A single person counts as missing until the mission is over.
-    if len(persons.missing) > 1 and not (found and constants.found_persons_stay):
-        update_missing(one_find, persons, found, total)
-    for m in range(len(pods)):
-        alone, mixed = numbers[LEFT_APART, m], numbers[LEFT_MIXED, m]
-        numbers[TOTAL, m] *= (
-            1.0 + numbers[APART, m] * (alone - 1.0) + numbers[MIXED, m] * (mixed - 1.0)
-        )
-    return True
 
 
 @part
@@ -263,9 +107,235 @@ def learn_outcome(
         numbers[APART, m], numbers[MIXED, m] = alone * scale, mixed * scale
     if conclude(constants, pods, persons, q >= looks.failed):
         for m in range(len(pods)):
-            numbers[TAKEN_APART, m] = 1.0 - numbers[LEFT_APART, m]
-            numbers[TAKEN_MIXED, m] = 1.0 - numbers[LEFT_MIXED, m]
+            numbers[TAKEN_APART, m] = 1.0 - numbers[KEPT_APART, m]
+            numbers[TAKEN_MIXED, m] = 1.0 - numbers[KEPT_MIXED, m]
         remove(constants, mass, apart, numbers[TAKEN_APART], numbers[TAKEN_MIXED], x, y)
+
+
+@part
+def conclude(constants: Constants, pods: Floats, persons: Persons, found: bool) -> bool:
+    """Compute the effect of a search's outcome; return whether it has any.
+
+    Of `persons.numbers`, `TOTAL`, `APART` and `MIXED` are in, and `TOTAL`, `KEPT_APART` and
+    `KEPT_MIXED` are out.
+    """
+    one_find = constants.one_find_per_search
+    total = hazards_of_first(pods, persons) if one_find else hazards_of_all(pods, persons)
+    for p in range(len(persons.unfound)):
+        persons.unfound[p] *= 1.0 - persons.hazard[p]
+    if found and total <= 0.0:
+        return False
+    if one_find:
+        keep_by_first(pods, persons, found, total)
+    else:
+        keep_by_all(pods, persons)
+    # A single person counts as missing until the mission is over.
+    if len(persons.missing) > 1 and not (found and constants.found_persons_stay):
+        update_missing(one_find, persons, found, total)
+    scale_totals(persons)
+    return True
+
+
+@part
+def hazards_of_all(pods: Floats, persons: Persons) -> float:
+    """Write the hazards of a search for all persons; return the probability that it finds anyone.
+
+    A person's hazard is the probability that it is in the cell, times the POD.
+    """
+    class_of, missing = persons.class_of, persons.missing
+    numbers, hazard = persons.numbers, persons.hazard
+    nobody = 1.0
+    for p in range(len(missing)):
+        m = class_of[p]
+        hazard[p] = (numbers[APART, m] + numbers[MIXED, m]) * pods[m]
+        nobody *= 1.0 - missing[p] * hazard[p]
+    return 1.0 - nobody
+
+
+@part
+def hazards_of_first(pods: Floats, persons: Persons) -> float:
+    """Write the hazards of a search for the first person; return the probability of a find.
+
+    A person's hazard is the probability that it is in the cell and none with a smaller number is,
+    times the POD. Those who are apart are in the cell one at a time; the others independently.
+    """
+    class_of, missing = persons.class_of, persons.missing
+    numbers, hazard = persons.numbers, persons.hazard
+    # Probabilities that no earlier mixed person is in the cell, and that an earlier apart one is.
+    total, no_mixed, occupied = 0.0, 1.0, 0.0
+    for p in range(len(missing)):
+        m = class_of[p]
+        alone, mixed = numbers[APART, m], numbers[MIXED, m]
+        looked_for = no_mixed * (alone + mixed * (1.0 - occupied))
+        no_mixed *= 1.0 - missing[p] * mixed
+        occupied = min(occupied + missing[p] * alone, 1.0)
+        hazard[p] = looked_for * pods[m]
+        total += missing[p] * hazard[p]
+    return min(total, 1.0)
+
+
+@part
+def keep_by_all(pods: Floats, persons: Persons) -> None:
+    """Write the kept shares after a search for all persons: one minus the POD, find or not."""
+    numbers = persons.numbers
+    for m in range(len(pods)):
+        numbers[KEPT_APART, m] = numbers[KEPT_MIXED, m] = 1.0 - pods[m]
+
+
+@part
+def keep_by_first(pods: Floats, persons: Persons, found: bool, total: float) -> None:
+    """Write the kept shares after a search for the first person.
+
+    By Bayes' rule they are the probabilities of the outcome if a missing person of the class is in
+    the cell, over that if the person is elsewhere. For a class they are sums over its persons.
+    """
+    numbers = persons.numbers
+    for m in range(len(pods)):
+        numbers[KEPT_APART, m] = numbers[KEPT_MIXED, m] = numbers[ELSEWHERE, m] = 0.0
+    add_chances_of_outcome(pods, persons, found, total)
+    for m in range(len(pods)):
+        if numbers[ELSEWHERE, m] > 0.0:
+            numbers[KEPT_APART, m] /= numbers[ELSEWHERE, m]
+            numbers[KEPT_MIXED, m] /= numbers[ELSEWHERE, m]
+        else:
+            # All persons of the class are found: write where one would be if it were missing.
+            numbers[KEPT_APART, m] = numbers[KEPT_MIXED, m] = 1.0 - pods[m]
+
+
+@part
+def add_chances_of_outcome(pods: Floats, persons: Persons, found: bool, total: float) -> None:
+    """Add up the probabilities of the outcome if each person is in the cell or elsewhere.
+
+    A find is somebody before this person, who is then not looked for, or somebody after it.
+    """
+    class_of, missing = persons.class_of, persons.missing
+    numbers, hazard = persons.numbers, persons.hazard
+    # Of the persons before this one: the probabilities that no mixed one is in the cell, that one
+    # who is apart is, that one is detected, and that one is detected who is mixed.
+    no_mixed, occupied, before, before_mixed = 1.0, 0.0, 0.0, 0.0
+    for p in range(len(missing)):
+        m, share = class_of[p], missing[p]
+        mixed = share * numbers[MIXED, m]
+        alone = min(share * numbers[APART, m], 1.0 - occupied)
+        detected, after = share * hazard[p], 0.0
+        if alone + mixed < 1.0 - SURE:
+            after = max(total - before - detected, 0.0) / (1.0 - alone - mixed)
+        if found:
+            # The find is another person.
+            numbers[KEPT_APART, m] += share * before_mixed
+            numbers[KEPT_MIXED, m] += share * before
+            numbers[ELSEWHERE, m] += share * (before + after)
+        else:
+            # Rounding may leave each of these below 0.
+            own = no_mixed * pods[m]
+            numbers[KEPT_APART, m] += share * max(1.0 - before_mixed - own, 0.0)
+            numbers[KEPT_MIXED, m] += share * max(1.0 - before - own * (1.0 - occupied), 0.0)
+            numbers[ELSEWHERE, m] += share * max(1.0 - before - after, 0.0)
+        before += detected
+        before_mixed += no_mixed * mixed * pods[m]
+        no_mixed *= 1.0 - mixed
+        occupied += alone
+
+
+@part
+def scale_totals(persons: Persons) -> None:
+    """Change the sum of each class by what the outcome keeps of it in the cell."""
+    numbers = persons.numbers
+    for m in range(numbers.shape[1]):
+        alone, mixed = numbers[KEPT_APART, m], numbers[KEPT_MIXED, m]
+        numbers[TOTAL, m] *= (
+            1.0 + numbers[APART, m] * (alone - 1.0) + numbers[MIXED, m] * (mixed - 1.0)
+        )
+
+
+@part
+def update_missing(one_find: bool, persons: Persons, found: bool, total: float) -> None:
+    """Update the probabilities of being missing with the outcome of a search.
+
+    A find reduces the expected number of missing persons by the expected number of finds, which is
+    one in a search for one person. At least one stays missing, because the search continues. A
+    failed search keeps their number, but persons whom it would have detected are less likely to be
+    missing. With two persons this is exact.
+    """
+    missing, hazard = persons.missing, persons.hazard
+    count, expected = 0.0, 0.0
+    for p in range(len(missing)):
+        detected = missing[p] * hazard[p]
+        count += missing[p]
+        expected += detected
+        if found:
+            missing[p] *= chance_of_other(one_find, detected, hazard[p], total) / total
+            if missing[p] < SURE:
+                missing[p] = 0.0
+    if found:
+        count = max(count - expected / total, 1.0)
+    rescale_missing(persons, found, count)
+
+
+@part
+def chance_of_other(one_find: bool, detected: float, hazard: float, total: float) -> float:
+    """Return the probability that a search finds somebody and that a missing person stays missing.
+
+    Args:
+        detected: The probability that the search detects the person.
+        hazard: The same if the person is missing.
+        total: The probability of a find.
+    """
+    if one_find:
+        return total - detected
+    # The find is another person, and this one is not detected.
+    return (1.0 - hazard) * max(1.0 - (1.0 - total) / max(1.0 - detected, SURE), 0.0)
+
+
+@part
+def rescale_missing(persons: Persons, found: bool, count: float) -> None:
+    """Make the probabilities of being missing sum to `count`, without those that are certain.
+
+    After a failed search each also falls with the person's hazard. They are in proportion to
+    their own weights if few persons are missing, else those of being found are: neither exceeds 1.
+    """
+    missing, hazard = persons.missing, persons.hazard
+    in_question = 0
+    for p in range(len(missing)):
+        if SURE < missing[p] < 1.0 - SURE:
+            in_question += 1
+        else:
+            count -= missing[p]
+    few_missing, total_weight = 2.0 * count <= in_question, 0.0
+    for p in range(len(missing)):
+        if SURE < missing[p] < 1.0 - SURE:
+            total_weight += weight_of(missing[p], hazard[p], found, few_missing)
+    for p in range(len(missing)):
+        if SURE < missing[p] < 1.0 - SURE:
+            weight = weight_of(missing[p], hazard[p], found, few_missing)
+            if few_missing:
+                missing[p] = min(weight * max(count, 0.0) / total_weight, 1.0)
+            else:
+                missing[p] = 1.0 - min(weight * max(in_question - count, 0.0) / total_weight, 1.0)
+
+
+@part
+def weight_of(missing: float, hazard: float, found: bool, few_missing: bool) -> float:
+    """Return the weight of a person in `rescale_missing`: of being missing, or of being found."""
+    undetected = 1.0 if found else max(1.0 - hazard, SURE)
+    return missing * undetected if few_missing else (1.0 - missing) / undetected
+
+
+@kernel
+def weigh_classes(class_of: Ints, missing: Floats, totals: Floats, weights: Floats) -> None:
+    """Write the factors, (C,), that make a belief that of the missing persons, with the sum 1.
+
+    `totals` are those of the `Mass`. A class counts by its share of the missing persons.
+    """
+    count = 0.0
+    for p in range(len(missing)):
+        count += missing[p]
+    weights[:] = 0.0
+    for p in range(len(missing)):
+        share = missing[p] / count if count > SURE else 1.0 / len(missing)
+        weights[class_of[p]] += share
+    for m in range(len(weights)):
+        weights[m] = weights[m] / totals[m] if totals[m] > 0.0 else 0.0
 
 
 @part

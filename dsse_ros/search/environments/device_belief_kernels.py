@@ -3,9 +3,9 @@
 # mypy: disable-error-code="no-untyped-def"
 """The beliefs of B worlds about a single person on a CUDA device: a block for each world.
 
-The filter is that of `component_kernels`, from the same tables of moves. The threads of a block
-share the cells. Nothing is normalised: a world keeps the sum of its belief, and that of its layers
-in each cell, which its map shows.
+The filter is that of `component_kernels` and `component_motion`, from the same tables of moves. The
+threads of a block share the cells. Nothing is normalised: a world keeps the sum of its belief, and
+that of its layers in each cell, which its map shows.
 """
 
 from __future__ import annotations
@@ -17,7 +17,8 @@ from numba import cuda, float64
 from numpy.typing import NDArray
 
 from dsse_ros.base.compiled.jit import kernel
-from dsse_ros.search.belief.component_kernels import NOTHING_LEFT, PER_DRIFT
+from dsse_ros.search.belief.component_kernels import NOTHING_LEFT
+from dsse_ros.search.belief.component_motion import PER_DRIFT
 from dsse_ros.search.belief.look_kernels import list_looks
 from dsse_ros.search.belief.motion_kernels import (
     MARGIN,
@@ -158,7 +159,7 @@ def learn(mass, tables, looks, one_find, side, b, shared):
 
 @cuda.jit(device=True)
 def move_layer(layer, cells, table, negligible, side, shared):
-    """Advance a layer by the persons' step, see `component_kernels.predict`.
+    """Advance a layer by the persons' step, see `component_motion.predict`.
 
     Args:
         layer: (S S,) float64.

@@ -11,7 +11,7 @@ import pytest
 from looking import looks_at, search_in_vain
 
 from dsse_ros.search.belief.belief import Belief, Forecast, LooksToCome
-from dsse_ros.search.belief.component_kernels import predict_plainly
+from dsse_ros.search.belief.component_motion import predict_plainly
 from dsse_ros.world.scenario.actions import Cell
 from dsse_ros.world.scenario.rules import profile
 from dsse_ros.world.scenario.scenario import Scenario
