@@ -200,7 +200,7 @@ def of_drones(
     Args:
         lost: Reasons why vehicles have dropped out, by drone.
         waits: Whether the step waits for commands.
-        blind: Why vehicles cannot look, by drone; empty for those that can.
+        blind: Why vehicles cannot look, by drone; only those that cannot.
     """
     result, live, missing = mission.result, set(mission.live), set(mission.missing)
     fallen, action_names = {*mission.lost, *mission.fallen}, mission.env.rules.actions
@@ -215,7 +215,7 @@ def of_drones(
         else:
             if waits and i in missing:
                 line = f"{line}, waiting for a command"
-            if blind.get(i):
+            if i in blind:
                 level, line = "warning", f"{line}; its vehicle does not look: {blind[i]}"
         action = int(result.actions[i])
         found: dict[str, object] = {

@@ -49,8 +49,8 @@ class AwaitedVehicles:
         if place is not None:
             self._places[drone] = place
 
-    def set_progress(self, drone: int, progress: Progress, run_id: int) -> str:
-        """Set a vehicle's progress; return why it is lost, "" if it is not lost in this mission.
+    def set_progress(self, drone: int, progress: Progress, run_id: int) -> str | None:
+        """Set a vehicle's progress; return why it is lost, None if it is not in this mission.
 
         Args:
             drone: Number of its drone.
@@ -61,9 +61,10 @@ class AwaitedVehicles:
             progress = Progress()
         self._progress[drone] = progress
         of_this_mission = self._tasks.first <= progress.task <= self._tasks.numbers[drone]
-        if of_this_mission:
-            self._set_battery(drone, progress.battery)
-        return progress.lost if of_this_mission else ""
+        if not of_this_mission:
+            return None
+        self._set_battery(drone, progress.battery)
+        return progress.lost or None
 
     def work(self, radius_m: float) -> NDArray[np.int8]:
         """Return what the vehicles still have to do for their tasks, (N,) of `WORKS`.

@@ -119,13 +119,15 @@ class VehicleSteps:
             self.vehicles.set_place(drone, None)
             return parsed
         self.vehicles.set_place(drone, parsed.value)
-        self._blind[drone] = self._reason_not_to_look(drone, pose) if self.follows else ""
-        looks = not self._blind[drone]
-        self._flown[drone].set_place(stamp_ns, Position(*parsed.value, looks))
+        reason = self._reason_not_to_look(drone, pose) if self.follows else None
+        self._flown[drone].set_place(stamp_ns, Position(*parsed.value, looks=reason is None))
+        self._blind.pop(drone, None)
+        if reason is not None:
+            self._blind[drone] = reason
         return None
 
-    def _reason_not_to_look(self, drone: int, pose: FramedPose) -> str:
-        """Return why a vehicle with this pose cannot look, empty if it can."""
+    def _reason_not_to_look(self, drone: int, pose: FramedPose) -> str | None:
+        """Return why a vehicle with this pose cannot look, None if it can."""
         most_m = self.settings.look_altitude_error
         above_m = pose.position[2] - self._frame.alt_of(drone)
         # A vehicle comes down to search; in metres there are no actions.
@@ -134,7 +136,7 @@ class VehicleSteps:
         if not (-math.inf if low else -most_m) <= above_m <= most_m:
             return f"{abs(above_m):.0f} m {'above' if above_m > 0 else 'below'} its altitude"
         tilt = tilt_deg(pose.orientation)
-        return "" if tilt <= self.settings.look_tilt else f"tilted by {tilt:.0f} degrees"
+        return None if tilt <= self.settings.look_tilt else f"tilted by {tilt:.0f} degrees"
 
     def set_time(self, drone: int, stamp_ns: int, boot_ms: int) -> None:
         """Set the clock of a vehicle, with the stamp of its message.
@@ -150,7 +152,7 @@ class VehicleSteps:
 
     @property
     def blind(self) -> dict[int, str]:
-        """Why vehicles cannot look where they are now, by drone, empty if they can."""
+        """Why vehicles cannot look where they are now, by drone; only those that cannot."""
         return self._blind if self._scheduler.started else {}
 
     @property

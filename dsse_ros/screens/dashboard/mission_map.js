@@ -313,7 +313,7 @@ export default {
         this.$emit("window", this.window);
       });
     },
-    // Mark a cell, by default none.
+    // Mark a cell; null marks none.
     point(cell) {
       if (!cell && !this.pointed) return;
       this.pointed = cell;

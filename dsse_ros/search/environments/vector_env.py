@@ -250,7 +250,7 @@ class VectorEnv:
         else:
             self._beliefs.before_step(actions)
             self.world.step(
-                actions, report=partial(self._write_with_beliefs, self._beliefs, outputs, maps)
+                actions, on_stepped=partial(self._write_with_beliefs, self._beliefs, outputs, maps)
             )
         observations = self._observations(positions, maps)
         return observations, rewards, terminated, truncated, self._infos(masks)

@@ -41,7 +41,7 @@ _ACTION = np.dtype(np.int8)
 SHARES = 4
 """Shares of the worlds per thread: a thread that finishes early takes another one."""
 SHARE_BYTES = 1 << 18
-"""Bytes of drones in a share with a report, so that they stay in the core's own cache."""
+"""Bytes of drones in a share with `on_stepped`, so that they stay in the core's own cache."""
 
 
 class Rebound:
@@ -299,7 +299,7 @@ class World(Rebound):
         self,
         actions: NDArray[np.int8],
         maps: NDArray[np.float32] | None = None,
-        report: Callable[[int, int], None] | None = None,
+        on_stepped: Callable[[int, int], None] | None = None,
     ) -> None:
         """Advance every world by one step.
 
@@ -308,8 +308,8 @@ class World(Rebound):
                 truncated drones have no effect. With faults drones may do something else, see
                 `Faults.applied`. In metres drones do those of `metres` instead.
             maps: Memory for `maps`, C-contiguous, by default new memory.
-            report: Called as report(first, last) after the step of worlds first..last - 1, in the
-                thread that stepped them.
+            on_stepped: Called as on_stepped(first, last) after the step of worlds first..last - 1,
+                in the thread that stepped them.
 
         Raises:
             ValueError: If `maps` has another shape, data type or memory layout.
@@ -325,20 +325,20 @@ class World(Rebound):
             self._bind()
         if not self._kernels:
             self._kernels = self._make_kernels()
-        if self._pool is None and report is None:
+        if self._pool is None and on_stepped is None:
             self._kernels[0](actions, self.maps, 0, self.num_worlds)
             return
         count = self.num_worlds
         size = count if self._pool is None else -(-count // (SHARES * self._threads))
-        if report is not None:
+        if on_stepped is not None:
             size = min(size, max(1, SHARE_BYTES // self.drones[0].nbytes))
         shares = deque((first, min(first + size, count)) for first in range(0, count, size))
         others = [
-            self._pool.submit(self._do, shares, kernel, actions, report)
+            self._pool.submit(self._do, shares, kernel, actions, on_stepped)
             for kernel in self._kernels[1:]
             if self._pool is not None
         ]
-        self._do(shares, self._kernels[0], actions, report)
+        self._do(shares, self._kernels[0], actions, on_stepped)
         for other in others:
             other.result()
 
@@ -357,7 +357,7 @@ class World(Rebound):
         shares: deque[tuple[int, int]],
         kernel: Callable[..., None],
         actions: NDArray[np.int8],
-        report: Callable[[int, int], None] | None,
+        on_stepped: Callable[[int, int], None] | None,
     ) -> None:
         """Step shares of the worlds until none are left."""
         while True:
@@ -366,8 +366,8 @@ class World(Rebound):
             except IndexError:
                 return
             kernel(actions, self.maps, first, last)
-            if report is not None:
-                report(first, last)
+            if on_stepped is not None:
+                on_stepped(first, last)
 
     def _make_scratch(self) -> Scratch:
         g = self.grid_size

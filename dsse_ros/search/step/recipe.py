@@ -57,7 +57,7 @@ from dsse_ros.world.targets.sea_map import (
     start_map,
 )
 
-MOVED, LEFT, SEARCHED, FOUND, OUT_OF_TIME, COLLIDED, COVERED, COVERED_ALL = range(8)
+MOVED, LEFT_GRID, SEARCHED, FOUND, OUT_OF_TIME, COLLIDED, COVERED, COVERED_ALL = range(8)
 """Events of a drone's step, which `reward_of` rewards."""
 
 
@@ -211,7 +211,7 @@ def move(
         drone.x, drone.y = x, y
     drone.terminated = (acting.leave_terminates or acting.leave_flies_on) and not inside
     if not inside:
-        return LEFT, 0.0
+        return LEFT_GRID, 0.0
     probability = cover(world, coverage, x, y, acting.probability_of_detection)
     return COVERED if probability > 0.0 else MOVED, probability
 
@@ -229,7 +229,7 @@ def fly_and_look(state: WorldState, n: int, metres: MetresArrays) -> tuple[int, 
     drone.terminated = constants.leave_terminates and not inside
     if finds > 0:
         return FOUND, np.float64(finds)
-    return (MOVED if inside else LEFT), 0.0
+    return (MOVED if inside else LEFT_GRID), 0.0
 
 
 @inlined
@@ -363,7 +363,7 @@ def reward_of(
     """
     if event == MOVED:
         return constants.move
-    if event == LEFT:
+    if event == LEFT_GRID:
         return constants.leave_grid
     if event == SEARCHED:
         least = constants.search_min_probability

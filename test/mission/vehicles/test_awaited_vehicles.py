@@ -81,7 +81,7 @@ def test_a_loss_and_a_battery_count_in_their_own_mission_only(
     vehicles: AwaitedVehicles, charges: dict[int, float], task: int, counts: bool
 ) -> None:
     reason = vehicles.set_progress(1, Progress(task, lost="link lost", battery=0.5), RUN)
-    assert (reason, charges) == (("link lost", {1: 0.5}) if counts else ("", {}))
+    assert (reason, charges) == (("link lost", {1: 0.5}) if counts else (None, {}))
 
 
 def test_what_was_reported_of_another_run_counts_for_nothing(
@@ -89,7 +89,7 @@ def test_what_was_reported_of_another_run_counts_for_nothing(
 ) -> None:
     vehicles.set_place(0, cell_to_map(FRAME, 0, 5))
     reported = Progress(3, 3, 3, "link lost", 0.5, run_id=RUN + 1)
-    assert vehicles.set_progress(0, reported, RUN) == ""
+    assert vehicles.set_progress(0, reported, RUN) is None
     assert late(vehicles) == [0, 1] and charges == {}
     assert vehicles.set_progress(0, replace(reported, run_id=RUN), RUN) == "link lost"
 

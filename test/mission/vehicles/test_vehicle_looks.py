@@ -64,9 +64,9 @@ def test_what_a_vehicle_cannot_see_is_not_searched(at: At, name: str) -> None:
     report = search.step(name, lambda _: at)
     assert report["look_action"].tolist() == [-1] and report["action"].tolist() != [-1]
     assert search.mission.pos == 0.0
-    assert (search.steps.blind[0] != "") != at.silent
+    assert (0 in search.steps.blind) != at.silent
     # It looks again once it can.
-    assert len(search.fly([name])) == 1 and search.steps.blind[0] == "" and search.mission.pos > 0.0  # type: ignore[operator]
+    assert len(search.fly([name])) == 1 and not search.steps.blind and search.mission.pos > 0.0  # type: ignore[operator]
 
 
 def test_a_vehicle_may_come_down_to_search() -> None:

@@ -18,7 +18,7 @@ LIMIT, STEP = 100, 25
 HALF_A_PERCENT, ONE_PERCENT, A_TENTH = 0.005, 0.01, 0.1
 PAPER: dict[tuple[int, float], float] = {
     (recipe.MOVED, 0.0): 1.0,
-    (recipe.LEFT, 0.0): -100_000.0,
+    (recipe.LEFT_GRID, 0.0): -100_000.0,
     (recipe.SEARCHED, HALF_A_PERCENT): -100.0,
     (recipe.SEARCHED, ONE_PERCENT): 100.0,
     (recipe.SEARCHED, A_TENTH): 1000.0,
