@@ -39,7 +39,7 @@ setup(
         "dsse_ros.screens.dashboard": ["*.css", "*.html", "*.js"],
         "dsse_ros.world.drift": ["*.csv"],
         "dsse_ros.results.report": ["*.html"],
-        "dsse_ros.ros.runtime": ["fastdds.xml"],
+        "dsse_ros.ros.runtime": ["fast_dds.xml"],
         "dsse_ros.world.sensors": ["*.csv"],
     },
     # The lower bounds admit what Ubuntu 24.04, the home of Jazzy and Kilted, has of these.

@@ -11,9 +11,7 @@ import socket
 import statistics
 import time
 from collections import Counter
-from pathlib import Path
 from typing import Any
-from unittest.mock import patch
 
 from autopilot.wire import Codec, mavlink
 from fuzz import any_message
@@ -22,11 +20,9 @@ from live_fuzz import fuzz
 
 from dsse_ros.mission.run.command_intake import CommandIntake
 from dsse_ros.mission.run.mission import Mission
-from dsse_ros.ros.runtime.discovery import variable
 from dsse_ros.search.environments.factories import parallel_env
 from dsse_ros.world.scenario.frames import GridFrame
 from soak.rigs import (
-    ENVIRONMENT,
     SEARCH,
     UP,
     Bridge,
@@ -44,8 +40,6 @@ SCENARIO: dict[str, Any] = {
     "person_initial_position": (7, 7),
     "probability_of_detection": 0.0,
 }
-DYNAMIC = Path(__file__).with_name("fastdds_dynamic.xml")
-"""Profile of Fast DDS."""
 MEMORY = Goal("growth_mib", most=5.0)
 SENDERS = ((1, 1), (1, 1), (1, 1), (2, 1), (245, 191), (255, 190), (0, 0), (1, 100))
 """Senders as system and component, most often the vehicle's own."""
@@ -118,11 +112,9 @@ def hostile_live(run: Run) -> Figures:
     """Send a live search what once ended its nodes, and copies of inputs with values replaced.
 
     Growth is that of the mean memory of a node from the second to the last of six parts of the
-    time: what is kept for the next missions has its size by then. Fast DDS frees the memory of
-    messages; by default it keeps that of the largest for each place in a queue.
+    time: what is kept for the next missions has its size by then.
     """
-    freeing = {variable(): str(DYNAMIC), "RMW_FASTRTPS_USE_QOS_FROM_XML": "1"}
-    with patch.dict(os.environ), patch.dict(ENVIRONMENT, freeing), domain(run.folder) as rig:
+    with domain(run.folder) as rig:
         fuzzed = fuzz(rig, seed=0, seconds=run.size(3600.0, 5.0))
     growth = {
         name: statistics.mean(values[-part:]) - statistics.mean(values[part : 2 * part])
@@ -280,7 +272,7 @@ ROWS = (
     Row(
         "hostile_live",
         "An hour of hostile inputs to live searches, 20 a second, among them all that once ended a "
-        "node: no node ends, each input is answered, memory flat where Fast DDS frees its own",
+        "node: no node ends, each input is answered, memory flat",
         hostile_live,
         "{inputs} inputs in {missions} missions, {accepted} accepted: {unanswered} unanswered, "
         "memory {growth_mib:+.1f} MiB in the node where it grows most",

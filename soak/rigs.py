@@ -13,6 +13,8 @@ from pathlib import Path
 from bridge_rig import Bridge, autopilots, fly, health_when
 from rig import ENVIRONMENT, Process, Rig, Sim, search_of
 
+from dsse_ros.ros.runtime.fast_dds import MEMORY_FROM_PROFILES, variable
+
 __all__ = [
     "DOWN",
     "ENVIRONMENT",
@@ -53,8 +55,8 @@ def domain(folder: Path) -> Iterator[Rig]:
 
 def use_defaults_of_dds() -> None:
     """Let later nodes discover and resend like the nodes of users, not like those of the tests."""
-    for name in [name for name in ENVIRONMENT if name.endswith("DEFAULT_PROFILES_FILE")]:
-        del ENVIRONMENT[name]
+    for name in (variable(), MEMORY_FROM_PROFILES):
+        ENVIRONMENT.pop(name, None)
 
 
 def resident_bytes(pid: int) -> int:

@@ -34,7 +34,7 @@ from rclpy.utilities import get_rmw_implementation_identifier
 
 from dsse_ros.base.defects import Defects, describe
 from dsse_ros.base.fields import FieldError
-from dsse_ros.ros.runtime import discovery, security
+from dsse_ros.ros.runtime import fast_dds, security
 from dsse_ros.ros.runtime.alarms import Alarms
 from dsse_ros.ros.runtime.exit_codes import FAILED, fail
 from dsse_ros.ros.runtime.interrupts import WatchedStop, leave_on_signals, on_signals
@@ -350,7 +350,7 @@ def _init(arguments: list[str], context: Context | None = None) -> None:
             # A refused node emits this warning, and its error is raised anyway.
             warnings.filterwarnings("ignore", "Failed to fini rosout publisher", RuntimeWarning)
         security.check_middleware(os.environ, get_rmw_implementation_identifier())
-        discovery.announce_often(os.environ, Path())
+        fast_dds.configure(os.environ, Path())
         context = context or rclpy.get_default_context()
         rclpy.init(args=arguments, context=context, signal_handler_options=SignalHandlerOptions.NO)
     domain = context.get_domain_id()

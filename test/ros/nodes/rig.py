@@ -45,7 +45,7 @@ from std_msgs.msg import Int32MultiArray, String
 from std_srvs.srv import SetBool, Trigger
 
 from dsse_ros.ros.nodes.settings import FULL_NAMES
-from dsse_ros.ros.runtime.discovery import variable
+from dsse_ros.ros.runtime.fast_dds import MEMORY_FROM_PROFILES, variable
 from msg_adapters.commands import joint_action_message
 from msg_adapters.diagnostics import status_name
 from msg_adapters.step_report import step_report_from_message
@@ -89,8 +89,14 @@ _PROFILES = """<?xml version="1.0" encoding="UTF-8"?>
     </discovery_config></builtin></rtps>
   </participant>
   <data_writer profile_name="quick_writer" is_default_profile="true">
+    <qos><data_sharing><kind>OFF</kind></data_sharing></qos>
     <times><{0}><sec>0</sec><nanosec>20000000</nanosec></{0}></times>
+    <historyMemoryPolicy>DYNAMIC</historyMemoryPolicy>
   </data_writer>
+  <data_reader profile_name="quick_reader" is_default_profile="true">
+    <qos><data_sharing><kind>OFF</kind></data_sharing></qos>
+    <historyMemoryPolicy>DYNAMIC</historyMemoryPolicy>
+  </data_reader>
 </profiles>
 """
 _HEARTBEAT_PERIODS = {
@@ -112,6 +118,7 @@ def _environment() -> dict[str, str]:
         "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
         "ROS_PYTHON_CHECK_FIELDS": "1",
         name: str(profiles),
+        MEMORY_FROM_PROFILES: "1",
     }
 
 

@@ -1,9 +1,10 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""Frequent discovery announcements, so that late joiners find the nodes of a mission quickly.
+"""The settings of Fast DDS that suit a mission, unless the user has configured it.
 
 Fast DDS announces a process five times at its start, and then every 3 s. A late joiner that misses
-the first answer would have no map for that long.
+the first answer would have no map for that long. As ROS 2 sets it, each place of a queue keeps the
+memory of the largest message that was ever in it.
 """
 
 from __future__ import annotations
@@ -12,15 +13,17 @@ from collections.abc import MutableMapping
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
-PROFILES = Path(__file__).with_name("fastdds.xml")
-"""Profile of Fast DDS that announces a process every half second."""
+PROFILES = Path(__file__).with_name("fast_dds.xml")
+"""Profiles that announce a process every half second, and free the memory of messages."""
+MEMORY_FROM_PROFILES = "RMW_FASTRTPS_USE_QOS_FROM_XML"
+"""Variable that has ROS 2 leave the memory of messages to the profiles."""
 
 _JAZZY, _LATER = _VARIABLES = ("FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES_FILE")
 _FILES = ("DEFAULT_FASTRTPS_PROFILES.xml", "DEFAULT_FASTDDS_PROFILES.xml")
 
 
-def announce_often(environment: MutableMapping[str, str], folder: Path) -> None:
-    """Make Fast DDS announce this process often, unless the user has configured Fast DDS.
+def configure(environment: MutableMapping[str, str], folder: Path) -> None:
+    """Have Fast DDS use `PROFILES`, unless the user has configured Fast DDS.
 
     Call it before rclpy starts. Other middlewares ignore the variables.
 
@@ -31,6 +34,7 @@ def announce_often(environment: MutableMapping[str, str], folder: Path) -> None:
     by_user = any(environment.get(name) for name in _VARIABLES)
     if not by_user and not any((folder / name).is_file() for name in _FILES):
         environment[variable()] = str(PROFILES)
+        environment.setdefault(MEMORY_FROM_PROFILES, "1")
 
 
 def variable() -> str:
