@@ -22,6 +22,8 @@ from dsse_ros.search.belief.ensemble_belief import EnsembleBelief
 KEPT_BYTES = 1 << 25
 """Memory of the beliefs that are kept to start from."""
 MOST_KEPT = 100
+LEAST_PART = 1e-200
+"""Probability of a contact below which it is 0: less could not be scaled to 1."""
 
 
 @dataclass
@@ -48,7 +50,11 @@ class Posterior:
         """Advance the sea by one step."""
         for name, part in self.parts.items():
             total = part.sum()
-            if total > 0.0 and not isinstance(self.belief, EnsembleBelief):
+            if isinstance(self.belief, EnsembleBelief):
+                continue
+            if total < LEAST_PART:
+                self.parts[name] = np.zeros_like(part)
+            else:
                 moved = self.belief.copy()
                 moved.density = part
                 moved.advance()

@@ -42,8 +42,12 @@ LEAST_DENSITY = 1e-15
 LATEST_STEPS = 3
 """Steps before a detection in which its look is: a pass takes time, and so does a detector."""
 LEAST_SEEN = 0.02
-"""How well the look of the detection's own step has seen the place, relative to the best: it is
+"""How much of the report lies where its own step's look was, relative to the best look: it is
 almost always its look, also if the error of the position leads elsewhere."""
+NOT_SEEN = 1e-4
+"""Share of a report below which the drone has not looked there, 3.7 standard deviations beside."""
+LEAST_M = 1.0
+"""Least standard deviation of a report."""
 MOST_MISSED = 100
 """Looks whose effect is kept."""
 KEPT_BYTES = 1 << 26
@@ -150,10 +154,13 @@ class Evidence:
                 for step in range(at, max(at - LATEST_STEPS, -1), -1)
                 if steps[step].has(detection.drone)
             ]
-            there = self.places.density(*detection[1:5])
-            seen = [(there * (1.0 - self._missed(steps[look[0]], look))).sum() for look in looks]
+            place, spread_m = (detection.x_m, detection.y_m), max(detection.radius_m, LEAST_M)
+            seen = [
+                self._sensors.share_seen(steps[step], drone, place, spread_m)
+                for step, drone in looks
+            ]
             for look, by_look in zip(looks, seen, strict=True):
-                if by_look > 0.0 and by_look >= LEAST_SEEN * max(seen):
+                if by_look >= max(LEAST_SEEN * max(seen), NOT_SEEN):
                     return look
         return self.step_of(detection.time_s), NOBODY
 

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from dsse_ros.mission.live.places import Places
+from dsse_ros.mission.live.places import Places, from_piece
 from dsse_ros.search.belief.belief import Belief
 from dsse_ros.search.belief.component_kernels import NOTHING_LEFT
 from dsse_ros.search.belief.ensemble_belief import EnsembleBelief, EnsembleForecast, PathsFlown
@@ -140,16 +140,45 @@ class Sensors:
             spread_m: Standard deviation of the reports along each axis.
         """
         if self.detectors is not None:
-            return 1.0 / self._strip_m2(done, drone)
+            length_m, width_m = self._strip(done, drone)
+            return 1.0 / (width_m * (length_m + math.pi / 4 * width_m))
+        return float(self._shares(done, drone, place, spread_m).mean()) / self.cell_m**2
+
+    def share_seen(
+        self, done: StepLooks, drone: int, place: tuple[float, float], spread_m: float
+    ) -> float:
+        """Return how much of a report lies where a drone looked in a step, from 0 to 1.
+
+        Args:
+            done: The looks of the step.
+            drone: The drone.
+            place: Metres to the east and north in the map frame.
+            spread_m: Standard deviation of the report along each axis, above 0.
+        """
+        if self.detectors is None:
+            return min(float(self._shares(done, drone, place, spread_m).sum()), 1.0)
+        east, north = place
+        at = np.array([[east, self.grid_size * self.cell_m - north]])
+        path = done.paths[drone]
+        pieces = zip(path[:-1], path[1:], strict=True)
+        away_m = min(float(from_piece(at, start, end)[0]) for start, end in pieces)
+        _, width_m = self._strip(done, drone)
+        low = np.array([(-away_m - width_m / 2) / spread_m])
+        return float(normal_between(low, width_m / spread_m)[0])
+
+    def _shares(
+        self, done: StepLooks, drone: int, place: tuple[float, float], spread_m: float
+    ) -> NDArray[np.float64]:
+        """Return how much of a report lies in each cell that a drone looked at in a step."""
         col, row = done.cells[done.drones == drone].T
-        shares = [
+        along = [
             normal_between((low * self.cell_m - at) / spread_m, self.cell_m / spread_m)
             for low, at in zip((col, self.grid_size - 1 - row), place, strict=True)
         ]
-        return float((shares[0] * shares[1]).mean()) / self.cell_m**2
+        return along[0] * along[1]
 
-    def _strip_m2(self, done: StepLooks, drone: int) -> float:
-        """Return the area beside the path of a drone within its sweep width."""
+    def _strip(self, done: StepLooks, drone: int) -> tuple[float, float]:
+        """Return length and width of the strip beside the path of a drone that it sweeps."""
         assert self.detectors is not None
         detector, path = self.detectors[self.looks.kind[drone], 0], done.paths[drone]
         length_m = max(float(np.hypot(*np.diff(path, axis=0).T).sum()), 1.0)
@@ -157,7 +186,7 @@ class Sensors:
         if detector["law"] != DEFINITE:
             # Its rate is W^2 v / (8 pi).
             width_m = math.sqrt(8.0 * math.pi * float(detector["rate"]) * self.step_s / length_m)
-        return width_m * (length_m + math.pi / 4 * width_m)
+        return length_m, width_m
 
 
 def normal_between(low: NDArray[np.float64], width: float) -> NDArray[np.float64]:

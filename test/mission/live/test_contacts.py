@@ -8,13 +8,14 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from live_searches import fly, kept, live_env, put
 
 from dsse_ros.mission.live.beliefs import LiveBeliefs
 from dsse_ros.mission.live.live_search import LiveSearch
 from dsse_ros.mission.live.step_looks import StepLooks
+from dsse_ros.search.belief.ensemble_belief import EnsembleForecast
 from dsse_ros.search.environments.parallel_env import SearchEnv
 from dsse_ros.world.scenario.frames import cell_centre
 
@@ -61,6 +62,7 @@ def test_a_person_who_is_detected_in_every_step_is_ever_more_certain(
 
 
 @settings(max_examples=25)
+@example([(0, None, 0.0, 0.0, 5.0, None), (0, None, 0.0, 74.0, 5.0, 2.3e-308)], "paper")
 @given(
     st.lists(
         st.tuples(
@@ -95,6 +97,25 @@ def test_no_detection_makes_its_contact_less_probable(
         before = {
             contact: _probability(live_search, contact) for contact in live_search.contacts.by_name
         }
+
+
+def test_a_detection_beside_a_cell_in_which_nobody_can_be_is_a_false_alarm() -> None:
+    env = live_env("sea", false_alarm_rate=0.2, num_drones=1)
+    live_search = LiveSearch(env.scenario, env.rules)
+    forecast, size = EnsembleForecast(env.scenario, env.rules), env.scenario.grid_size
+    cells = forecast.cells[forecast.row(forecast.first_step)].tolist()
+    col, row = max(cells)
+    (done,) = fly(env, 1)
+    seen = done._replace(
+        drones=np.zeros(1, np.int64),
+        numbers=np.zeros(1, np.int64),
+        cells=np.array([[col + 1, row]]),
+    )
+    live_search.step(seen)
+    # On the edge of the cell beside it, where somebody may be: half of the reports fall there.
+    x, y = cell_centre(size, env.scenario.cell_size, col + 0.5, row)
+    put(live_search, "detection", id="d", x=x, y=y, radius=40.0, drone=0)
+    assert _probability(live_search) == 0.0
 
 
 def _search(rules: str) -> tuple[SearchEnv, list[StepLooks]]:
