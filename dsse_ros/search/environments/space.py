@@ -384,11 +384,11 @@ def turn_and_speed_of(
         raise FieldError(f"actions: {agent} is missing; one action per live agent")
     try:
         value = np.asarray(actions[agent])
-        action = value.astype(np.float64) if value.dtype != np.bool_ else np.full(2, np.nan)
+        action = value.astype(np.float64) if value.dtype.kind != "b" else np.full(2, np.nan)
     except (TypeError, ValueError):
         action = np.full(2, np.nan)
-    # This form of the comparison also refuses NaN.
-    if action.shape != (2,) or not ((action >= low) & (action <= 1.0)).all():
+    # Two numbers are compared faster without NumPy; this form also refuses NaN.
+    if action.shape != (2,) or not all(low <= number <= 1.0 for number in action.tolist()):
         raise FieldError(
             f"action of {agent} must be two numbers from {low:g} to 1, {names}, got "
             f"{shown(actions[agent])}"
