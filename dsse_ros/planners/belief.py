@@ -111,13 +111,10 @@ class Forecasts:
         rules: The rules of the search.
         horizon: Of the forecasts.
         drift_samples: Of the forecasts.
-        living: Of the forecasts.
     """
 
-    def __init__(
-        self, rules: Rules, horizon: int, drift_samples: int, living: bool = False
-    ) -> None:
-        self._rules, self._living = rules, living
+    def __init__(self, rules: Rules, horizon: int, drift_samples: int) -> None:
+        self._rules = rules
         self._horizon, self._drift_samples = horizon, drift_samples
         self._kept: list[TargetForecast] = []
 
@@ -132,7 +129,6 @@ class Forecasts:
             horizon=self._horizon,
             drift_samples=self._drift_samples,
             draw=Draw.PLANNING,
-            living=self._living,
         )
         before = self._kept[-1] if self._kept else None
         if isinstance(forecast, Forecast) and isinstance(before, Forecast):
@@ -161,7 +157,7 @@ class BeliefPlanner:
         learn_drift: Whether to learn the drift if the observed map is not the expected one. The
             planner does not learn it if drones observe the belief instead of the map
             (`Search.observed`), if no drift explains the maps, or if persons follow an ensemble.
-        living: Whether only persons who are alive count, see `EnsembleForecast`.
+        living: Whether only persons who are still alive count, see `EnsembleBelief.of_living`.
 
     Attributes:
         belief: The belief at the last observation, None before the first. Its drift is
@@ -188,7 +184,7 @@ class BeliefPlanner:
         self._search = search
         self._new_tactic = new_tactic
         self._seed = seed
-        self.forecasts = Forecasts(search.rules, horizon, drift_samples, living)
+        self.forecasts = Forecasts(search.rules, horizon, drift_samples)
         self._swarm = Swarm.of_scenario(search.scenario, search.rules).with_moves()
         self._may_be_held_up = self._swarm.may_be_under_way or hold_up(search.scenario)
         self._learn_drift = (
@@ -232,8 +228,11 @@ class BeliefPlanner:
                 a: self._end_of_way(cells[a], infos[a]) for a in steered if is_under_way(infos[a])
             }
             here = [bound.get(a, cells[a]) for a in steered]
+            belief = self.belief
+            if self._living and isinstance(belief, EnsembleBelief):
+                belief = belief.of_living()
             chosen = self._tactic(
-                DecisionPoint(self.belief, steered, here, began_s + limit_s, batteries)
+                DecisionPoint(belief, steered, here, began_s + limit_s, batteries)
             )
             self.drawn = self.drawn or self._tactic.drawn
             ends |= dict(zip(steered, chosen, strict=True)) | bound
@@ -310,8 +309,6 @@ class BeliefPlanner:
     def _take_over(self, belief: TargetBelief) -> None:
         """Go on from a belief of the present step that somebody else has computed."""
         assert self.belief is not None
-        if self._living and isinstance(belief, EnsembleBelief) and not belief.forecast.living:
-            belief = belief.of_living()
         if belief.forecast is not self.belief.forecast:
             self._forecast = belief.forecast
             self._tactic = self._new_tactic(belief.forecast, seed=self._seed)

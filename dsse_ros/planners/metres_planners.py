@@ -222,9 +222,7 @@ class MetresBelief(MetresPlanner):
 
     def forecasts(self, scenario: ResolvedScenario) -> EnsembleForecast:
         """Return the forecast of a scenario, see `OnBelief`."""
-        return EnsembleForecast(
-            scenario, self._search.rules, draw=Draw.PLANNING, living=self._living
-        )
+        return EnsembleForecast(scenario, self._search.rules, draw=Draw.PLANNING)
 
     def _start(self, observations: Observations, step: int) -> None:
         self._take_over(self.forecasts(self._scenario).belief())
@@ -232,8 +230,6 @@ class MetresBelief(MetresPlanner):
 
     def _take_over(self, belief: EnsembleBelief) -> None:
         """Go on from a belief."""
-        if self._living and not belief.forecast.living:
-            belief = belief.of_living()
         before, self.belief = self.belief, belief.copy()
         if before is not None and before.forecast is belief.forecast:
             return
@@ -274,9 +270,10 @@ class MetresBelief(MetresPlanner):
             np.zeros(len(swarm.kinds), np.bool_),
         )
         flights[numbers], live[numbers] = flights_of(observations, swarm), True
+        belief = self.belief.of_living() if self._living else self.belief
         planned = self._plans(
             flights,
-            self.belief.of_missing().sum(axis=0),
+            belief.of_missing().sum(axis=0),
             self.belief.forecast.first_step + self.belief.step,
             self._steps_left,
             wind=swarm.wind,

@@ -142,8 +142,8 @@ class BeamOptions(BeliefOptions):
         "float", "Weight of the scenarios left at the end of a plan.", 0.2, low=0, high=1e6
     )
     maximise: str = field(
-        "str", "What plans maximise: the POS, or the probability to find the person alive, with "
-        "the survival of the incident.", POS, choices=(POS, POS_ALIVE),
+        "str", "What plans are for: the POS, or the probability to find the person alive, by the "
+        "survival of the incident.", POS, choices=(POS, POS_ALIVE),
     )  # fmt: skip
     budget_ms: float | None = field(
         "float", "Wall time of a step after which no further drone plans; the others continue "
@@ -152,7 +152,7 @@ class BeamOptions(BeliefOptions):
     )  # fmt: skip
 
     def living(self, scenario: Scenario) -> bool:
-        """Return whether only persons who are alive count, see `EnsembleForecast`.
+        """Return whether only persons who are alive count, see `EnsembleBelief.of_living`.
 
         Raises:
             FieldError: If the incident has no survival curve for that.

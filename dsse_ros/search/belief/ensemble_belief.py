@@ -79,7 +79,7 @@ class EnsembleForecast(ForecastBase):
         living: bool = False,
     ) -> None:  # fmt: skip
         super().__init__(scenario, rules, horizon)
-        self._draw, self.living = draw, living
+        self._draw = draw
         tracks = tracks_of(self.scenario, rules, draw)
         if tracks is None:
             raise ValueError(f"person_motion must be an ensemble, got {rules.person_motion!r}")
@@ -96,13 +96,6 @@ class EnsembleForecast(ForecastBase):
         if self.tracks.dies is None:
             return None
         return EnsembleForecast(self.scenario, self.rules, draw=Draw.POS, living=True)
-
-    @cached_property
-    def of_living(self) -> EnsembleForecast:
-        """The forecast with the same particles as long as their persons are alive."""
-        return EnsembleForecast(
-            self.scenario, self.rules, horizon=self.horizon, draw=self._draw, living=True
-        )
 
     @property
     def cells(self) -> NDArray[np.int16]:
@@ -300,9 +293,16 @@ class EnsembleBelief(BeliefBase):
         return dict(zip(keys, shares.tolist(), strict=True))
 
     def of_living(self) -> EnsembleBelief:
-        """Return a copy whose particles vanish when their persons are no longer alive."""
-        twin = self.copy()
-        twin.forecast = self.forecast.of_living
+        """Return the belief about a person who is still alive, by the survival of the incident.
+
+        If nobody would be, it is the belief about all.
+        """
+        twin, dies = self.copy(), self.forecast.tracks.dies
+        if dies is not None:
+            alive = dies > self._sea_step
+            if twin.mass.components[:, alive].any():
+                twin.mass.components[:, ~alive] = 0.0
+                twin._sum_up()
         return twin
 
     def advance(self) -> None:

@@ -26,7 +26,6 @@ def forecast_for(
     horizon: int = 0,
     drift_samples: int = 256,
     draw: Draw = Draw.BELIEF,
-    living: bool = False,
 ) -> TargetForecast:
     """Return the forecast of a scenario.
 
@@ -36,8 +35,7 @@ def forecast_for(
         horizon: Number of steps after the present one that are available.
         drift_samples: See `Forecast`; ensembles ignore it.
         draw: What particles are drawn for; forecasts without particles ignore it.
-        living: See `EnsembleForecast`; forecasts without particles ignore it.
     """
     if is_ensemble(rules):
-        return EnsembleForecast(scenario, rules, horizon=horizon, draw=draw, living=living)
+        return EnsembleForecast(scenario, rules, horizon=horizon, draw=draw)
     return Forecast(scenario, rules, horizon=horizon, drift_samples=drift_samples)

@@ -89,7 +89,16 @@ def test_worlds_and_planners_know_the_pos_alive() -> None:
     resolved = scenario(survival={"hours": [0.9, 1.05], "alive": [1.0, 0.0]}).resolve(SEA)
     world = World(resolved, SEA, 1)
     beliefs = WorldBeliefs(world)
-    assert beliefs.pos_alive is not None and beliefs.pos_alive[0] == 0.0
+    for _ in range(3):
+        beliefs.step(np.full(world.drones.shape, 8, np.int8))
+    assert beliefs.pos_alive is not None and 0.0 <= beliefs.pos_alive[0] <= beliefs.pos[0]
+    belief = beliefs.of_ensemble(0)
+    assert belief is not None and belief.forecast.tracks.dies is not None
+    weights, living = belief.of_missing().sum(axis=0), belief.of_living().of_missing().sum(axis=0)
+    alive = belief.forecast.tracks.dies > 3
+    # Two thirds are dead an hour after they were seen.
+    assert 0.2 < weights[alive].sum() < 0.5
+    assert living == pytest.approx(np.where(alive, weights, 0.0) / weights[alive].sum())
     planner_for(SearchDefinition(SEA, resolved), "belief", maximise="pos_alive")
     with pytest.raises(FieldError, match="maximise must be pos without a survival of the incident"):
         search = SearchDefinition(SEA, scenario().resolve(SEA))
