@@ -12,7 +12,12 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from dsse_ros.vehicles.autopilots.autopilot import FIXED_WINGS, MESSAGES, Autopilot
 from dsse_ros.vehicles.mavlink.events import EventMessage, event_number
-from dsse_ros.vehicles.mavlink.messages import BatteryStatus, PositionTarget, WindCov
+from dsse_ros.vehicles.mavlink.messages import (
+    BatteryStatus,
+    EstimatorStatus,
+    PositionTarget,
+    WindCov,
+)
 
 _ALL_MODES = 0xFFFFFFFF
 _RESTING = 1 << 4
@@ -156,7 +161,7 @@ PX4 = Autopilot(
     disarm_delays={"COM_DISARM_PRFLT": 1.0},
     disarmed_modes=frozenset({"HOLD"}),
     disarming_s=3.0,
-    messages=(*MESSAGES, BatteryStatus, PositionTarget, WindCov),
+    messages=(*MESSAGES, BatteryStatus, EstimatorStatus, PositionTarget, WindCov),
     # At rest its EKF_STATUS_REPORT always has CONST_POS_MODE.
     position_is_checked=True,
     # It sends the same texts as a mere warning.

@@ -28,6 +28,7 @@ from dsse_ros.vehicles.mavlink.messages import (
     AutopilotVersion,
     BatteryStatus,
     EkfStatus,
+    EstimatorStatus,
     ExtendedSysState,
     GlobalPosition,
     GpsRaw,
@@ -264,8 +265,10 @@ def observe(
             good = (
                 bool(flags & mavlink.EKF_POS_HORIZ_ABS) and not flags & mavlink.EKF_CONST_POS_MODE
             )
-            state = _with(state, _position_good=good, dead_reckons=not good)
+            state = _with(state, _position_good=good, dead_reckons=_dead_reckons(flags))
             return _ready(state, good and state._checks_passed)
+        case EstimatorStatus(flags=flags):
+            return _with(state, dead_reckons=_dead_reckons(flags))
         case ExtendedSysState(landed_state=landed):
             grounded = landed not in _AIRBORNE and state.identity.has_double
             if grounded and _may_be_doubles(state, now):
@@ -290,6 +293,18 @@ def observe(
         case EventMessage():
             return _event(state, message, autopilot)
     return state
+
+
+def _dead_reckons(flags: int) -> bool:
+    """Return whether an estimator goes on without what measures where the vehicle is.
+
+    ArduPilot then clears ESTIMATOR_PRED_POS_HORIZ_ABS together with the position itself, PX4 alone:
+    a fixed wing of PX4 has a position for 25 s more.
+
+    Args:
+        flags: ESTIMATOR_STATUS_FLAGS; EKF_STATUS_FLAGS has the same bit.
+    """
+    return not flags & mavlink.ESTIMATOR_PRED_POS_HORIZ_ABS
 
 
 def _with(state: VehicleState, **reported: Any) -> VehicleState:

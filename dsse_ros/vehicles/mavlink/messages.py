@@ -34,6 +34,9 @@ SysStatus = mavlink.MAVLink_sys_status_message
 BatteryStatus = mavlink.MAVLink_battery_status_message
 AutopilotVersion = mavlink.MAVLink_autopilot_version_message
 EkfStatus = mavlink.MAVLink_ekf_status_report_message
+"""ArduPilot's position estimate."""
+EstimatorStatus = mavlink.MAVLink_estimator_status_message
+"""PX4's, with the same flags."""
 Attitude = mavlink.MAVLink_attitude_message
 GlobalPosition = mavlink.MAVLink_global_position_int_message
 GpsRaw = mavlink.MAVLink_gps_raw_int_message
@@ -183,6 +186,7 @@ INCOMING: tuple[Any, ...] = (
     AutopilotVersion,
     BatteryStatus,
     EkfStatus,
+    EstimatorStatus,
     Attitude,
     GlobalPosition,
     GpsRaw,

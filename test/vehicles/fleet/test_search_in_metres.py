@@ -136,9 +136,10 @@ def test_px4_that_cannot_use_setpoints_for_lack_of_a_position_gets_none() -> Non
     assert len(flight.setpoints()) == sent and flight.vehicle.mode.name == "RTL"
 
 
-def test_a_fixed_wing_that_flies_on_without_gps_is_named() -> None:
+@pytest.mark.parametrize("autopilot", ["arduplane", "px4plane"])
+def test_a_fixed_wing_that_flies_on_without_gps_is_named(autopilot: str) -> None:
     kinds = ("fixed_wing", "fixed_wing")
-    _, fleet = fly("arduplane", 2, {"acceptance_radius": 150.0}, searchers=kinds)
+    _, fleet = fly(autopilot, 2, {"acceptance_radius": 150.0}, searchers=kinds)
     blind, other = fleet.controller.dispatchers
     fleet.flights[0].vehicle.lose_gps()
     fleet.wait(15.0)

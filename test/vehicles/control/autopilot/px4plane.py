@@ -29,6 +29,8 @@ class Px4Plane(Px4):
 
     kind = mavlink.MAV_TYPE_FIXED_WING
     falls = Glide
+    blind_flags, blind_s = 319, 7.0
+    """ESTIMATOR_STATUS.flags without GPS, and how much later than the loss."""
     dead_reckons_s = 32.0
     """Time without GPS after which it does not know its position, and returns."""
     default_parameters: ClassVar[dict[str, Number]] = {
@@ -42,9 +44,15 @@ class Px4Plane(Px4):
 
     def __init__(self, settings: Settings) -> None:
         super().__init__(settings)
-        self._lost_s = math.inf
+        self._blind_s = self._lost_s = math.inf
+
+    @property
+    def ekf_flags(self) -> int:
+        return self.blind_flags if self.time_s >= self._blind_s else super().ekf_flags
 
     def lose_gps(self) -> None:
+        """Fly on by airspeed; position, modes and checks are still good."""
+        self._blind_s = self.time_s + self.blind_s
         self._lost_s = self.time_s + self.dead_reckons_s
 
     @property
