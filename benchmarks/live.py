@@ -256,7 +256,7 @@ class LiveMission:
         s = self._scenario
         origin, side_m = (s.origin_lat, s.origin_lon, s.origin_alt), s.grid_size * s.cell_size
         tracks, *_ = positions(law, origin, side_m, s.step_duration_s, STEPS, self._rng, 1)
-        track = tracks[:, 0]
+        track = np.array([at_step[0] for at_step in tracks])
         return np.stack([track[:, 0], flip_y(side_m, track[:, 1])], axis=1)
 
     def _cell_at(self, step: int) -> tuple[int, int]:

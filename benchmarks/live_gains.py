@@ -122,7 +122,7 @@ class Arm:
         tracks, *_ = positions(
             scenario.incident, origin, self._side_m, scenario.step_duration_s, STEPS, rng, 1
         )
-        self._truth: NDArray[np.float64] = tracks[:, 0]
+        self._truth: NDArray[np.float64] = np.array([at_step[0] for at_step in tracks])
         self._starts = rng.permutation(scenario.grid_size**2)[: scenario.num_drones]
         # Both arms have their own chance of what drones detect, from the same seed.
         self._rng = np.random.default_rng([7, seed])

@@ -72,7 +72,7 @@ def _chain_of_tracks(belief: EnsembleBelief, horizon: int) -> TargetChain:
     to = (classes * after[..., None] + np.arange(classes)).ravel()
     edges = np.arange(forecast.side**2 + 1)
     starts = [
-        layer * count + np.searchsorted(forecast.columns[row, particles], edges)
+        layer * count + np.searchsorted(forecast.columns(forecast.cells[row, particles]), edges)
         for layer, (row, particles) in enumerate(zip(rows, order, strict=True))
     ]
     return TargetChain(

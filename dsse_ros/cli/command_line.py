@@ -37,6 +37,7 @@ from dsse_ros.ros.runtime.ros_arguments import (
     typed_names,
     without_prefix,
 )
+from dsse_ros.search.step.cell_tracks import check_memory
 from dsse_ros.world.scenario.limits import MAX_SEED
 from dsse_ros.world.scenario.place_checks import LAT, LON, place_of
 from dsse_ros.world.scenario.positions import EXAMPLES
@@ -182,7 +183,10 @@ def search_of(arguments: argparse.Namespace) -> tuple[Path, ResolvedScenario, Ru
         arguments.planner = arguments.planner or default_planner(rules)
         check_task(arguments.planner, rules)
         check_options(arguments.planner, options_of(arguments))
-    return path, scenario.resolve(rules), rules
+    resolved = scenario.resolve(rules)
+    # Before any node starts.
+    check_memory(resolved, rules)
+    return path, resolved, rules
 
 
 def options_of(arguments: argparse.Namespace) -> dict[str, Any]:

@@ -87,8 +87,8 @@ def ros_for(node: str, parameters: Collection[str], ros: Sequence[str]) -> list[
     return kept
 
 
-def compiling(log: Path) -> str:
-    """Return what a node compiles, from the end of its log; empty for nothing."""
+def working(log: Path) -> str:
+    """Return what a node computes or compiles, from the end of its log; empty for nothing."""
     with log.open("rb") as file:
         file.seek(max(0, log.stat().st_size - _TAIL_BYTES))
         return progress(file.read().decode(errors="replace"))

@@ -34,7 +34,7 @@ from tqdm import tqdm
 from dsse_ros.base.fields import FieldError, specs
 from dsse_ros.base.private_files import open_private
 from dsse_ros.cli.command_line import DEFAULT_SCENARIO, Parser, make_folder, search_of
-from dsse_ros.cli.node_process import MissionFailed, check_running, compiling, process, ros_for
+from dsse_ros.cli.node_process import MissionFailed, check_running, process, ros_for, working
 from dsse_ros.picture.movie import check_movie, save_movie
 from dsse_ros.picture.rendering import MissionView, save_picture
 from dsse_ros.results.report.logs import read_csv
@@ -64,7 +64,8 @@ from msg_adapters.stamps import to_nanoseconds
 from msg_adapters.step_report import step_report_from_message
 
 SILENCE_S = 60.0
-"""Wall time without a step or a running compiler after which the mission has failed."""
+"""Wall time without a step, a running compiler or other progress after which the mission has
+failed."""
 _SIM_NAMES = (*SIM_PARAMETERS, *SHORT_NAMES, *OF_EVERY_NODE)
 _PLANNER_NAMES = (*specs(PlannerSettings), *OF_EVERY_NODE)
 _DASHBOARD_NAMES = (*specs(DashboardSettings), *OF_EVERY_NODE)
@@ -229,6 +230,7 @@ class _Progress:
             bar_format="step {n_fmt}/{total_fmt} |{bar:20}| {elapsed} {desc}",
         )  # fmt: skip
         self._last_step_s = time.monotonic()
+        self._work = ""
 
     def check(self, name: str, child: subprocess.Popen[bytes], log: Path) -> None:
         """Show what a process has done.
@@ -246,13 +248,17 @@ class _Progress:
             bar.set_description_str(watcher.line(), refresh=False)
             # The step that detects the timeout is one more than the limit.
             bar.update(min(watcher.step, bar.total) - bar.n)
-        if work := compiling(log):
+        work, before = working(log), self._work
+        self._work = work
+        if work and (work != before or work.startswith("compiling")):
+            # A single function may take the compiler long; everything else must go on.
             self._last_step_s = time.monotonic()
             bar.set_description_str(work, refresh=False)
             # Its timer moves too.
             bar.update(0)
         if time.monotonic() - self._last_step_s > SILENCE_S:
-            raise MissionFailed(f"no step within {SILENCE_S:g} s; see {self._sim_log}")
+            during = f" during {work!r}" if work else ""
+            raise MissionFailed(f"no progress within {SILENCE_S:g} s{during}; see {self._sim_log}")
         if watcher.foreign or watcher.count_publishers("step_report") > 1:
             raise MissionFailed("another mission uses this ROS_DOMAIN_ID; choose a different one")
 

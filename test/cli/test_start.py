@@ -121,9 +121,9 @@ def test_a_node_says_that_it_compiles_where_it_does_and_nowhere_else(tmp_path: P
                 while "mission 1" not in log.read_text():
                     assert child.poll() is None, log.read_text()
                     if cold and compiling(child.pid, tmp_path):
-                        seen = seen or bool(run_mission.compiling(log))
+                        seen = seen or bool(run_mission.working(log))
                     time.sleep(0.005)
-                assert not run_mission.compiling(log)
+                assert not run_mission.working(log)
             finally:
                 child.kill()
                 child.wait()

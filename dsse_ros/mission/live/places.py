@@ -86,7 +86,8 @@ class Places:
         column = forecast.column(cell)
         if isinstance(forecast, Forecast):
             return np.array([column])
-        return np.flatnonzero(forecast.columns[forecast.row(forecast.first_step + step)] == column)
+        cells = forecast.cells[forecast.row(forecast.first_step + step)]
+        return np.flatnonzero(forecast.columns(cells) == column)
 
     def moved(self, x_m: float, y_m: float, from_s: float, to_s: float) -> tuple[float, float]:
         """Return where the sea takes what floats at a place, forward or back in time."""

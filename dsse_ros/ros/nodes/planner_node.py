@@ -18,6 +18,7 @@ from std_msgs.msg import Float64MultiArray, Int32MultiArray, String
 
 from dsse_ros.base.defects import describe
 from dsse_ros.base.fields import FieldError
+from dsse_ros.base.work import work_told_to
 from dsse_ros.mission.live.history import FollowedHistory
 from dsse_ros.planners.planner import OnBelief, Planner, Planning
 from dsse_ros.planners.registry import (
@@ -157,7 +158,10 @@ class PlannerNode(AlarmNode):
         answer, self._compiled = None, False
         if live.any():
             try:
-                with announced(self._on_compiler, f"planner {self.settings.planner}"):
+                with (
+                    announced(self._on_compiler, f"planner {self.settings.planner}"),
+                    work_told_to(self.get_logger().info),
+                ):
                     if last is None or step[:2] != last[:2] or step[2] < last[2]:
                         self._planner, self._late = self._make_planner(observed.info), None
                     answer = observed.answer(self._decide(observed))

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from dsse_ros.base.fields import FieldError, specs
+from dsse_ros.base.work import work_told_to
 from dsse_ros.mission.files.mission_files import check_files
 from dsse_ros.mission.files.scenario_files import find_scenario
 from dsse_ros.mission.run.step_scheduler import Timing
@@ -71,9 +72,11 @@ def read_parameters(node: AlarmNode) -> tuple[SimSettings, SearchEnv, Endpoints]
         )
     _check_truth(settings, scenario)
     has_belief = partial(settings.has_belief, live=not scenario.has_persons)
-    with announced(
-        lambda line: node.get_logger().info(f"{line}; topics and services appear when it is done")
-    ):
+
+    def tell(line: str) -> None:
+        node.get_logger().info(f"{line}; topics and services appear when it is done")
+
+    with announced(tell), work_told_to(tell):
         _check_size(settings, scenario, rules)
         env = prepared_env(scenario, rules, has_belief=has_belief)
     _log_incident(node, env.scenario)

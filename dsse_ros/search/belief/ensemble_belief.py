@@ -24,11 +24,21 @@ from dsse_ros.search.belief.motion_kernels import MARGIN
 from dsse_ros.search.belief.particle_kernels import BinnedParticles
 from dsse_ros.search.belief.passing_kernels import ParticlePositions, Passing, moved_of, seen_of
 from dsse_ros.search.belief.protocol import Expected, Futures, LooksToCome, Outlook
-from dsse_ros.search.step.cell_tracks import Draw, of_living, particle_positions, tracks_of
+from dsse_ros.search.step.cell_tracks import (
+    CellTracks,
+    Draw,
+    of_living,
+    particle_positions,
+    particles_of,
+    tracks_of,
+)
 from dsse_ros.world.scenario.actions import Cell
 from dsse_ros.world.scenario.probable_cells import datum_of
 from dsse_ros.world.scenario.rules import Rules
 from dsse_ros.world.scenario.scenario import Scenario
+
+LARGEST_SORTED_BYTES = 1 << 27
+"""Memory of the particles of an ensemble, sorted by column, that is kept."""
 
 
 class PathsFlown(NamedTuple):
@@ -68,7 +78,7 @@ class EnsembleForecast(ForecastBase):
             alive.
 
     Attributes:
-        tracks: The tracks of the scenario.
+        tracks: The particles.
 
     Raises:
         FieldError: If the ensemble would take too much memory.
@@ -80,10 +90,11 @@ class EnsembleForecast(ForecastBase):
     ) -> None:  # fmt: skip
         super().__init__(scenario, rules, horizon)
         self._draw = draw
-        tracks = tracks_of(self.scenario, rules, draw)
+        tracks = particles_of(self.scenario, rules, draw)
         if tracks is None:
             raise ValueError(f"person_motion must be an ensemble, got {rules.person_motion!r}")
         self.tracks = of_living(tracks) if living and tracks.dies is not None else tracks
+        self._rows: dict[int, tuple[NDArray[np.int32], NDArray[np.int32]]] = {}
 
     @cached_property
     def of_pos(self) -> EnsembleForecast:
@@ -110,7 +121,6 @@ class EnsembleForecast(ForecastBase):
     @property
     def appearances(self) -> NDArray[np.int8]:
         """(M,) int8, number of each particle's appearance, see `Incident.appearances`."""
-        assert self.tracks.appearances is not None
         return self.tracks.appearances
 
     def pod_columns(self, examples: NDArray[np.int64]) -> NDArray[np.int64]:
@@ -118,44 +128,80 @@ class EnsembleForecast(ForecastBase):
         persons = self.scenario.person_amount
         return np.add.outer(persons * np.arange(len(self.scenario.seen_as)), examples).ravel()
 
-    @property
+    @cached_property
     def maps(self) -> NDArray[np.float32]:
-        """(T, G, G) float32, see `CellTracks`."""
-        return self.tracks.maps
+        """(T, G, G) float32, those that drones observe, see `CellTracks`."""
+        observed = self.tracks
+        if not isinstance(observed, CellTracks):
+            tracks = tracks_of(self.scenario, self.rules)
+            assert tracks is not None
+            observed = tracks
+        return observed.maps
 
     @cached_property
     def positions(self) -> NDArray[np.float32]:
         """(T, M, 2) float32, see `particle_positions`."""
         return particle_positions(self.scenario, self.rules, self._draw)
 
-    @cached_property
-    def columns(self) -> NDArray[np.int32]:
-        """(T, M) int32, `cells` as columns; a particle off the grid is in the nearest margin.
+    def columns(self, cells: NDArray[np.int16]) -> NDArray[np.int32]:
+        """Return the columns, (...,), of cells of particles, (..., 2).
 
-        One outside the area is in the first column, where nobody looks.
+        A particle off the grid is in the nearest margin. One outside the area is in the first
+        column, where nobody looks.
         """
         # The outermost cells stay empty.
-        within = np.clip(self.cells, 1 - MARGIN, self.side - MARGIN - 2).astype(np.int32) + MARGIN
+        within = np.clip(cells, 1 - MARGIN, self.side - MARGIN - 2).astype(np.int32) + MARGIN
         columns: NDArray[np.int32] = within[..., 1] * self.side + within[..., 0]
         if self.area is not None:
-            searched = np.pad(self.area, MARGIN, constant_values=True).ravel()
-            columns[~searched[columns]] = 0
+            columns[~self._searched[columns]] = 0
         return columns
 
     @cached_property
-    def _by_column(self) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
-        """The particles of each step sorted by column: starts and members, see `index`.
+    def _searched(self) -> NDArray[np.bool_]:
+        assert self.area is not None
+        return np.pad(self.area, MARGIN, constant_values=True).ravel()
+
+    def _sorted(self, first: int, last: int) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
+        """Return the particles of rows first..last by column: starts and members, see `index`.
 
         A look finds its particles without a search through all of them.
         """
-        starts = np.empty((len(self.columns), self.side**2 + 1), np.int32)
-        members = np.empty_like(self.columns)
-        index(self.columns, starts, members)
+        columns = self.columns(self.cells[first : last + 1])
+        starts = np.empty((len(columns), self.side**2 + 1), np.int32)
+        members = np.empty_like(columns)
+        index(columns, starts, members)
         return starts, members
 
-    def particles(self) -> BinnedParticles:
-        """Return the particles by step of the sea."""
-        return BinnedParticles(*self._by_column, self.weights, self.appearances)
+    @cached_property
+    def _by_column(self) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
+        return self._sorted(0, len(self.cells) - 1)
+
+    def particles(self, first: int = 0, last: int | None = None) -> BinnedParticles:
+        """Return the particles of rows first..last, by default of all; row 0 is then the first.
+
+        If all rows are small they are sorted once, else those that are asked for.
+
+        Args:
+            first: First row.
+            last: Last row; None for that of the last step.
+        """
+        last = len(self.cells) - 1 if last is None else last
+        of_row = 4 * (self.side**2 + len(self.weights))
+        if of_row * len(self.cells) <= LARGEST_SORTED_BYTES:
+            starts, members = (rows[first : last + 1] for rows in self._by_column)
+            return BinnedParticles(starts, members, self.weights, self.appearances)
+        rows = []
+        for row in range(first, last + 1):
+            found = self._rows.get(row)
+            if found is None:
+                starts, members = self._sorted(row, row)
+                found = self._rows[row] = starts[0], members[0]
+            rows.append(found)
+        # Threads may do this at the same time.
+        for old in list(self._rows)[: -max(LARGEST_SORTED_BYTES // of_row, 1)]:
+            self._rows.pop(old, None)
+        starts, members = (np.array(of_rows) for of_rows in zip(*rows, strict=True))
+        return BinnedParticles(starts, members, self.weights, self.appearances)
 
     @cached_property
     def _moved(self) -> NDArray[np.float64]:
@@ -311,7 +357,8 @@ class EnsembleBelief(BeliefBase):
 
     def _particles(self) -> BinnedParticles:
         """Return the particles at the present step."""
-        return self.forecast.particles().at(self.forecast.row(self._sea_step))
+        row = self.forecast.row(self._sea_step)
+        return self.forecast.particles(row, row).at(0)
 
     def _updated(self, looks: LooksDone) -> float:
         pos: float = particle_kernels.learn(
@@ -358,11 +405,11 @@ class EnsembleBelief(BeliefBase):
         last = int(np.searchsorted(sums, sums[-1]))
         drawn = np.minimum(np.searchsorted(sums, wanted, side="right"), last)
         of_class, particle = np.divmod(drawn, len(self.forecast.weights))
-        columns = self.forecast.columns
+        cells = self.forecast.cells
         steps = np.arange(self._sea_step, self._sea_step + horizon + 1)
-        rows = np.minimum(steps, len(columns) - 1)
+        rows = np.minimum(steps, len(cells) - 1)
         futures = Futures.empty(count, horizon, self.forecast.side**2)
-        futures.cells[:] = columns[rows[:, None], particle]
+        futures.cells[:] = self.forecast.columns(cells[rows[:, None], particle])
         index(futures.cells, futures.starts, futures.members)
         futures.persons[:] = (
             self.examples[of_class]
@@ -378,12 +425,14 @@ class EnsembleBelief(BeliefBase):
             gamma: Discount of a find per step.
         """
         forecast, weights, now = self.forecast, self.of_missing(), self._sea_step
-        ends = forecast.columns[forecast.row(now + horizon)]
+        ends = forecast.columns(forecast.cells[forecast.row(now + horizon)])
         left = np.asarray(np.bincount(ends, weights.sum(axis=0), forecast.side**2), np.float64)
 
         def expect(looks: LooksToCome) -> Expected:
+            last = forecast.row(now + int(looks.steps.max(initial=0)))
             expected: Expected = particle_kernels.expect_particles(
-                forecast.particles(), weights, ends, left, self._by_class(looks), now, gamma,
+                forecast.particles(min(now, last), last), weights, ends, left,
+                self._by_class(looks), 0, gamma,
                 forecast.scenario.grid_size,
             )  # fmt: skip
             return expected

@@ -211,23 +211,30 @@ class ParticleFilter:
             )
             scratch = _scratch(self, step, seen_of(places, step.live.shape[1]))
         else:
-            tables, scratch = self._tables(pods), _scratch(self, step, np.empty(0))
+            tables = self._tables(pods, step, first, last)
+            scratch = _scratch(self, step, np.empty(0))
         self._update(step, tables, beliefs, scratch, first, last)
 
     def write(
         self, step: StepDone, beliefs: Beliefs, maps: NDArray[np.float32], first: int, last: int
     ) -> None:
         """Write the probability of every cell of worlds first..last - 1 to maps (B, G, G)."""
-        tables = self._tables(np.empty((0, len(self.examples))))
+        tables = self._tables(np.empty((0, len(self.examples))), step, first, last)
         scale = np.empty(len(self.examples))
         constants, worlds, *_ = step.batch
         self._write(constants, worlds, tables, beliefs, scale, maps, first, last)
 
-    def _tables(self, pods: NDArray[np.float64]) -> ParticleTables:
-        particles = self._forecast.particles()
+    def _tables(
+        self, pods: NDArray[np.float64], step: StepDone, first: int, last: int
+    ) -> ParticleTables:
+        """Return the tables for worlds first..last - 1, with the particles at their steps."""
+        forecast, done = self._forecast, step.batch.worlds["t"][first:last]
+        # The update is that of the step before.
+        begin = forecast.row(max(forecast.first_step + int(done.min()) - 1, 0))
+        end = forecast.row(forecast.first_step + int(done.max()))
         return ParticleTables(
-            start=self.start, particles=particles, pods=pods, class_of=self.class_of,
-            first_step=self._forecast.first_step,
+            start=self.start, particles=forecast.particles(begin, end), pods=pods,
+            class_of=self.class_of, first_step=forecast.first_step - begin,
         )  # fmt: skip
 
 

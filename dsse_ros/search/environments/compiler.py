@@ -25,7 +25,7 @@ COMPILING = ", once after an installation, in 10 s to a minute"
 """End of the line that is logged before the compiler starts, if its cache is not complete."""
 _REPORT_S = 1.0
 """Wall time between two lines of the compiler's progress."""
-_LINES = re.compile(r"\b(compiling .+?)(?:: (\d+ functions?))?(?:[,;] .*)?$")
+_LINES = re.compile(r"\b(compiling .+?|drift \d+ %)(?:: (\d+ functions?))?(?:[,;] .*)?$")
 
 
 class _Announcer(event.Listener):
@@ -72,7 +72,7 @@ def announced_on_stderr() -> AbstractContextManager[None]:
 
 
 def progress(log: str) -> str:
-    """Return what is being compiled, with the number of functions; empty for nothing.
+    """Return what is being computed or compiled, and how much is done; empty for nothing.
 
     Args:
         log: Log of a process; only its last line is read.

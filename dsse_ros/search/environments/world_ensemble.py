@@ -73,7 +73,6 @@ class WorldEnsemble:
         """The ensemble for the kernels."""
         tracks = self.tracks
         truth = tracks.truth.transpose(1, 0, 2)
-        assert tracks.truth_appearances is not None
         return SeaEnsemble(
             truth=truth, cumulative=tracks.cumulative, maps=tracks.maps, track=self.track,
             appearances=tracks.truth_appearances,

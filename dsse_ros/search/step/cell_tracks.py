@@ -4,11 +4,13 @@
 
 from __future__ import annotations
 
+import math
 import threading
 import weakref
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from enum import IntEnum
-from typing import NamedTuple, TypeVar
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,8 +20,11 @@ from dsse_ros.search.step.ensemble_kernels import FAR
 from dsse_ros.search.step.metres_detection import FARTHEST_M
 from dsse_ros.world.scenario.rules import Rules
 from dsse_ros.world.scenario.scenario import ResolvedScenario
-from dsse_ros.world.targets.ensemble import Ensemble, WeightedTracks, check_tracks
+from dsse_ros.world.targets.ensemble import Ensemble
 from dsse_ros.world.targets.registry import TARGET_MODELS
+
+if TYPE_CHECKING:
+    from typing_extensions import Self
 
 _T = TypeVar("_T", bound=np.generic)
 _NOWHERE_M = -2 * FARTHEST_M
@@ -33,50 +38,60 @@ MOST_KEPT = 6
 one, and nodes that have had many of them must not grow."""
 
 
-@dataclass(frozen=True, eq=False)
-class CellTracks:
-    """The tracks of a scenario in cells, by step of the sea from the start of its drift.
+@dataclass(frozen=True, eq=False, kw_only=True)
+class CellParticles:
+    """The particles of a belief in cells, by step of the sea from the start of their drift.
 
     After the last step nothing moves.
 
     Attributes:
-        truth: (T, M, 2) int16, cells (x, y) of the tracks that persons follow; a view of (M, T, 2),
-            see `SeaEnsemble`.
-        cumulative: (M,) float64, cumulative sums of the tracks' weights.
-        particles: (T, M', 2) int16, cells of a belief's particles, drawn with another seed.
-        weights: (M',) float64, weights of the particles.
-        objects: (M',) int8, numbers of the particles' objects, see `WeightedTracks`.
-        appearances: (M',) int8, numbers of the particles' appearances, see `Incident`.
-        truth_appearances: (M,) int8, those of `truth`.
-        dies: (M',) int32, first step of the sea at which the person of a particle is no longer
+        particles: (T, M, 2) int16, cells (x, y) of the particles.
+        weights: (M,) float64, weights of the particles.
+        objects: (M,) int8, numbers of the particles' objects, see `WeightedTracks`.
+        appearances: (M,) int8, numbers of the particles' appearances, see `Incident`.
+        particles_m: (T, M, 2) float32, their positions in metres to the east and to the south of
+            the grid's north-west corner; only with space metres.
+        dies: (M,) int32, first step of the sea at which the person of a particle is no longer
             alive, T or more for never; None without a survival curve.
-        maps: (T, G, G) float32 as [y, x], the probability of each cell by the particles. They leave
-            out probability outside the grid or the area and are not scaled to sum to 1.
-        truth_m: (T, M, 2) float32, the positions of `truth` in metres to the east and to the south
-            of the grid's north-west corner, a view of (M, T, 2); only with space metres.
-        particles_m: (T, M', 2) float32, those of `particles`; only with space metres.
     """
 
-    truth: NDArray[np.int16]
-    cumulative: NDArray[np.float64]
     particles: NDArray[np.int16]
     weights: NDArray[np.float64]
-    maps: NDArray[np.float32]
-    truth_m: NDArray[np.float32] | None = None
-    particles_m: NDArray[np.float32] | None = None
-    objects: NDArray[np.int8] | None = None
-    appearances: NDArray[np.int8] | None = None
-    truth_appearances: NDArray[np.int8] | None = None
-    dies: NDArray[np.int32] | None = None
+    objects: NDArray[np.int8] | None
+    appearances: NDArray[np.int8]
+    particles_m: NDArray[np.float32] | None
+    dies: NDArray[np.int32] | None
 
-    def __deepcopy__(self, memo: object) -> CellTracks:
-        """Return the tracks themselves: nothing changes them."""
+    def __deepcopy__(self, memo: object) -> Self:
+        """Return the particles themselves: nothing changes them."""
         return self
 
     @property
     def nbytes(self) -> int:
         """Bytes of the arrays."""
         return sum(array.nbytes for array in vars(self).values() if array is not None)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class CellTracks(CellParticles):
+    """The particles of the belief whose map drones observe, and the tracks that persons follow.
+
+    Attributes:
+        truth: (T, M', 2) int16, cells (x, y) of the tracks that persons follow, drawn with another
+            seed; a view of (M', T, 2), see `SeaEnsemble`.
+        cumulative: (M',) float64, cumulative sums of the tracks' weights.
+        maps: (T, G, G) float32 as [y, x], the probability of each cell by the particles. They leave
+            out probability outside the grid or the area and are not scaled to sum to 1.
+        truth_m: (T, M', 2) float32, the positions of `truth` in metres, a view of (M', T, 2); only
+            with space metres.
+        truth_appearances: (M',) int8, the appearances of `truth`.
+    """
+
+    truth: NDArray[np.int16]
+    cumulative: NDArray[np.float64]
+    maps: NDArray[np.float32]
+    truth_m: NDArray[np.float32] | None
+    truth_appearances: NDArray[np.int8]
 
 
 class Draw(IntEnum):
@@ -94,16 +109,14 @@ class Draw(IntEnum):
 
 
 _Key = tuple[Ensemble, ResolvedScenario, Rules, Draw]
-_alive: list[tuple[_Key, weakref.ref[CellTracks]]] = []
+_alive: list[tuple[_Key, weakref.ref[CellParticles]]] = []
 """The ensembles in use or kept."""
-_kept: list[CellTracks] = []
+_kept: list[CellParticles] = []
 """The most recent ones, the last one last."""
 _lock = threading.Lock()
 
 
-def tracks_of(
-    scenario: ResolvedScenario, rules: Rules, draw: Draw = Draw.BELIEF
-) -> CellTracks | None:
+def tracks_of(scenario: ResolvedScenario, rules: Rules) -> CellTracks | None:
     """Return the tracks of a scenario, or None if its persons do not follow an ensemble.
 
     Truth and particles are drawn from the same model, with seeds that `ensemble_seed` spawns; an
@@ -112,11 +125,27 @@ def tracks_of(
     Args:
         scenario: The scenario.
         rules: The rules of the search.
-        draw: Of `particles`.
 
     Raises:
         FieldError: If they would take too much memory.
         ValueError: If the ensemble breaks its contract.
+    """
+    tracks = particles_of(scenario, rules, Draw.BELIEF)
+    assert tracks is None or isinstance(tracks, CellTracks)
+    return tracks
+
+
+def particles_of(scenario: ResolvedScenario, rules: Rules, draw: Draw) -> CellParticles | None:
+    """Return the particles of a belief; those of `Draw.BELIEF` are `CellTracks`.
+
+    Args:
+        scenario: See `tracks_of`.
+        rules: See there.
+        draw: Of the particles.
+
+    Raises:
+        FieldError: See there.
+        ValueError: See there.
     """
     model = TARGET_MODELS[rules.person_motion]
     if not isinstance(model, Ensemble):
@@ -125,29 +154,25 @@ def tracks_of(
         return _cached(model, scenario, rules, draw)
 
 
-def _cached(model: Ensemble, scenario: ResolvedScenario, rules: Rules, draw: Draw) -> CellTracks:
+def _cached(model: Ensemble, scenario: ResolvedScenario, rules: Rules, draw: Draw) -> CellParticles:
     key = (model, scenario, rules, draw)
     _alive[:] = [(known, tracks) for known, tracks in _alive if tracks() is not None]
     found = next((t() for known, t in _alive if known[0] is model and known[1:] == key[1:]), None)
     if found is not None:
         _keep(found)
         return found
-    if draw is not Draw.BELIEF:
-        drawn = _drawn(model, scenario, rules, draw)
-        searched = _cached(model, scenario, rules, Draw.BELIEF)
-        new = replace(
-            searched, particles=drawn.cells, weights=drawn.weights, particles_m=drawn.positions_m,
-            objects=drawn.objects, appearances=_appearances(scenario, scenario, drawn),
-            dies=drawn.dies,
-        )  # fmt: skip
-    else:
+    check_memory(scenario, rules)
+    new: CellParticles
+    if draw is Draw.BELIEF:
         new = _made(model, scenario, rules)
+    else:
+        new = CellParticles(**_of_particles(scenario, _drawn(model, scenario, rules, draw)))
     _alive.append((key, weakref.ref(new)))
     _keep(new)
     return new
 
 
-def _keep(tracks: CellTracks) -> None:
+def _keep(tracks: CellParticles) -> None:
     """Note that an ensemble is the most recent one; forget those that are too many."""
     _kept[:] = [*(kept for kept in _kept if kept is not tracks), tracks]
     while len(_kept) > MOST_KEPT or sum(kept.nbytes for kept in _kept) > KEPT_BYTES:
@@ -160,34 +185,71 @@ def last_step_of(scenario: ResolvedScenario, rules: Rules) -> int:
     return scenario.pre_search_steps + rules.reset_sea_steps + mission
 
 
+def check_memory(scenario: ResolvedScenario, rules: Rules) -> None:
+    """Check that the ensemble of a scenario, if it has one, does not take too much memory.
+
+    Nothing is drawn for it.
+
+    Raises:
+        FieldError: If it does; it says what to change.
+    """
+    model = TARGET_MODELS[rules.person_motion]
+    if not isinstance(model, Ensemble):
+        return
+    rows, g = last_step_of(scenario, rules) + 1, scenario.grid_size
+    counts = model.count(scenario.followed), model.count(scenario)
+    of_tracks, of_map = (12 if rules.in_metres else 4) * sum(counts), 4 * g * g
+    needed = rows * (of_tracks + of_map)
+    if needed <= LARGEST_BYTES:
+        return
+    # What each would have to be, if the others stay.
+    of_row = LARGEST_BYTES // rows
+    particles = (of_row - of_map) * max(counts) // of_tracks
+    largest = {
+        "particles": particles,
+        "timestep_limit": scenario.timestep_limit + LARGEST_BYTES // (of_tracks + of_map) - rows,
+        "grid_size": math.isqrt(max(of_row - of_tracks, 0) // 4),
+    }
+    fits = " or ".join(f"{name} {value}" for name, value in largest.items() if value >= 1)
+    raise FieldError(
+        f"tracks and maps of person_motion {rules.person_motion} must be at most "
+        f"{LARGEST_BYTES >> 20} MiB, got {max(counts)} particles, {rows - 1} steps and a grid of "
+        f"{g}, {needed >> 20} MiB; state {f'at most {fits}' if fits else 'less of all three'}, or "
+        f"larger cells"
+    )
+
+
 def _made(model: Ensemble, scenario: ResolvedScenario, rules: Rules) -> CellTracks:
     steps, g = last_step_of(scenario, rules), scenario.grid_size
-    counts = model.count(scenario.followed), model.count(scenario)
-    of_particle = 12 if rules.in_metres else 4
-    if (steps + 1) * (of_particle * sum(counts) + 4 * g * g) > LARGEST_BYTES:
-        raise FieldError(
-            f"tracks and maps of person_motion {rules.person_motion} must be at most "
-            f"{LARGEST_BYTES >> 20} MiB, got {max(counts)} particles, {steps} steps and a grid of "
-            f"{g}"
-        )
-    belief = _drawn(model, scenario, rules, Draw.BELIEF)
-    truth = belief
-    if scenario.has_persons:
-        truth = _drawn(model, scenario.followed, rules, Draw.TRUTH)
+    followed = scenario.followed if scenario.has_persons else scenario
+    with ThreadPoolExecutor(1) as beside:
+        drawing = None
+        if scenario.has_persons:
+            drawing = beside.submit(_drawn, model, followed, rules, Draw.TRUTH)
+        belief = _drawn(model, scenario, rules, Draw.BELIEF)
+        truth = belief if drawing is None else drawing.result()
     maps = np.empty((steps + 1, g, g), np.float32)
     for step in range(steps + 1):
         maps[step] = poc_of_cells(belief.cells[step], belief.weights, g, scenario.area_mask)
     return CellTracks(
-        _by_track(truth.cells), np.cumsum(truth.weights), belief.cells, belief.weights, maps,
-        None if truth.positions_m is None else _by_track(truth.positions_m), belief.positions_m,
-        belief.objects, _appearances(scenario, scenario, belief),
-        _appearances(scenario, scenario.followed if scenario.has_persons else scenario, truth),
-        belief.dies,
+        **_of_particles(scenario, belief), truth=_by_track(truth.cells),
+        cumulative=np.cumsum(truth.weights), maps=maps,
+        truth_m=None if truth.positions_m is None else _by_track(truth.positions_m),
+        truth_appearances=_appearances(scenario, followed, truth),
     )  # fmt: skip
 
 
-def of_living(tracks: CellTracks) -> CellTracks:
-    """Return tracks whose particles are nowhere once their persons are no longer alive."""
+def _of_particles(scenario: ResolvedScenario, drawn: _Drawn) -> dict[str, Any]:
+    """Return the fields of `CellParticles` of what was drawn."""
+    return {
+        "particles": drawn.cells, "weights": drawn.weights, "particles_m": drawn.positions_m,
+        "objects": drawn.objects, "appearances": _appearances(scenario, scenario, drawn),
+        "dies": drawn.dies,
+    }  # fmt: skip
+
+
+def of_living(tracks: CellParticles) -> CellParticles:
+    """Return particles that are nowhere once their persons are no longer alive."""
     assert tracks.dies is not None
     dead = np.arange(len(tracks.particles))[:, None] >= tracks.dies
     particles = tracks.particles.copy()
@@ -227,9 +289,11 @@ def particle_positions(
     assert isinstance(model, Ensemble)
     rng = _generator(scenario, draw)
     steps = last_step_of(scenario, rules)
-    drawn = WeightedTracks(*model.tracks(scenario, steps, rng, scenario.particles)).positions
-    flipped = drawn.astype(np.float32)
-    flipped[..., 1] = scenario.grid_size * scenario.cell_size - drawn[..., 1]
+    drawn = model.drawn(scenario, steps, rng, scenario.particles)
+    flipped = np.empty((steps + 1, len(drawn.weights), 2), np.float32)
+    for step, positions in enumerate(drawn.positions):
+        flipped[step] = positions
+        flipped[step, :, 1] = scenario.grid_size * scenario.cell_size - positions[:, 1]
     return flipped
 
 
@@ -250,23 +314,23 @@ def _drawn(model: Ensemble, scenario: ResolvedScenario, rules: Rules, draw: Draw
         ValueError: If the ensemble breaks its contract.
     """
     rng, steps = _generator(scenario, draw), last_step_of(scenario, rules)
-    tracks = WeightedTracks(*model.tracks(scenario, steps, rng, scenario.particles))
-    check_tracks(tracks, steps)
-    cells = np.empty(tracks.positions.shape, np.int16)
-    # Step by step, because a copy of all positions would take four times as much memory.
-    for of_step, positions in zip(cells, tracks.positions, strict=True):
+    tracks = model.drawn(scenario, steps, rng, scenario.particles)
+    shape = steps + 1, len(tracks.weights), 2
+    cells = np.empty(shape, np.int16)
+    positions_m = np.empty(shape, np.float32) if rules.in_metres else None
+    # Step by step, because all positions would take four times as much memory.
+    for step, positions in enumerate(tracks.positions):
         place = np.floor(positions / scenario.cell_size)
         place[~np.isfinite(place).all(axis=1)] = -FAR
-        of_step[:] = np.clip(place, -FAR, FAR)
-    positions_m = None
-    if rules.in_metres:
-        positions_m = np.nan_to_num(
-            tracks.positions.astype(np.float32), nan=_NOWHERE_M, posinf=_NOWHERE_M,
-            neginf=_NOWHERE_M,
-        )  # fmt: skip
-    dies = None
-    if tracks.dies_s is not None:
-        at_step = np.ceil(tracks.dies_s / scenario.step_duration_s)
+        cells[step] = np.clip(place, -FAR, FAR)
+        if positions_m is not None:
+            positions_m[step] = np.nan_to_num(
+                positions.astype(np.float32), nan=_NOWHERE_M, posinf=_NOWHERE_M, neginf=_NOWHERE_M
+            )
+    # Drawn after the positions.
+    dies, dies_s = None, tracks.dies_s() if callable(tracks.dies_s) else tracks.dies_s
+    if dies_s is not None:
+        at_step = np.ceil(dies_s / scenario.step_duration_s)
         dies = np.clip(at_step, 0, steps + 1).astype(np.int32)
     # Copy the weights: the compiled functions do not accept read-only arrays.
     return _Drawn(cells, np.array(tracks.weights, np.float64), positions_m, tracks.objects, dies)

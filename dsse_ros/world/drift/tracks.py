@@ -6,13 +6,14 @@ from __future__ import annotations
 
 import copy
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from dsse_ros.base.work import Work
 from dsse_ros.world.drift.flow import Flow, Kind, Uncertainty, utc
 from dsse_ros.world.drift.kernels import (
     MOVED,
@@ -30,6 +31,10 @@ from dsse_ros.world.drift.sightings import Seen, draw_sightings
 
 LONGEST_STEP_S = 60.0
 """Longest step of the integration; longer steps between positions are divided."""
+MOST_MOVES = 50_000_000
+"""Particles times steps until the first position, above which the steps until there are longer."""
+LONGEST_FIRST_STEP_S, OF_CORRELATION = 600.0, 1 / 6
+"""Longest of these, and their longest share of the time in which an error changes."""
 MAX_REDRAWS = 1000
 _LACKING: dict[int, Kind] = {NO_WIND: "wind", NO_CURRENT: "current", NO_WAVES: "waves"}
 
@@ -81,6 +86,34 @@ class DriftTracks(NamedTuple):
     released_s: NDArray[np.float64] | None = None
 
 
+class DriftPositions(NamedTuple):
+    """M particles at one time.
+
+    Attributes:
+        lats_deg: (M,) float64, WGS84.
+        lons_deg: (M,) float64.
+        stranded: (M,) bool, which ones lie ashore; these stay where they are.
+    """
+
+    lats_deg: NDArray[np.float64]
+    lons_deg: NDArray[np.float64]
+    stranded: NDArray[np.bool_]
+
+
+class DriftSteps(NamedTuple):
+    """The tracks of M particles, one time after the other: all at once may be large.
+
+    Attributes:
+        positions: At each time. They are computed as they are taken, so errors come then.
+        objects: See `DriftTracks`.
+        released_s: See there.
+    """
+
+    positions: Iterable[DriftPositions]
+    objects: NDArray[np.int8] | None
+    released_s: NDArray[np.float64] | None
+
+
 def drift_tracks(
     drift: Drift,
     sightings: Sequence[Seen],
@@ -107,10 +140,43 @@ def drift_tracks(
     Raises:
         ValueError: If wind or current are missing at a place or time, or a sighting is on land.
     """
-    forward = len(times_s) < 2 or times_s[-1] > times_s[0]
+    return collected(times_s, drift_steps(drift, sightings, times_s, count, rng, step_s=step_s))
+
+
+def collected(times_s: NDArray[np.float64], steps: DriftSteps) -> DriftTracks:
+    """Return tracks with their positions at all times.
+
+    Raises:
+        ValueError: If wind or current are missing at a place or time.
+    """
+    tracks: DriftTracks | None = None
+    for index, positions in enumerate(steps.positions):
+        if tracks is None:
+            shape = len(times_s), len(positions.lats_deg)
+            tracks = DriftTracks(
+                times_s, np.empty(shape), np.empty(shape), np.empty(shape, np.bool_), steps.objects,
+                steps.released_s,
+            )  # fmt: skip
+        tracks.lats_deg[index], tracks.lons_deg[index], tracks.stranded[index] = positions
+    assert tracks is not None
+    return tracks
+
+
+def drift_steps(
+    drift: Drift,
+    sightings: Sequence[Seen],
+    times_s: NDArray[np.float64],
+    count: int,
+    rng: np.random.Generator,
+    *,
+    step_s: float = LONGEST_STEP_S,
+) -> DriftSteps:
+    """Return what `drift_tracks` does, one time after the other; use `rng` for nothing meanwhile.
+
+    Raises:
+        ValueError: If a sighting is on land.
+    """
     particles, objects = _release(drift, sightings, count, rng)
-    released = particles.released_s
-    begin = min(released.min(), times_s[0]) if forward else max(released.max(), times_s[0])
     noises = [
         _Noise(scale, error, rng)
         for scale, error in (
@@ -118,23 +184,48 @@ def drift_tracks(
             (particles.current_error, drift.current_error),
         )
     ]
-    shape = len(times_s), count
-    tracks = DriftTracks(
-        times_s, np.empty(shape), np.empty(shape), np.empty(shape, np.bool_), objects, released
-    )
+    positions = _drifting(drift, particles, noises, times_s, rng, step_s)
+    return DriftSteps(positions, objects, particles.released_s)
+
+
+def _drifting(
+    drift: Drift, particles: Particles, noises: Sequence[_Noise], times_s: NDArray[np.float64],
+    rng: np.random.Generator, step_s: float,
+) -> Iterator[DriftPositions]:  # fmt: skip
+    """Yield the positions of particles, which move meanwhile."""
+    forward = len(times_s) < 2 or times_s[-1] > times_s[0]
+    released, count = particles.released_s, len(particles.released_s)
+    first = begin = min(released.min(), times_s[0]) if forward else max(released.max(), times_s[0])
+    lasts_s, work = max(abs(times_s[-1] - first), 1e-9), Work("drift")
     for index, until_s in enumerate(times_s):
-        steps = max(math.ceil(abs(until_s - begin) / step_s - 1e-9), 1)
+        span_s = abs(until_s - begin)
+        longest_s = step_s if index else _first_step_s(drift, span_s, count, step_s)
+        steps = max(math.ceil(span_s / longest_s - 1e-9), 1)
         ends = np.linspace(begin, until_s, steps + 1)
         for start_s, end_s in zip(ends[:-1], ends[1:], strict=True):
             if end_s != start_s:
                 _step(drift, particles, float(start_s), float(end_s - start_s), rng)
                 for noise in noises:
                     noise.advance(abs(end_s - start_s))
+                work.done(abs(end_s - first) / lasts_s)
         begin = until_s
-        tracks.lats_deg[index] = particles.lat_deg
-        tracks.lons_deg[index] = (particles.lon_deg + 180.0) % 360.0 - 180.0
-        tracks.stranded[index] = ~particles.afloat
-    return tracks
+        yield DriftPositions(
+            particles.lat_deg.copy(), (particles.lon_deg + 180.0) % 360.0 - 180.0, ~particles.afloat
+        )
+
+
+def _first_step_s(drift: Drift, span_s: float, count: int, step_s: float) -> float:
+    """Return the longest step until the first position, longer than usual for much drift."""
+    needed_s = span_s * count / MOST_MOVES
+    changes_s = min(
+        (
+            error.correlation_s
+            for error in (drift.wind_error, drift.current_error)
+            if error.std_mps > 0
+        ),
+        default=math.inf,
+    )
+    return max(step_s, min(needed_s, LONGEST_FIRST_STEP_S, OF_CORRELATION * changes_s))
 
 
 def _step(
@@ -237,11 +328,11 @@ def displaced(lat_deg: Any, lon_deg: Any, east_m: Any, north_m: Any) -> tuple[An
     return lat_deg + north_m * lat_per_m, lon_deg + east_m * lon_per_m
 
 
-def tracks_both_ways(
+def steps_both_ways(
     drift: Drift, sightings: Sequence[Seen], times_s: NDArray[np.float64], count: int,
     rng: np.random.Generator,
-) -> DriftTracks:  # fmt: skip
-    """Return tracks as `drift_tracks` does, but of particles that drift before they are seen too.
+) -> DriftSteps:  # fmt: skip
+    """Return tracks as `drift_steps` does, but of particles that drift before they are seen too.
 
     A particle of a sighting that is later than the first time has drifted to where it was seen,
     with the same leeway and the same constant errors of wind and current.
@@ -259,17 +350,22 @@ def tracks_both_ways(
     first_s = min(sighting.first_s for sighting in sightings)
     last_s = max(sighting.last_s for sighting in sightings)
     if last_s <= times_s[0]:
-        return drift_tracks(drift, sightings, times_s, count, rng)
+        return drift_steps(drift, sightings, times_s, count, rng)
     # A copy of the generator draws the same particles.
     again = copy.deepcopy(rng)
     seen_first = np.concatenate([[min(first_s, times_s[0])], times_s])
     forward = drift_tracks(drift, sightings, seen_first, count, rng)
     seen_last = np.concatenate([[max(last_s, times_s[-1])], times_s[::-1]])
     backward = drift_tracks(drift, sightings, seen_last, count, again)
+    return DriftSteps(_joined(forward, backward), forward.objects, forward.released_s)
+
+
+def _joined(forward: DriftTracks, backward: DriftTracks) -> Iterator[DriftPositions]:
+    """Yield the positions of tracks from where particles were seen, after it and before."""
     # Until it is seen, or back to then, a particle stays where it is seen.
-    lats = forward.lats_deg[1:] + backward.lats_deg[:0:-1] - backward.lats_deg[0]
-    turned = backward.lons_deg[:0:-1] - backward.lons_deg[0]
-    lons = forward.lons_deg[1:] + (turned + 180.0) % 360.0 - 180.0
-    ashore = forward.stranded[1:] | backward.stranded[:0:-1]
-    lons = (lons + 180.0) % 360.0 - 180.0
-    return forward._replace(times_s=times_s, lats_deg=lats, lons_deg=lons, stranded=ashore)
+    for ahead in range(1, len(forward.times_s)):
+        lats = forward.lats_deg[ahead] + backward.lats_deg[-ahead] - backward.lats_deg[0]
+        turned = backward.lons_deg[-ahead] - backward.lons_deg[0]
+        lons = forward.lons_deg[ahead] + (turned + 180.0) % 360.0 - 180.0
+        ashore = forward.stranded[ahead] | backward.stranded[-ahead]
+        yield DriftPositions(lats, (lons + 180.0) % 360.0 - 180.0, ashore)

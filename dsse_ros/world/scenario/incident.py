@@ -10,7 +10,7 @@ from __future__ import annotations
 import contextlib
 import json
 import os
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar, NamedTuple
 
@@ -32,7 +32,14 @@ from dsse_ros.world.drift.leeway import Appearance, LeewayClass, PossibleObject,
 from dsse_ros.world.drift.shore import Box, Shore, box_around, shore_of
 from dsse_ros.world.drift.sightings import Seen, Sighting
 from dsse_ros.world.drift.track_files import at_times
-from dsse_ros.world.drift.tracks import Drift, DriftTracks, tracks_both_ways
+from dsse_ros.world.drift.tracks import (
+    Drift,
+    DriftPositions,
+    DriftSteps,
+    DriftTracks,
+    collected,
+    steps_both_ways,
+)
 from dsse_ros.world.scenario.area import Area
 from dsse_ros.world.scenario.incident_flow import (
     check_stokes_once,
@@ -246,6 +253,17 @@ class Incident:
             FieldError: If wind, current or given tracks do not cover them, or a sighting is on
                 land.
         """
+        return collected(times_s, self.drift_steps(times_s, count, rng))
+
+    def drift_steps(
+        self, times_s: NDArray[np.float64], count: int, rng: np.random.Generator
+    ) -> DriftSteps:
+        """Return what `tracks` does, one time after the other.
+
+        Raises:
+            FieldError: If given tracks do not cover the times, or a sighting is on land; as
+                positions are taken, if wind or current do not cover them.
+        """
         if self.model_tracks is not None:
             return self._model_drift(self.model_tracks, times_s)
         return self._drifted(self.sightings, times_s, count, rng)
@@ -267,33 +285,50 @@ class Incident:
         """
         if self.model_tracks is not None:
             raise FieldError("incident: tracks of another model cannot be followed back")
-        return self._drifted([found], times_s, count, rng)
+        return collected(times_s, self._drifted([found], times_s, count, rng))
 
     def _drifted(
         self, seen: Sequence[Seen], times_s: NDArray[np.float64], count: int,
         rng: np.random.Generator,
-    ) -> DriftTracks:  # fmt: skip
+    ) -> DriftSteps:  # fmt: skip
         shore = None if self.land is None else _shore_within(self.land, self._box())
         drift = Drift(
             self.objects, self.wind, self.current, self.wind_error, self.current_error,
             self.jibing, shore, self.waves,
         )  # fmt: skip
-        try:
-            return tracks_both_ways(drift, seen, times_s, count, rng)
-        except ValueError as error:
-            raise FieldError(f"incident: {error}") from None
+        with _field_errors():
+            steps = steps_both_ways(drift, seen, times_s, count, rng)
+        return steps._replace(positions=_taken(steps.positions))
 
-    def _model_drift(self, tracks: ModelTracks, times_s: NDArray[np.float64]) -> DriftTracks:
+    def _model_drift(self, tracks: ModelTracks, times_s: NDArray[np.float64]) -> DriftSteps:
         lats, lons = tracks.lats_deg.astype(np.float64), tracks.lons_deg.astype(np.float64)
         # Tracks of another model do not state when a particle strands.
         stranded = np.zeros(lats.shape, np.bool_)
-        try:
-            return at_times(DriftTracks(tracks.times_s, lats, lons, stranded), times_s)
-        except ValueError as error:
-            raise FieldError(f"incident: {error}") from None
+        with _field_errors():
+            _, *of_times = at_times(DriftTracks(tracks.times_s, lats, lons, stranded), times_s)[:4]
+        return DriftSteps(map(DriftPositions, *of_times), None, None)
 
     def _box(self) -> Box:
         return _span(self.sightings, self.search_start_s).box
+
+
+@contextlib.contextmanager
+def _field_errors() -> Iterator[None]:
+    """Raise errors of `dsse_ros.world.drift` as FieldError."""
+    try:
+        yield
+    except ValueError as error:
+        raise FieldError(f"incident: {error}") from None
+
+
+def _taken(positions: Iterable[DriftPositions]) -> Iterator[DriftPositions]:
+    """Yield these positions.
+
+    Raises:
+        FieldError: If wind or current are missing.
+    """
+    with _field_errors():
+        yield from positions
 
 
 def _incident(values: Mapping[str, Any], folder: str) -> Incident:

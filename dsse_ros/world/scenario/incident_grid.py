@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -132,9 +133,10 @@ def positions(
     incident: Incident, origin: Origin, side_m: float, step_s: float, steps: int,
     rng: np.random.Generator, count: int,
 ) -> tuple[
-    NDArray[np.float64], NDArray[np.int8] | None, NDArray[np.float64] | None
+    Iterator[NDArray[np.float64]], NDArray[np.int8] | None,
+    Callable[[], NDArray[np.float64]] | None,
 ]:  # fmt: skip
-    """Return positions on a grid, objects and `dies_s` of particles, as in `WeightedTracks`.
+    """Return positions on a grid, objects and `dies_s` of particles, as in `TracksBySteps`.
 
     Args:
         incident: The incident, with the time at which the search begins.
@@ -146,22 +148,27 @@ def positions(
         count: M; given tracks keep their number.
 
     Raises:
-        FieldError: If wind or current are missing.
+        FieldError: See `Incident.drift_steps`.
     """
     assert incident.grid_summary is not None
     times = incident.grid_summary.begins_s + step_s * np.arange(steps + 1, dtype=np.float64)
-    tracks = incident.tracks(times, count, rng)
-    places_m = np.empty((*tracks.lats_deg.shape, 2))
-    for step in range(steps + 1):
-        x, y = metres_from(origin, tracks.lats_deg[step], tracks.lons_deg[step])
-        places_m[step, :, 0], places_m[step, :, 1] = x, flip_y(side_m, y)
-    dies_s = None
-    if incident.survival is not None:
+    drifting = incident.drift_steps(times, count, rng)
+
+    def of_steps() -> Iterator[NDArray[np.float64]]:
+        for at_step in drifting.positions:
+            x, y = metres_from(origin, at_step.lats_deg, at_step.lons_deg)
+            yield np.stack([x, flip_y(side_m, y)], axis=1)
+
+    survival, released_s = incident.survival, drifting.released_s
+    if survival is None:
+        return of_steps(), drifting.objects, None
+
+    def dies_s() -> NDArray[np.float64]:
         # Drawn last: the tracks are those of the same incident without a survival curve.
-        assert tracks.released_s is not None
-        alive_s = incident.survival.draw_s(len(tracks.released_s), rng)
-        dies_s = tracks.released_s + alive_s - times[0]
-    return places_m, tracks.objects, dies_s
+        assert released_s is not None
+        return np.asarray(released_s + survival.draw_s(len(released_s), rng) - times[0])
+
+    return of_steps(), drifting.objects, dies_s
 
 
 def nearest_cells(

@@ -7,7 +7,7 @@ from __future__ import annotations
 import dataclasses
 import math
 import os
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -427,11 +427,14 @@ class ResolvedScenario(Scenario):
 
     def incident_positions(
         self, steps: int, rng: np.random.Generator, count: int
-    ) -> tuple[NDArray[np.float64], NDArray[np.int8] | None, NDArray[np.float64] | None]:
-        """Return positions, objects and `dies_s` of particles, see `ensemble.WeightedTracks`.
+    ) -> tuple[
+        Iterator[NDArray[np.float64]], NDArray[np.int8] | None,
+        Callable[[], NDArray[np.float64]] | None,
+    ]:  # fmt: skip
+        """Return positions, objects and `dies_s` of particles, see `ensemble.TracksBySteps`.
 
         Raises:
-            FieldError: If wind, current or given tracks do not cover them.
+            FieldError: See `Incident.drift_steps`.
         """
         from dsse_ros.world.scenario.incident_grid import positions
 

@@ -8,7 +8,7 @@ model with another seed, so that beliefs and persons cannot diverge.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
@@ -36,6 +36,23 @@ class WeightedTracks(NamedTuple):
     weights: NDArray[np.float64]
     objects: NDArray[np.int8] | None = None
     dies_s: NDArray[np.float64] | None = None
+
+
+class TracksBySteps(NamedTuple):
+    """The tracks of M particles, one step of the sea after the other: all at once may be large.
+
+    Attributes:
+        positions: (M, 2) float64 of each step; see `WeightedTracks`. They are computed as they are
+            taken.
+        weights: See there.
+        objects: See there.
+        dies_s: Returns those there once all positions have been taken; None if nobody dies.
+    """
+
+    positions: Iterable[NDArray[np.float64]]
+    weights: NDArray[np.float64]
+    objects: NDArray[np.int8] | None = None
+    dies_s: Callable[[], NDArray[np.float64]] | None = None
 
 
 class TracksOf(Protocol):
@@ -71,6 +88,8 @@ class Ensemble(NamedTuple):
         count: Function that returns an upper bound of their number for a `ResolvedScenario`.
         reads: Names of the arrays among the fields of a scenario that `tracks` reads.
         of_incident: Whether the tracks are those of the scenario's incident, if it has one.
+        by_steps: Function that draws the same tracks as `tracks`, with the same arguments, one step
+            after the other; None if there is none.
     """
 
     doc: str
@@ -78,6 +97,27 @@ class Ensemble(NamedTuple):
     count: Callable[[Any], int] = requested
     reads: tuple[str, ...] = ()
     of_incident: bool = False
+    by_steps: Callable[[Any, int, np.random.Generator, int], TracksBySteps] | None = None
+
+    def drawn(
+        self, scenario: Any, steps: int, rng: np.random.Generator, count: int
+    ) -> WeightedTracks | TracksBySteps:
+        """Return the tracks by steps if there are such, else all at once and checked.
+
+        Args:
+            scenario: See `TracksOf`.
+            steps: See there.
+            rng: See there.
+            count: See there.
+
+        Raises:
+            ValueError: If the tracks break their contract.
+        """
+        if self.by_steps is not None:
+            return self.by_steps(scenario, steps, rng, count)
+        tracks = WeightedTracks(*self.tracks(scenario, steps, rng, count))
+        check_tracks(tracks, steps)
+        return tracks
 
 
 def check_tracks(tracks: WeightedTracks, steps: int) -> None:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from dsse_ros.world.targets import constant_drift
-from dsse_ros.world.targets.ensemble import Ensemble, WeightedTracks, requested
+from dsse_ros.world.targets.ensemble import Ensemble, TracksBySteps, WeightedTracks, requested
 
 
 def tracks(scenario: Any, steps: int, rng: np.random.Generator, count: int) -> WeightedTracks:
@@ -18,11 +18,19 @@ def tracks(scenario: Any, steps: int, rng: np.random.Generator, count: int) -> W
     They are those of the scenario's incident. Without one there is only the drift of the datum, and
     the tracks are those of `constant_drift`.
     """
+    drawn = by_steps(scenario, steps, rng, count)
+    positions = np.array(list(drawn.positions))
+    dies_s = None if drawn.dies_s is None else drawn.dies_s()
+    return WeightedTracks(positions, drawn.weights, drawn.objects, dies_s)
+
+
+def by_steps(scenario: Any, steps: int, rng: np.random.Generator, count: int) -> TracksBySteps:
+    """Return these tracks, one step after the other."""
     if scenario.incident is None:
-        return constant_drift.tracks(scenario, steps, rng, count)
+        return TracksBySteps(*constant_drift.tracks(scenario, steps, rng, count)[:3])
     positions, objects, dies_s = scenario.incident_positions(steps, rng, count)
-    number = positions.shape[1]
-    return WeightedTracks(positions, np.full(number, 1.0 / number), objects, dies_s)
+    number = count if scenario.incident.model_tracks is None else LEEWAY.count(scenario)
+    return TracksBySteps(positions, np.full(number, 1.0 / number), objects, dies_s)
 
 
 def count(scenario: Any) -> int:
@@ -32,5 +40,6 @@ def count(scenario: Any) -> int:
 
 
 LEEWAY = Ensemble(
-    "drifts with wind and current like the object of the incident", tracks, count, of_incident=True
-)
+    "drifts with wind and current like the object of the incident", tracks, count,
+    of_incident=True, by_steps=by_steps,
+)  # fmt: skip

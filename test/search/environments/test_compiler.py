@@ -20,6 +20,7 @@ LOG = "[INFO] [1795708069.5] [sim_node]: "
         ("compiling planner belief: 12 functions", "compiling planner belief: 12 functions"),
         ("compiling the search: 3 functions; topics", "compiling the search: 3 functions"),
         ("compiling the search: 1 function; topics", "compiling the search: 1 function"),
+        ("drift 40 %; topics and services appear when it is done", "drift 40 %"),
         ("mission 1: 4 drones", ""),
     ],
 )

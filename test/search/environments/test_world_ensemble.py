@@ -4,9 +4,11 @@
 
 from __future__ import annotations
 
+import contextlib
 import copy
 import gc
 import pickle
+import re
 import weakref
 from pathlib import Path
 from typing import Any
@@ -28,7 +30,7 @@ from dsse_ros.search.step import cell_tracks
 from dsse_ros.search.step.cell_tracks import LARGEST_BYTES, tracks_of
 from dsse_ros.search.step.looks import Looked
 from dsse_ros.world.scenario.rules import profile
-from dsse_ros.world.scenario.scenario import Scenario
+from dsse_ros.world.scenario.scenario import Scenario, scenario_and_rules
 from dsse_ros.world.targets.ensemble import Ensemble, WeightedTracks
 from dsse_ros.world.targets.registry import TARGET_MODELS
 
@@ -262,10 +264,18 @@ def test_played_missions_are_those_of_the_environment() -> None:
         assert not played.found[m] or steps == played.steps[m]
 
 
-def test_what_would_take_too_much_memory_is_refused() -> None:
+def test_what_would_take_too_much_memory_is_refused_with_what_would_fit() -> None:
+    fields = PLACE | {"timestep_limit": 10**8}
     with pytest.raises(FieldError, match=f"at most {LARGEST_BYTES >> 20} MiB") as raised:
-        parallel_env(rules="v2", **(PLACE | {"timestep_limit": 10**8}))
-    assert "\n" not in str(raised.value) and "person_motion constant_drift" in str(raised.value)
+        parallel_env(rules="v2", **fields)
+    line = str(raised.value)
+    assert "\n" not in line and "person_motion constant_drift" in line
+    found = re.search(r"timestep_limit (\d+)", line)
+    assert found is not None
+    for limit, fits in ((int(found[1]), True), (int(found[1]) + 1, False)):
+        stated, rules = scenario_and_rules(fields | {"timestep_limit": limit}, "v2")
+        with contextlib.nullcontext() if fits else pytest.raises(FieldError):
+            cell_tracks.check_memory(stated.resolve(rules), rules)
 
 
 def test_the_memory_limit_counts_the_tracks_that_there_are(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from drifting import HOUR_S, displacements, drift_of
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from dsse_ros.world.drift import tracks as tracks_module
 from dsse_ros.world.drift.flow import Flow, Uncertainty, constant_flow, table_flow
 from dsse_ros.world.drift.shore import Box, shore_of
 from dsse_ros.world.drift.sightings import Sighting
@@ -95,6 +97,38 @@ def test_half_of_the_step_is_enough_to_see_second_order() -> None:
     exact = end(5.0)
     coarse, fine = (np.linalg.norm(end(step) - exact) for step in (2400.0, 1200.0))
     assert coarse / fine == pytest.approx(4.0, rel=0.3)
+
+
+def test_a_long_drift_of_many_particles_takes_longer_steps_that_move_no_moment(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    drift = drift_of(
+        "PIW-1", wind=constant_flow("wind", 8.0, 30.0), wind_error=Uncertainty(2.0, 3600.0),
+        current=EAST,
+    )  # fmt: skip
+    taken: list[int] = []
+
+    def places() -> np.ndarray:
+        step = tracks_module._step
+        taken.append(0)
+
+        def counted(*arguments: Any) -> None:
+            taken[-1] += 1
+            step(*arguments)
+
+        monkeypatch.setattr(tracks_module, "_step", counted)
+        found = drift_tracks(drift, [AT_SEA], hours(12), 4000, rng())
+        monkeypatch.setattr(tracks_module, "_step", step)
+        return np.array(displacements(found, AT_SEA))
+
+    usual = places()
+    monkeypatch.setattr(tracks_module, "MOST_MOVES", 1)
+    longer = places()
+    # At most ten minutes, and a sixth of the time in which the error changes.
+    assert taken == [720, 72]
+    spread = usual.std(axis=1)
+    assert (abs(longer.mean(axis=1) - usual.mean(axis=1)) < 0.06 * spread).all()
+    assert longer.std(axis=1) == pytest.approx(spread, rel=0.05)
 
 
 def test_particles_drift_from_the_time_of_their_sighting() -> None:

@@ -21,7 +21,7 @@ from dsse_ros.search.environments.snapshot import Snapshot, SnapshotError
 from dsse_ros.search.environments.world import World
 from dsse_ros.search.step.cell_tracks import poc_of_cells, tracks_of
 from dsse_ros.search.step.looks import searches_of
-from dsse_ros.world.drift.tracks import drift_tracks
+from dsse_ros.world.drift.tracks import drift_steps
 from dsse_ros.world.scenario.incident import Incident
 from dsse_ros.world.scenario.rules import profile
 from dsse_ros.world.scenario.scenario import OF_INCIDENT, Scenario
@@ -177,9 +177,9 @@ def test_the_grid_of_an_incident_is_laid_once_and_forgotten_with_it(
 
     def drift(*arguments: Any, **options: Any) -> Any:
         laid.append(1)
-        return drift_tracks(*arguments, **options)
+        return drift_steps(*arguments, **options)
 
-    monkeypatch.setattr("dsse_ros.world.drift.tracks.drift_tracks", drift)
+    monkeypatch.setattr("dsse_ros.world.drift.tracks.drift_steps", drift)
     first, equal = (scenario(jibing=0.031) for _ in range(2))
     for each in (first, first, equal):
         each.resolve(SEA)
