@@ -13,8 +13,6 @@ from hypothesis import strategies as st
 from looking import looks_at
 from numpy.typing import NDArray
 
-from dsse_ros.planners.batch import play_missions
-from dsse_ros.search.belief import ensemble_belief
 from dsse_ros.search.belief.ensemble_belief import EnsembleBelief, EnsembleForecast
 from dsse_ros.search.belief.forecasts import forecast_for
 from dsse_ros.search.belief.protocol import LooksToCome, TargetBelief, TargetForecast
@@ -48,21 +46,6 @@ def test_it_is_a_target_belief() -> None:
     belief: TargetBelief = belief_of()
     forecast: TargetForecast = belief.forecast
     assert belief.step == 0 and belief.pos == 0.0 and forecast.side == G + 6
-
-
-def test_particles_too_many_to_sort_at_once_are_sorted_as_they_are_needed(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    def flown(planner: str) -> tuple[Any, ...]:
-        played = play_missions(
-            3, planner, rules=rules_of(), grid_size=G, particles=300, timestep_limit=20, seed=1,
-        )  # fmt: skip
-        return played.found.tolist(), played.steps.tolist(), played.pos.tobytes()
-
-    planners = ("belief", "belief_greedy")
-    at_once = [flown(planner) for planner in planners]
-    monkeypatch.setattr(ensemble_belief, "LARGEST_SORTED_BYTES", 0)
-    assert [flown(planner) for planner in planners] == at_once
 
 
 @pytest.mark.slow

@@ -22,6 +22,7 @@ from play import some_actions
 from dsse_ros.base.fields import FieldError
 from dsse_ros.planners.batch import play_missions
 from dsse_ros.planners.registry import planner_for
+from dsse_ros.search.belief import ensemble_belief
 from dsse_ros.search.belief.ensemble_belief import EnsembleBelief, EnsembleForecast
 from dsse_ros.search.environments.factories import parallel_env, vector_env
 from dsse_ros.search.environments.snapshot import Snapshot, SnapshotError
@@ -264,6 +265,26 @@ def test_played_missions_are_those_of_the_environment() -> None:
         assert not played.found[m] or steps == played.steps[m]
 
 
+def test_particles_too_many_to_sort_at_once_are_sorted_as_they_are_needed(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    fields = {**PLACE, "num_drones": 2, "rules": "v2", "probability_of_detection": 0.5}
+
+    def known() -> list[Any]:
+        played = play_missions(3, "belief", seed=3, **fields)
+        found: list[Any] = [played.steps, played.path_length_m]
+        env, generator = vector_env(3, observe="belief", **fields), np.random.default_rng(1)
+        found.append(env.reset(seed=1)[0])
+        for _ in range(35):
+            found.append(env.step(generator.integers(0, 9, (3, 2)))[0])
+        return found
+
+    at_once = known()
+    monkeypatch.setattr(ensemble_belief, "LARGEST_SORTED_BYTES", 0)
+    for one, other in zip(at_once, known(), strict=True):
+        np.testing.assert_equal(one, other)
+
+
 def test_what_would_take_too_much_memory_is_refused_with_what_would_fit() -> None:
     fields = PLACE | {"timestep_limit": 10**8}
     with pytest.raises(FieldError, match=f"at most {LARGEST_BYTES >> 20} MiB") as raised:
@@ -273,7 +294,7 @@ def test_what_would_take_too_much_memory_is_refused_with_what_would_fit() -> Non
     found = re.search(r"timestep_limit (\d+)", line)
     assert found is not None
     for limit, fits in ((int(found[1]), True), (int(found[1]) + 1, False)):
-        stated, rules = scenario_and_rules(fields | {"timestep_limit": limit}, "v2")
+        stated, rules = scenario_and_rules(None, "v2", **(fields | {"timestep_limit": limit}))
         with contextlib.nullcontext() if fits else pytest.raises(FieldError):
             cell_tracks.check_memory(stated.resolve(rules), rules)
 
