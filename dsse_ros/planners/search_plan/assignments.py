@@ -19,7 +19,8 @@ from numpy.typing import NDArray
 from dsse_ros.planners.metres_patterns import to_south
 from dsse_ros.planners.patterns import SearchPattern
 from dsse_ros.planners.search_plan.rectangles import Rectangle
-from dsse_ros.search.step.polylines import points_at
+from dsse_ros.planners.search_plan.timed_tracks import TimedTrack, TrackSearch
+from dsse_ros.search.step.polylines import along
 from dsse_ros.world.sensors.lateral_range import LateralRange
 
 Floats = NDArray[np.float64]
@@ -46,6 +47,8 @@ class SearchUnit:
         lateral: How it sees what it passes.
         patterns: Some of `PATTERNS`.
         altitude_m: Height of its eyes or camera above the sea.
+        turn_s: Time of each turn of its track, in which it stays where it turns and sees nothing.
+        afloat: Whether its track must not cross land.
     """
 
     name: str
@@ -58,6 +61,8 @@ class SearchUnit:
     endurance_s: float = math.inf
     patterns: tuple[str, ...] = PATTERNS
     altitude_m: float = 0.0
+    turn_s: float = 0.0
+    afloat: bool = False
 
     @property
     def returns(self) -> bool:
@@ -152,9 +157,32 @@ class Assignment:
         base = np.array([self.unit.base])
         return np.concatenate([base, self.track, base[: int(self.unit.returns)]])
 
-    def places_at(self, times_s: Floats) -> Floats:
-        """Return where the unit is at these times, (..., 2)."""
-        return points_at(self.way, (times_s - self.unit.ready_s) * self.unit.speed_mps)
+    @cached_property
+    def timed_way(self) -> TimedTrack:
+        """The way with the times of its points; a unit waits where it turns."""
+        base, back = np.array([self.unit.base]), int(self.unit.returns)
+        points, times = self.search.track
+        return TimedTrack(
+            np.concatenate([base, points, base[:back]]),
+            np.concatenate([[self.unit.ready_s], times, [self.returns_s][:back]]),
+        )
+
+    @cached_property
+    def search(self) -> TrackSearch:
+        """The search along the track."""
+        track, times = self.track, self.commences_s + along(self.track) / self.unit.speed_mps
+        if self.unit.turn_s:
+            number = np.arange(len(track))
+            arrives = times + self.unit.turn_s * np.maximum(number - 1, 0)
+            leaves = times + self.unit.turn_s * np.minimum(number, self.turns)
+            track = np.repeat(track, 2, axis=0)[1:-1]
+            times = np.stack([arrives, leaves], axis=1).ravel()[1:-1]
+        return TrackSearch(TimedTrack(track, times), self.unit.lateral)
+
+    @property
+    def turns(self) -> int:
+        """Number of its turns."""
+        return 2 * (self.choice.lanes - 1)
 
     @property
     def length_m(self) -> float:
@@ -169,7 +197,8 @@ class Assignment:
     @property
     def ends_s(self) -> float:
         """When it ends."""
-        return self.commences_s + self.length_m / self.unit.speed_mps
+        search_s = self.length_m / self.unit.speed_mps + self.turns * self.unit.turn_s
+        return self.commences_s + search_s
 
     @property
     def returns_s(self) -> float:
@@ -196,13 +225,15 @@ def assignment_of(unit: SearchUnit, choice: Choice) -> Assignment | None:
     base_east, base_south = unit.base[0] - choice.east, unit.base[1] - choice.south
     # The base in the directions of the first leg and of the first turn, from the centre.
     ahead, beside = base_east * sin - base_south * cos, base_east * cos + base_south * sin
-    most_m = unit.longest_m
+    # What it would fly in the time of its turns.
+    turns_m = unit.speed_mps * unit.turn_s * 2 * (lanes - 1)
+    most_m = unit.longest_m - turns_m
     allowed_m = unit.speed_mps * unit.on_scene_s
     until_m = unit.speed_mps * (unit.until_s - unit.ready_s)
     endurance_m = unit.speed_mps * unit.endurance_s
 
     def has_time(along: float) -> bool:
-        length, half = lanes * along - spacing, (along - spacing) / 2
+        length, half = lanes * along - spacing + turns_m, (along - spacing) / 2
         out = math.hypot(ahead + half, beside + side)
         back = math.hypot(ahead - (half if lanes % 2 else -half), beside - side)
         return (

@@ -142,11 +142,13 @@ def laid_out(unit: SearchUnit, part: Rectangle, layout: int) -> Assignment | Non
     if layout >= 4:
         along, across, heading = across, along, heading + 90
     heading = (heading + 180 * (layout % 2)) % 360
-    # With n legs of length along - spacing and n - 1 cross legs of one spacing across / n, the
-    # track is n along - across / n long.
+    # With n legs of length along - spacing, n - 1 cross legs of one spacing across / n, and 2 n - 2
+    # turns, the track is n (along + 2 turns) - across / n - 2 turns long.
+    turn = unit.turn_s * unit.speed_mps
+    lane = along + 2 * turn
     distance = math.hypot(unit.base[0] - part.east, unit.base[1] - part.south)
-    length = max(unit.longest_m - distance, 0.0)
-    root = (length + math.sqrt(length**2 + 4 * along * across)) / (2 * along)
+    length = max(unit.longest_m - distance, 0.0) + 2 * turn
+    root = (length + math.sqrt(length**2 + 4 * lane * across)) / (2 * lane)
     for lanes in range(max(int(root) - 1, 1), min(int(root) + _TRIES, MOST_LANES)):
         choice = Choice(part.east, part.south, heading, layout // 2 % 2 == 1, lanes, across / lanes)
         laid = assignment_of(unit, choice)

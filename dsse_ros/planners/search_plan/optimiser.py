@@ -23,6 +23,7 @@ from dsse_ros.planners.search_plan.assignments import (
     assignment_of,
 )
 from dsse_ros.planners.search_plan.divisions import Cloud, bounds_of, divided
+from dsse_ros.planners.search_plan.land import Land
 from dsse_ros.planners.search_plan.rectangles import gap_m
 from dsse_ros.planners.search_plan.success import Success
 from dsse_ros.search.belief.ensemble_belief import EnsembleForecast
@@ -32,7 +33,7 @@ Floats = NDArray[np.float64]
 
 
 class NoPlanError(ValueError):
-    """No plan was found in which each unit has time to search."""
+    """No plan was found in which each unit has time to search, and none afloat crosses land."""
 
 
 Watch = Callable[[float], bool]
@@ -76,13 +77,16 @@ def best_plan(
     Raises:
         NoPlanError: If no plan leaves each unit time to search.
     """
-    search = _Optimiser(units, forecast, np.random.default_rng(seed), watch)
+    success = success_for_planning(forecast)
+    search = _Optimiser(units, forecast, success, np.random.default_rng(seed), watch)
     search.divide()
     for _ in range(ROUNDS):
         for number in range(len(units)):
             search.move(number)
     if search.best is None:
-        raise NoPlanError("units must have time to reach the search area and to search it")
+        raise NoPlanError(
+            "units must have time to reach the search area and to search it, those afloat at sea"
+        )
     return search.best
 
 
@@ -90,11 +94,11 @@ class _Optimiser:
     """The best plan so far, and what improves it."""
 
     def __init__(
-        self, units: Sequence[SearchUnit], forecast: EnsembleForecast, rng: np.random.Generator,
-        watch: Watch,
+        self, units: Sequence[SearchUnit], forecast: EnsembleForecast, success: Success,
+        rng: np.random.Generator, watch: Watch,
     ) -> None:  # fmt: skip
         self._units, self._rng, self._watch = units, rng, watch
-        self._success = success_for_planning(forecast)
+        self._success, self._land = success, Land(forecast.scenario)
         self._cloud = cloud_of(forecast, max(unit.until_s for unit in units))
         self._reach_m = 3 * math.sqrt(float(np.linalg.eigvalsh(self._cloud.covariance)[1]))
         self.best: list[Assignment] | None = None
@@ -107,6 +111,10 @@ class _Optimiser:
             self.best, self.pos = plan, pos
         return -pos
 
+    def _ashore(self, assignment: Assignment) -> float:
+        """Return which share of a track is on land where its unit cannot go."""
+        return self._land.share_of(assignment.track) if assignment.unit.afloat else 0.0
+
     def divide(self) -> None:
         """Divide a rectangle among all units."""
 
@@ -114,7 +122,12 @@ class _Optimiser:
             plan = divided(self._units, numbers)
             if plan is None:
                 return _NO_TIME
-            return self._note(plan, self._success.pos(map(self._success.missed, plan)))
+            ashore = sum(map(self._ashore, plan))
+            if ashore > 0.0:
+                return 1.0 + ashore
+            return self._note(
+                plan, self._success.pos(self._success.missed(each.search) for each in plan)
+            )
 
         bounds = bounds_of(self._units, self._cloud)
         count = DIVISIONS * (len(self._units) + 1)
@@ -127,17 +140,18 @@ class _Optimiser:
             return
         unit, plan = self._units[number], self.best
         others = [each for n, each in enumerate(plan) if n != number]
-        left = [self._success.missed(each) for each in others]
+        left = [self._success.missed(each.search) for each in others]
 
         def value(numbers: Floats) -> float:
             laid = assignment_of(unit, choice_of(numbers))
             if laid is None:
                 return _NO_TIME
             overlap = sum(max(-gap_m(laid.area, each.area), 0.0) for each in others)
-            if overlap > 0.0:
-                return 1.0 + overlap / self._reach_m
+            wrong = overlap / self._reach_m + self._ashore(laid)
+            if wrong > 0.0:
+                return 1.0 + wrong
             moved = [*plan[:number], laid, *plan[number + 1 :]]
-            return self._note(moved, self._success.pos([*left, self._success.missed(laid)]))
+            return self._note(moved, self._success.pos([*left, self._success.missed(laid.search)]))
 
         bounds = self._move_bounds(unit)
         first = self._rng.uniform(bounds[:, 0], bounds[:, 1], size=(MOVES, len(bounds)))
@@ -181,7 +195,7 @@ class _Optimiser:
 
 
 def success_for_planning(forecast: EnsembleForecast) -> Success:
-    """Return how likely assignments find persons, by which plans are compared."""
+    """Return how likely searches find persons, by which plans are compared."""
     scenario = forecast.scenario
     if scenario.particles > PARTICLES:
         scenario = replace(scenario, particles=PARTICLES)

@@ -1,6 +1,6 @@
 # Copyright 2026 dsse_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""The POS of assignments, on particles that move: what a belief states once they are flown."""
+"""The POS of searches, on particles that move: what a belief states once they are flown."""
 
 from __future__ import annotations
 
@@ -11,16 +11,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dsse_ros.planners.search_plan.assignments import Assignment
+from dsse_ros.planners.search_plan.timed_tracks import TrackSearch
 from dsse_ros.search.belief import passing_kernels
 from dsse_ros.search.belief.ensemble_belief import EnsembleForecast
 from dsse_ros.search.step.metres_detection import detectors_of
-from dsse_ros.search.step.polylines import along
 
 Floats = NDArray[np.float64]
 
 
 class Success:
-    """How likely assignments find the persons of a forecast.
+    """How likely searches find the persons of a forecast.
 
     Args:
         forecast: The particles.
@@ -38,23 +38,33 @@ class Success:
         area = forecast.area
         self._area = np.ones((size, size), np.bool_) if area is None else np.array(area)
 
-    def missed(self, assignment: Assignment) -> Floats:
-        """Return the probability that an assignment misses a person, (C, M) by class."""
-        begins, ends = assignment.commences_s, assignment.ends_s
-        turns = begins + along(assignment.track) / assignment.unit.speed_mps
+    @property
+    def certain(self) -> Floats:
+        """The probability that nobody who searches misses a person, (C, M) ones."""
+        return np.ones((len(self._shares), len(self._forecast.weights)))
+
+    def missed(self, search: TrackSearch) -> Floats:
+        """Return the probability that a search misses a person, (C, M) by class.
+
+        What it does before the mission begins is left out: nobody knows the particles then.
+        """
+        out = self.certain
+        track, _, goes_on = search.between(0.0, math.inf)
+        if not len(track.times_s):
+            return out
         period = self._every * self._step_s
+        begins, ends = float(track.times_s[0]), float(track.times_s[-1])
         between = np.arange(int(begins // period) + 1, math.ceil(ends / period)) * period
-        times = np.unique(np.concatenate([turns, between]))
-        out = np.ones((len(self._shares), len(self._forecast.weights)))
+        times = np.unique(np.concatenate([track.times_s, between]))
         passing_kernels.multiply_missed(
-            detectors_of([assignment.unit.lateral], self._step_s), assignment.places_at(times),
+            detectors_of([search.lateral], self._step_s), track.places_at(times),
             self._forecast.first_step + times / self._step_s, self._places, self._area,
-            self._step_s, np.empty(2, np.bool_), out,
+            self._step_s, np.array([goes_on, True]), out,
         )  # fmt: skip
         return out
 
     def pos(self, missed: Iterable[Floats]) -> float:
-        """Return the POS of assignments that miss with these probabilities; see `missed`."""
+        """Return the POS of searches that miss with these probabilities; see `missed`."""
         left = np.prod(list(missed), axis=0)
         # The order of a sum must not depend on the machine's libraries.
         return float((self.mean_found(left) * self._forecast.weights).sum())

@@ -67,6 +67,11 @@ class UnitFields:
         "str", "Platform of the sensor sweep_width, by default the scenario's.", None,
         choices=PLATFORMS,
     )  # fmt: skip
+    turn: float = field(
+        "float", "Time of each turn of its track, in which it sees nothing.", 0.0, low=0, high=3600,
+        unit="s",
+    )  # fmt: skip
+    afloat: bool = field("bool", "Whether its track must not cross the incident's `shore`.", False)
     patterns: tuple[str, ...] = field(
         "names", "Patterns that it flies, PS and CS by default.", PATTERNS
     )
@@ -121,7 +126,7 @@ class UnitFields:
             self.name, self.speed, self._base(scenario, default_base), ready_s, until_s, lateral,
             math.inf if self.on_scene is None else self.on_scene * 60,
             math.inf if self.endurance is None else self.endurance * 60, self.patterns,
-            self.altitude or scenario.altitude,
+            self.altitude or scenario.altitude, self.turn, self.afloat,
         )  # fmt: skip
 
     def _base(

@@ -88,7 +88,7 @@ def stated_plan(forecast: EnsembleForecast, assignments: Sequence[Assignment]) -
         assignments: What each unit does.
     """
     success = Success(forecast.of_pos)
-    missed = [success.missed(assignment) for assignment in assignments]
+    missed = [success.missed(assignment.search) for assignment in assignments]
     areas = []
     for assignment, left in zip(assignments, missed, strict=True):
         poc = success.share_in(assignment)

@@ -22,7 +22,6 @@ from dsse_ros.results.report.antimeridian import cut_polygon, cut_track
 from dsse_ros.results.report.gis import GisMap, GisMission, GisPoint
 from dsse_ros.results.report.swept import Polygon
 from dsse_ros.results.search_plan.plan import SearchPlan
-from dsse_ros.search.step.polylines import along
 from dsse_ros.vehicles.autopilots import AUTOPILOTS
 from dsse_ros.vehicles.mission_items.items import Home, VehicleMission
 from dsse_ros.vehicles.mission_items.track_missions import TrackStyle, track_mission
@@ -118,7 +117,7 @@ def plan_view(plan: SearchPlan) -> MissionView:
     count = len(assignments)
     return MissionView(
         probability=plan.forecast.maps[row],
-        tracks=np.array([each.places_at(times) / cell_m - 0.5 for each in assignments]),
+        tracks=np.array([each.timed_way.places_at(times) / cell_m - 0.5 for each in assignments]),
         alive=np.ones(count, np.bool_), persons=np.empty((0, 2), np.int64),
         found=np.empty(0, np.bool_), datum=None, step=steps, timestep_limit=steps,
         cell_size_m=cell_m, title=scenario.name or "Search plan", pos=plan.pos,
@@ -140,17 +139,35 @@ def save_plan_picture(plan: SearchPlan, path: Path) -> None:
     figure = new_figure()
     Picture(figure).draw(plan_view(plan))
     axes, side_m = figure.axes[0], plan.frame.side_m
+    labels: list[Any] = []
     for number, (name, assignment) in enumerate(zip(plan.names, plan.assignments, strict=True)):
         outline = np.concatenate([assignment.area.corners, assignment.area.corners[:1]])
         x, y = outline[:, 0] / 1000, flip_y(side_m, outline[:, 1]) / 1000
         axes.plot(x, y, color=drone_colour(number), linewidth=1.6, zorder=4.5)
-        axes.text(
+        label = axes.text(
             float(x[:4].mean()), float(y[:4].mean()), name, ha="center", va="center", fontsize=9,
             fontweight="bold", color=LIGHT.ink, zorder=5.6, clip_on=True,
             bbox={"facecolor": LIGHT.paper, "edgecolor": "none", "alpha": 0.75, "pad": 1.5},
         )  # fmt: skip
+        _move_apart(label, assignment, side_m, [other.get_window_extent() for other in labels])
+        labels.append(label)
     with whole_file(path) as part:
         figure.savefig(part)
+
+
+def _move_apart(label: Any, assignment: Assignment, side_m: float, others: list[Any]) -> None:
+    """Move a label along the long side of its area to where it overlaps no other one, if it can."""
+    area = assignment.area
+    axis = area.axes[0 if area.along >= area.across else 1]
+    long_m = max(area.along, area.across)
+    for share in (0.0, 0.2, -0.2, 0.4, -0.4, 0.3, -0.3, 0.5, -0.5):
+        east, south = (at + share * long_m * way for at, way in
+                       zip((area.east, area.south), axis, strict=True))  # fmt: skip
+        label.set_position((east / 1000, flip_y(side_m, south) / 1000))
+        box = label.get_window_extent().expanded(1.2, 1.2)
+        if not any(box.overlaps(other) for other in others):
+            return
+    label.set_position((area.east / 1000, flip_y(side_m, area.south) / 1000))
 
 
 def _middle_row(plan: SearchPlan) -> int:
@@ -163,8 +180,7 @@ def _middle_row(plan: SearchPlan) -> int:
 
 def _points(plan: SearchPlan, assignment: Assignment) -> list[GisPoint]:
     """Return the way of a unit with the times at its corners."""
-    way, unit = assignment.way, assignment.unit
-    times = unit.ready_s + along(way) / unit.speed_mps
+    (way, times), unit = assignment.timed_way, assignment.unit
     return [
         GisPoint(
             *plan.place(east, south), unit.altitude_m,

@@ -193,19 +193,22 @@ def multiply_missed(
 
     Args:
         detector: (1,) of `metres_detection.DETECTORS`, its own.
-        points: (K, 2) float64, where it is, metres; it looks from the first one to the last.
+        points: (K, 2) float64, where it is, metres; it looks from the first one to the last, but
+            not where it stays.
         steps: (K,) float64, when it is there, in steps of the sea.
         places: The particles.
         area: (G, G) bool, the searched cells.
         step_s: Time of a step.
-        looked: (2,) bool, scratch.
+        looked: (2,) bool, scratch; the first one is whether it looked right before the first point.
         out: (C, M) float64 by class, in and out.
     """
     positions, last = places.positions, len(places.positions) - 1
     looked[1] = True
     for k in range(len(points) - 1):
-        looked[0] = k > 0
+        looked[0] = looked[0] or k > 0
         path, time_s = points[k : k + 2], (steps[k + 1] - steps[k]) * step_s
+        if path[0, 0] == path[1, 0] and path[0, 1] == path[1, 1]:
+            continue
         first, second = min(int(steps[k]), last), min(int(steps[k + 1]), last)
         of_first, of_second = steps[k] - int(steps[k]), steps[k + 1] - int(steps[k + 1])
         from_first, to_first = positions[first], positions[min(first + 1, last)]

@@ -25,13 +25,17 @@ choices = st.builds(
 )  # fmt: skip
 
 
-@given(choices, st.sampled_from([math.inf, 900.0, 1500.0]), st.sampled_from([math.inf, 700.0]))
-def test_a_unit_has_time_for_its_track_and_none_left(
-    choice: Choice, endurance_s: float, on_scene_s: float
+@given(
+    choices, st.sampled_from([math.inf, 900.0, 1500.0]), st.sampled_from([math.inf, 700.0]),
+    st.sampled_from([0.0, 8.0]),
+)  # fmt: skip
+def test_a_unit_has_time_for_its_track_with_its_turns_and_none_left(
+    choice: Choice, endurance_s: float, on_scene_s: float, turn_s: float
 ) -> None:
     unit = SearchUnit(
-        "drone", 10.0, (0.0, 0.0), 60.0, 2000.0, LateralRange(65.0, 1.0), on_scene_s, endurance_s
-    )
+        "drone", 10.0, (0.0, 0.0), 60.0, 2000.0, LateralRange(65.0, 1.0), on_scene_s, endurance_s,
+        turn_s=turn_s,
+    )  # fmt: skip
     laid = assignment_of(unit, choice)
     if laid is None:
         return
@@ -41,6 +45,11 @@ def test_a_unit_has_time_for_its_track_and_none_left(
     )  # fmt: skip
     assert left_s == pytest.approx(0.0, abs=1e-3)
     assert len(laid.track) == 2 * choice.lanes
+    assert laid.search.track.times_s[[0, -1]].tolist() == pytest.approx(
+        [laid.commences_s, laid.ends_s]
+    )
+    legs, pauses = np.hypot(*np.diff(laid.search.track.points, axis=0).T), laid.search.track.times_s
+    assert np.diff(pauses) == pytest.approx(np.where(legs > 0, legs / 10.0, turn_s))
     assert laid.length_m == pytest.approx(float(np.hypot(*np.diff(laid.track, axis=0).T).sum()))
 
 

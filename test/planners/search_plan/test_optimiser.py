@@ -60,6 +60,11 @@ def drone(name: str, forecast: EnsembleForecast, base: tuple[float, float]) -> S
     return SearchUnit(name, 10.0, base, 0.0, until_s, LateralRange(65.0, 1.0))
 
 
+def pos_of(success: Success, plan: list[Assignment]) -> float:
+    """Return the POS of a plan."""
+    return success.pos(success.missed(each.search) for each in plan)
+
+
 @pytest.fixture
 def few(monkeypatch: pytest.MonkeyPatch) -> None:
     """Let plans evolve for a few generations only."""
@@ -73,7 +78,7 @@ def test_one_unit_is_within_two_percent_of_koopmans_optimum() -> None:
     # Without randomness the optimum is the disc that the effort W L covers once.
     optimum = -math.expm1(-130.0 * found.length_m / (2 * math.pi * SIGMA_M**2))
     success = Success(forecast.of_pos)
-    assert success.pos([success.missed(found)]) >= 0.98 * optimum
+    assert success.pos([success.missed(found.search)]) >= 0.98 * optimum
 
 
 def test_brute_force_on_a_grid_finds_nothing_better_for_two_units() -> None:
@@ -93,7 +98,7 @@ def test_brute_force_on_a_grid_finds_nothing_better_for_two_units() -> None:
             laid = assignment_of(unit, choice)
             if laid is not None:
                 of_unit.append(laid)
-    left = [np.array([compared.missed(each)[0] for each in of_unit]) for of_unit in tried]
+    left = [np.array([compared.missed(each.search)[0] for each in of_unit]) for of_unit in tried]
     pos = 1.0 - left[0] @ left[1].T / left[0].shape[1]
     best = 0.0
     for index in np.argsort(-pos, axis=None):
@@ -102,7 +107,7 @@ def test_brute_force_on_a_grid_finds_nothing_better_for_two_units() -> None:
             best = float(pos[a, b])
             break
     plan = best_plan(units, forecast)
-    assert 0.5 < best <= compared.pos(map(compared.missed, plan))
+    assert 0.5 < best <= pos_of(compared, plan)
 
 
 def kayak_plan() -> tuple[EnsembleForecast, list[Assignment]]:
@@ -144,7 +149,7 @@ class StepPaths:
         self.first, last = int(begins // step_s), int(ends // step_s) + 1
         count = last - self.first
         times = (self.first + np.arange(pieces * count + 1) / pieces) * step_s
-        places = assignment.places_at(times)
+        places = assignment.timed_way.places_at(times)
         middles = (times[1:] + times[:-1]) / 2
         looks = np.concatenate([[False], (middles >= begins) & (middles < ends)])
         pick = pieces * np.arange(count)[:, None] + np.arange(pieces + 1)
@@ -199,7 +204,7 @@ def test_the_pos_of_a_plan_is_that_of_a_belief_that_learns_from_its_flights(
         belief.advance()
     assert 0.4 < belief.pos < 1.0
     # Of a step on which a unit turns, a belief has straight pieces that cut the corner.
-    assert success.pos(map(success.missed, plan)) == pytest.approx(belief.pos, abs=1e-3)
+    assert pos_of(success, plan) == pytest.approx(belief.pos, abs=1e-3)
 
 
 def test_the_pos_of_a_plan_is_that_of_the_search_when_vehicles_fly_it() -> None:
@@ -216,12 +221,15 @@ def test_the_pos_of_a_plan_is_that_of_the_search_when_vehicles_fly_it() -> None:
     for step in range(120):
         times = (step + np.arange(17) / 16) * step_s
         for number, (each, of_unit) in enumerate(zip(plan, paths, strict=True)):
-            path, looked = of_unit.at(step) or (each.places_at(times), np.zeros(17, np.bool_))
+            path, looked = of_unit.at(step) or (
+                each.timed_way.places_at(times),
+                np.zeros(17, np.bool_),
+            )
             env.world.metres.preset(number, path, looked)
         straight = {agent: np.zeros(2, np.float32) for agent in env.agents}
         *_, infos = env.step(straight)
     success = Success(EnsembleForecast(env.scenario, env.rules).of_pos)
-    assert success.pos(map(success.missed, plan)) == pytest.approx(infos["drone0"]["pos"], abs=1e-3)
+    assert pos_of(success, plan) == pytest.approx(infos["drone0"]["pos"], abs=1e-3)
 
 
 @pytest.mark.usefixtures("few")

@@ -28,7 +28,7 @@ def test_the_example_has_four_units(kayak: ResolvedScenario) -> None:
     units = [
         fields.unit(kayak, BASE) for fields in read_units(ROOT / "examples" / "kayak_units.yaml")
     ]
-    assert [unit.name for unit in units] == ["drone 1", "drone 2", "lifeboat", "helicopter"]
+    assert [unit.name for unit in units] == ["drone0", "drone1", "lifeboat", "helicopter"]
     assert [unit.returns for unit in units] == [True, True, False, True]
     assert units[3].patterns == ("PS",)
     assert units[3].on_scene_s == 1200.0
