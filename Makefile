@@ -61,6 +61,7 @@ OF_SIM := viz,area,record$(if $(VIEW),$(COMMA)dashboard)$(if $(filter %.mp4 %.MP
 SIM := $(VENV)/.sim-$(subst $(COMMA),-,$(OF_SIM))
 RATE_OF = $(if $(RATE),--rate '$(RATE)')
 MOVIE_OF = $(if $(MOVIE),--movie '$(MOVIE)')
+PLAN_OF = $(if $(PLAN),--plan '$(PLAN)')
 
 export ROS_AUTOMATIC_DISCOVERY_RANGE := LOCALHOST
 export AMENT_PREFIX_PATH := $(CURDIR)/$(VENV)$(if $(AMENT_PREFIX_PATH),:$(AMENT_PREFIX_PATH))
@@ -97,8 +98,8 @@ help: ## List the targets
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/\1 \2/p' $(MAKEFILE_LIST) | while read -r target text; do \
 		printf 'make %-13s %s\n' "$$target" "$$text"; done
 
-sim: $(SIM) ## Fly a mission: SCENARIO=file RULES=name PLANNER=name MODEL=file NUM_DRONES=n SEED=n OUT=folder MOVIE=file RATE=steps/s VIEW=1
-	@$(BIN)/run_mission $(MISSION) $(RATE_OF) $(MOVIE_OF) $(if $(VIEW),--view)
+sim: $(SIM) ## Fly a mission: SCENARIO=file RULES=name PLANNER=name PLAN=file MODEL=file NUM_DRONES=n SEED=n OUT=folder MOVIE=file RATE=steps/s VIEW=1
+	@$(BIN)/run_mission $(MISSION) $(PLAN_OF) $(RATE_OF) $(MOVIE_OF) $(if $(VIEW),--view)
 
 sitl-demo: $(SIM) ## Fly a search with three simulated autopilots: SCENARIO=file RULES=name PLANNER=name MODEL=file NUM_DRONES=n SEED=n OUT=folder
 	@$(BIN)/python test/vehicles/control/sitl_demo.py $(MISSION)

@@ -346,7 +346,9 @@ TOPICS = {
     ),
     "live/detection": _input("somebody was detected", _PEOPLE),
     "live/sighting": _input("the object was seen"),
-    "live/searched": _input("others have searched an area or along a line"),
+    "live/searched": _input(
+        "others have searched an area or along a line", ("dashboard", "run_mission", *_PEOPLE)
+    ),
     "live/weather": _input("wind or current"),
     "live/confirm": _input("a contact is the person"),
     "live/dismiss": _input("a contact is a false alarm"),

@@ -18,6 +18,7 @@ from dsse_ros.cli.command_line import SEED, Parser, make_folder
 from dsse_ros.mission.files.scenario_files import scenario_with_incident
 from dsse_ros.planners.search_plan.assignments import SearchUnit
 from dsse_ros.planners.search_plan.optimiser import NoPlanError, best_plan, generations
+from dsse_ros.planners.search_plan.plan_file import plan_text
 from dsse_ros.planners.search_plan.units_file import read_units
 from dsse_ros.results.report.gpx import gpx_text
 from dsse_ros.results.report.kml import kml_text
@@ -98,6 +99,7 @@ def write_plan(folder: Path, plan: SearchPlan, text: str, autopilot: str) -> lis
     mission, missions = gis_plan(plan), missions_of(plan, autopilot)
     texts = {
         "plan.txt": text,
+        "plan.json": plan_text(plan.scenario, plan.assignments),
         "plan.geojson": geojson_text(plan, mission),
         "plan.kml": kml_text(mission),
         "plan.gpx": gpx_text(mission.tracks, mission.places, missions),

@@ -12,6 +12,7 @@ import argparse
 import collections
 import contextlib
 import html
+import json
 import os
 import re
 import socket
@@ -28,15 +29,17 @@ import numpy as np
 from numpy.typing import NDArray
 from rclpy.node import Node
 from sensor_msgs.msg import Image, PointCloud2
-from std_msgs.msg import Float64MultiArray
+from std_msgs.msg import Float64MultiArray, String
 from tqdm import tqdm
 
 from dsse_ros.base.fields import FieldError, specs
 from dsse_ros.base.private_files import open_private
 from dsse_ros.cli.command_line import DEFAULT_SCENARIO, Parser, make_folder, search_of
 from dsse_ros.cli.node_process import MissionFailed, check_running, process, ros_for, working
+from dsse_ros.mission.live.planned_searches import PlannedSearches
 from dsse_ros.picture.movie import check_movie, save_movie
 from dsse_ros.picture.rendering import MissionView, save_picture
+from dsse_ros.planners.search_plan.plan_file import read_plan
 from dsse_ros.results.report.logs import read_csv
 from dsse_ros.results.report.recomputed import mission_views
 from dsse_ros.results.report.record import RecordedMission
@@ -52,11 +55,11 @@ from dsse_ros.ros.nodes.settings import (
 from dsse_ros.ros.nodes.sim_parameters import draw_run_id
 from dsse_ros.ros.runtime.exit_codes import fail
 from dsse_ros.ros.runtime.interrupts import Stop, on_signals
-from dsse_ros.ros.runtime.qos import requested
+from dsse_ros.ros.runtime.qos import offered, requested
 from dsse_ros.ros.runtime.ros_arguments import OF_EVERY_NODE, pairs
 from dsse_ros.ros.runtime.run_node import init_ros, leave_ros, spinning
 from dsse_ros.screens.dashboard.settings import DashboardSettings
-from dsse_ros.world.scenario.rules import Rules
+from dsse_ros.world.scenario.rules import AUTO, Rules
 from dsse_ros.world.scenario.scenario import ResolvedScenario
 from msg_adapters.images import image_to_probability
 from msg_adapters.pos import pos_from_message
@@ -109,6 +112,8 @@ class Watcher(Node):
         for topic, take in topics.items():
             kind, qos = requested(topic, "run_mission")
             self.create_subscription(kind, topic, take, qos)
+        kind, qos = offered("live/searched", "run_mission")
+        self._searched = self.create_publisher(kind, "live/searched", qos)
 
     @property
     def done(self) -> bool:
@@ -116,6 +121,11 @@ class Watcher(Node):
         if self.step < 0 or self.num_active > 0 or self._map_stamp != self._report_stamp:
             return False
         return self._pos_step == self.step or not self._has_pos
+
+    def report(self, searches: list[dict[str, Any]]) -> None:
+        """Publish what others have searched; nobody but a live search listens."""
+        for search in searches:
+            self._searched.publish(String(data=json.dumps(search)))
 
     def _on_map(self, message: Image) -> None:
         self.probability = image_to_probability(message)
@@ -297,11 +307,13 @@ def fly(
     rules: Rules,
     stop: Stop,
     at_end: Callable[[], None],
+    searches: PlannedSearches,
 ) -> None:
     """Run the mission to its end, with a progress line.
 
     Args:
         at_end: Called at the end, while the nodes still run.
+        searches: What others search, which a live search is told when it is over.
 
     Raises:
         MissionFailed: If a process ends early or nothing happens for `SILENCE_S`.
@@ -329,6 +341,7 @@ def fly(
         with process("planner_node", planner, planner_log, planner_ros) as planner_process:
             while not watcher.done:
                 executor.spin_once(timeout_sec=0.1)
+                watcher.report(searches.over(watcher.step * scenario.step_duration_s))
                 progress.check("planner_node", planner_process, planner_log)
                 check_running(sim_process, "sim_node", sim_log)
             progress.finish()
@@ -375,6 +388,8 @@ def parse(argv: list[str] | None) -> argparse.Namespace:
     parser.add("--out", type=Path, default=Path("out"), help="folder of the results")
     parser.add("--movie", type=Path, help="also write a movie of the mission, .gif or .mp4")
     parser.add("--view", action="store_true", help="show the mission live in the browser")
+    of_plan = "fly the plan.json of a search plan, with rules flight"
+    parser.add("--plan", type=Path, metavar="FILE", help=of_plan)
     parser.set_defaults(compute_pos="auto", run_id=-1)
     of_sim = {"step_rate": "rate", "compute_pos": "compute_pos", "run_id": "run_id"}
     arguments = parser.parse_with_ros(
@@ -384,6 +399,12 @@ def parse(argv: list[str] | None) -> argparse.Namespace:
     )
     if arguments.rate is None:
         arguments.rate = VIEW_RATE if arguments.view else RATE
+    if arguments.plan is not None:
+        if arguments.rules == AUTO:
+            arguments.rules = "flight"
+        # As YAML, whatever characters the path has.
+        path = json.dumps(str(arguments.plan.resolve()))
+        arguments.planner_options = [*arguments.planner_options, f"plan={path}"]
     return arguments
 
 
@@ -393,6 +414,7 @@ def main(argv: list[str] | None = None) -> int:
     try:
         specs(SimSettings)["step_rate"].check("rate", arguments.rate)
         path, scenario, rules = search_of(arguments)
+        units = [] if arguments.plan is None else read_plan(arguments.plan, scenario)
         make_folder("out", arguments.out)
         if arguments.movie is not None:
             check_movie(arguments.movie)
@@ -415,7 +437,7 @@ def main(argv: list[str] | None = None) -> int:
                 if page is not None:
                     stay(page, stop)
 
-            fly(arguments, path, scenario, rules, stop, at_end)
+            fly(arguments, path, scenario, rules, stop, at_end, PlannedSearches(units, scenario))
     except FieldError as error:
         return fail("run_mission", error)
     except MissionFailed as error:

@@ -20,6 +20,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from dsse_ros.base.fields import FieldError
 from dsse_ros.planners.avoidance import approach
 from dsse_ros.planners.beam_search import BeamSearch, steps_planned
 from dsse_ros.planners.masking import is_returning, is_under_way, masked_moves
@@ -381,7 +382,16 @@ class BeliefPlanner:
 
 
 def make_belief(search: Search, options: BeamOptions, *, seed: int) -> BeliefPlanner:
-    """Return the planner `belief`: beam search on the belief, with scenarios drawn by this seed."""
+    """Return the planner `belief`: beam search on the belief, with scenarios drawn by this seed.
+
+    Raises:
+        FieldError: If it is to fly a search plan.
+    """
+    if options.plan:
+        raise FieldError(
+            f"plan must be given with rules in metres, such as flight, got rules "
+            f"{search.rules.profile}"
+        )
     return BeliefPlanner(
         search, partial(BeamSearch, options=options), seed=seed, learn_drift=options.learn_drift,
         horizon=steps_planned(search.rules, options.horizon),

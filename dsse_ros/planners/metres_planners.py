@@ -27,7 +27,10 @@ from dsse_ros.planners.metres_patterns import (
 from dsse_ros.planners.metres_plans import MetresPlans, MetresSwarm
 from dsse_ros.planners.options import BeamOptions, Options, PatternOptions
 from dsse_ros.planners.planner import DrawsNothing, Infos, Plans, Search
+from dsse_ros.planners.search_plan.plan_file import PlannedUnit, read_plan
+from dsse_ros.planners.search_plan.plan_in_mission import PlanInMission
 from dsse_ros.search.belief.ensemble_belief import EnsembleBelief, EnsembleForecast, PathsFlown
+from dsse_ros.search.belief.weighing import weigh
 from dsse_ros.search.environments.metres_drones import detectors_of_kinds, strips_of, wind_of
 from dsse_ros.search.step.cell_tracks import Draw
 from dsse_ros.search.step.metres_paths import MOTION_STATES, airframes_of, pieces_of, shares_of
@@ -191,6 +194,10 @@ class MetresPlanner:
 class MetresBelief(MetresPlanner):
     """The planner `belief` in metres: keeps a belief, and plans on it; see `MetresPlans`.
 
+    With a search plan, drones that fly its units follow their tracks. The others plan as if persons
+    whom its units will find were not there. What other units have searched counts as their times
+    pass; in a live search, as it is reported.
+
     Args:
         search: The rules and the scenario.
         options: Options of the beam search.
@@ -198,11 +205,18 @@ class MetresBelief(MetresPlanner):
 
     Attributes:
         belief: The belief at the last observation, None before the first.
+
+    Raises:
+        FieldError: If the search plan is not for this search.
     """
 
     def __init__(self, search: Search, options: BeamOptions, *, seed: int = 0) -> None:
         super().__init__(search, seed=seed)
         self._options, self._living = options, options.living(search.scenario)
+        self._units: list[PlannedUnit] = []
+        self._live = False
+        if options.plan:
+            self._units = read_plan(options.plan, search.scenario.resolve(search.rules))
         self.belief: EnsembleBelief | None = None
         self._paths: dict[str, Floats] = {}
 
@@ -225,6 +239,9 @@ class MetresBelief(MetresPlanner):
         return EnsembleForecast(scenario, self._search.rules, draw=Draw.PLANNING)
 
     def _start(self, observations: Observations, step: int) -> None:
+        if self._options.plan:
+            self._units = read_plan(self._options.plan, self._scenario)
+        self._live = False
         self._take_over(self.forecasts(self._scenario).belief())
         self._skip(step)
 
@@ -233,6 +250,7 @@ class MetresBelief(MetresPlanner):
         before, self.belief = self.belief, belief.copy()
         if before is not None and before.forecast is belief.forecast:
             return
+        self._plan = PlanInMission(self._units, belief.forecast)
         positions = belief.forecast.tracks.particles_m
         assert positions is not None
         multiplier = float(np.mean(self._scenario.person_pod_multipliers))
@@ -248,19 +266,32 @@ class MetresBelief(MetresPlanner):
         """Let the steps pass in which nobody knows what the drones did."""
         assert self.belief is not None
         while self.belief.step < step:
-            self.belief.advance()
+            self._advance()
+
+    def _advance(self) -> None:
+        """Advance the belief by a step, in which other units of the plan have searched."""
+        assert self.belief is not None
+        if self._units and not self._live:
+            begins_s, step_s = self._time_s(self.belief.step), self._swarm.wind.step_s
+            missed = self._plan.missed_by_others(begins_s, begins_s + step_s)
+            weigh(self.belief, missed, searched=True)
+        self.belief.advance()
+
+    def _time_s(self, step: int) -> float:
+        """Return the time after so many steps."""
+        return step * self._swarm.wind.step_s
 
     def _learn(self, observations: Observations, infos: Infos, step: int) -> None:
         assert self.belief is not None
         if step == self._step + 1:
             self.belief.update_in_passing(_paths_flown(self._swarm, observations, infos))
-            self.belief.advance()
         self._skip(step)
 
     def _decide(self, observations: Observations, infos: Infos) -> dict[str, Any]:
         swarm, began_s = self._swarm, time.monotonic()
         info = infos[next(iter(observations))]
         if "belief" in info:
+            self._live = True
             self._take_over(info["belief"])
         assert self.belief is not None
         limit_s = info.get("decision_time_s", math.inf)
@@ -270,19 +301,53 @@ class MetresBelief(MetresPlanner):
             np.zeros(len(swarm.kinds), np.bool_),
         )
         flights[numbers], live[numbers] = flights_of(observations, swarm), True
-        belief = self.belief.of_living() if self._living else self.belief
-        planned = self._plans(
-            flights,
-            belief.of_missing().sum(axis=0),
-            self.belief.forecast.first_step + self.belief.step,
-            self._steps_left,
-            wind=swarm.wind,
-            live=live,
-            deadline_s=began_s + limit_s,
-        )
-        self.drawn = True
-        self._paths = dict(zip(observations, planned.paths[numbers, 1:], strict=True))
-        return dict(zip(observations, planned.actions[numbers], strict=True))
+        flown = [number for number in numbers if number in self._plan.ways]
+        live[flown] = False
+        paths, actions = self._follow(flights, flown)
+        if live.any():
+            belief = self.belief.of_living() if self._living else self.belief
+            weights = belief.of_missing().sum(axis=0)
+            if self._units:
+                weights = weights * self._plan.left(self._time_s(self.belief.step))
+            planned = self._plans(
+                flights,
+                weights,
+                self.belief.forecast.first_step + self.belief.step,
+                self._steps_left,
+                wind=swarm.wind,
+                live=live,
+                deadline_s=began_s + limit_s,
+            )
+            self.drawn = True
+            for number in np.flatnonzero(live).tolist():
+                paths[number], actions[number] = planned.paths[number, 1:], planned.actions[number]
+        self._paths = {agent: paths[number_of(agent)] for agent in observations}
+        return {agent: actions[number_of(agent)] for agent in observations}
+
+    def _follow(
+        self, flights: NDArray[np.void], numbers: list[int]
+    ) -> tuple[dict[int, Floats], dict[int, Any]]:
+        """Return the paths to come and the actions of drones that fly units of the plan.
+
+        Each flies straight to where its unit is at the end of the step.
+        """
+        swarm = self._swarm
+        if not numbers:
+            return {}, {}
+        assert self.belief is not None
+        after_s, ends_s = map(self._time_s, (self.belief.step + 1, self._scenario.timestep_limit))
+        ways = [self._plan.ways[number] for number in numbers]
+        airframes = swarm.airframes[swarm.kinds[numbers]]
+        goals = np.stack([way.places_at(np.array(after_s)) for way in ways])
+        path = np.empty((pieces_of(airframes, swarm.wind.step_s) + 1, 2))
+        chosen = steer(airframes, swarm.wind, swarm.side_m, flights[numbers], goals, True, path)
+        paths, actions = {}, {}
+        for number, way, goal, airframe, (turn, speed) in zip(
+            numbers, ways, goals, airframes, chosen.tolist(), strict=True
+        ):
+            paths[number] = np.vstack([goal, way.between(after_s, ends_s).points])
+            actions[number] = np.array(shares_of(airframe, turn, speed, swarm.wind.step_s))
+        return paths, actions
 
 
 def goals_on_map(

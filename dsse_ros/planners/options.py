@@ -150,6 +150,10 @@ class BeamOptions(BeliefOptions):
         "their last plans. The same seed then need not give the same mission.", None, low=0,
         high=1e9, unit="ms",
     )  # fmt: skip
+    plan: str = field(
+        "str", "File `plan.json` of a search plan, in metres: drones with the name of a unit fly "
+        "its track, the others plan around what all units will have searched.", "",
+    )  # fmt: skip
 
     def living(self, scenario: Scenario) -> bool:
         """Return whether only persons who are alive count, see `EnsembleBelief.of_living`.

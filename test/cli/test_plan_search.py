@@ -33,12 +33,14 @@ def test_the_same_seed_writes_the_same_files(
     assert "SEARCH ACTION PLAN" in printed
     assert "POS of all units" in printed
     written = sorted(path.name for path in (tmp_path / "first").iterdir())
-    assert {"plan.txt", "plan.geojson", "plan.kml", "plan.gpx", "plan.png"} < set(written)
-    assert {"drone 1.plan", "drone 1.waypoints", "helicopter.plan"} < set(written)
+    assert {"plan.txt", "plan.json", "plan.geojson", "plan.kml", "plan.gpx", "plan.png"} < set(
+        written
+    )
+    assert {"drone0.plan", "drone0.waypoints", "helicopter.plan"} < set(written)
     for name in written:
         first, again = ((tmp_path / run / name).read_bytes() for run in ("first", "again"))
         assert first == again, name
-    assert json.loads((tmp_path / "first" / "drone 1.plan").read_text())["fileType"] == "Plan"
+    assert json.loads((tmp_path / "first" / "drone0.plan").read_text())["fileType"] == "Plan"
 
 
 @pytest.mark.parametrize(

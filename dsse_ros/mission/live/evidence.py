@@ -30,8 +30,9 @@ from numpy.typing import NDArray
 
 from dsse_ros.mission.live.chain import Posterior
 from dsse_ros.mission.live.contacts import Detection
-from dsse_ros.mission.live.places import Places, from_piece, inside
-from dsse_ros.mission.live.step_looks import AnyBelief, Look, Sensors, StepLooks, weigh
+from dsse_ros.mission.live.places import Places, from_piece, inside, inverse_cubes
+from dsse_ros.mission.live.step_looks import AnyBelief, Look, Sensors, StepLooks
+from dsse_ros.search.belief.weighing import weigh
 
 LEAST_FALSE_ALARMS = 1e-6
 """Rate of false alarms of a detector for which the scenario states none."""
@@ -65,6 +66,7 @@ class SearchedArea(NamedTuple):
         lines: Rings of a polygon or, with a sweep width, a line, (K, 2) metres.
         pod: POD of what is inside or beside the line.
         sweep_width_m: Sweep width along a line; 0 for a polygon.
+        by_inverse_cube: Whether a line was searched by the inverse cube law, not definite range.
     """
 
     id: str
@@ -72,6 +74,7 @@ class SearchedArea(NamedTuple):
     lines: list[NDArray[np.float64]]
     pod: float
     sweep_width_m: float
+    by_inverse_cube: bool = False
 
     @property
     def middle_s(self) -> float:
@@ -87,9 +90,15 @@ class SearchedArea(NamedTuple):
         ends = np.concatenate([[0.0], lengths.cumsum()]) / max(lengths.sum(), 1e-9)
         begin_s, end_s = self.times_s
         near = np.zeros(len(places.at(self.middle_s)), np.bool_)
+        exposure = np.zeros(len(near))
         for start, end, share in zip(line[:-1], line[1:], (ends[:-1] + ends[1:]) / 2, strict=True):
             there = places.at(begin_s + share * (end_s - begin_s))
-            near |= from_piece(there, start, end) <= self.sweep_width_m / 2
+            if self.by_inverse_cube:
+                exposure += inverse_cubes(there, start, end)
+            else:
+                near |= from_piece(there, start, end) <= self.sweep_width_m / 2
+        if self.by_inverse_cube:
+            return 1.0 + self.pod * np.expm1(-(self.sweep_width_m**2) / (8 * math.pi) * exposure)
         return np.asarray(1.0 - self.pod * near)
 
 

@@ -24,6 +24,8 @@ LONGEST_TEXT = 1 << 20
 """Characters of an input: a grid of wind or current fits in."""
 MOST_POINTS = 5000
 """Points of a polygon or a line."""
+DEFINITE_RANGE, INVERSE_CUBE = LAWS = ("definite_range", "inverse_cube")
+"""How somebody who searches along a line sees what is beside it."""
 Read = Callable[[str, Any], Any]
 """read(name, value) returns the value in its canonical form, and raises `FieldError`."""
 
@@ -154,6 +156,7 @@ KINDS: Mapping[str, Kind] = {
         {
             "time": _time, "end": _time, "pod": _number(low=0, high=1),
             "sweep_width": _number(above=0, high=1e5), "by": _name,
+            "law": Spec("str", "", choices=LAWS).check,
         },
     ),
     "weather": Kind(

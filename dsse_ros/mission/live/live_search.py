@@ -23,6 +23,7 @@ from dsse_ros.mission.live.contacts import (
     Detection,
 )
 from dsse_ros.mission.live.evidence import Evidence, SearchedArea, probability
+from dsse_ros.mission.live.inputs import INVERSE_CUBE
 from dsse_ros.mission.live.places import Places
 from dsse_ros.mission.live.step_looks import AnyBelief, Look, Sensors, StepLooks
 from dsse_ros.search.belief.belief import Forecast
@@ -432,6 +433,7 @@ class LiveSearch:
         return SearchedArea(
             entry.id, (entry.time_s, end_s), lines, values.get("pod", 1.0),
             values["sweep_width"] if is_line else 0.0,
+            is_line and values.get("law") == INVERSE_CUBE,
         )  # fmt: skip
 
     # What is published

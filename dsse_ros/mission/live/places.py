@@ -21,6 +21,8 @@ from dsse_ros.world.scenario.frames import cell_centre
 
 NEAREST = 64
 """Particles that show where the sea takes what floats among them."""
+NEAREST_M = 1e-3
+"""Least distance from a line."""
 COVERED = 8
 """Particles that a report covers, however exact it is: fewer would be chance."""
 Points = NDArray[np.float64]
@@ -158,3 +160,21 @@ def from_piece(points: Points, start: Points, end: Points) -> NDArray[np.float64
     if squared > 0.0:
         share = np.clip((points - start) @ along / squared, 0.0, 1.0)
     return np.asarray(np.hypot(*(points - start - share[:, None] * along).T))
+
+
+def inverse_cubes(points: Points, start: Points, end: Points) -> NDArray[np.float64]:
+    """Return the integrals (M,) of the inverse cube of the distance from points along a piece.
+
+    That of the inverse cube law of detection is W^2 / (8 pi) times it, W the sweep width.
+    """
+    length = math.hypot(*(end - start))
+    if length == 0.0:
+        return np.zeros(len(points))
+    ahead, aside = (end - start) / length, np.array([start[1] - end[1], end[0] - start[0]]) / length
+    beside = np.maximum(np.abs((points - start) @ aside), NEAREST_M)
+    before = (points - start) @ ahead
+
+    def until(way: NDArray[np.float64]) -> NDArray[np.float64]:
+        return np.asarray(way / (beside**2 * np.hypot(way, beside)))
+
+    return until(length - before) - until(-before)

@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 
 from dsse_ros.mission.live.places import Places, from_piece
 from dsse_ros.search.belief.belief import Belief
-from dsse_ros.search.belief.component_kernels import NOTHING_LEFT
 from dsse_ros.search.belief.ensemble_belief import EnsembleBelief, EnsembleForecast, PathsFlown
 from dsse_ros.search.step.looks import Looked, Looks
 from dsse_ros.search.step.metres_detection import DEFINITE
@@ -193,32 +192,3 @@ def normal_between(low: NDArray[np.float64], width: float) -> NDArray[np.float64
     """Return the probability of a standard normal value between low and low + width."""
     return np.array([(math.erf((at + width) / math.sqrt(2)) - math.erf(at / math.sqrt(2))) / 2
                      for at in low.tolist()])  # fmt: skip
-
-
-def weigh(belief: AnyBelief, factors: NDArray[np.float64], *, searched: bool) -> bool:
-    """Multiply the probability of each place of a belief by a factor, and scale it to 1.
-
-    If nothing would be left, the factors contradict all that is known: nothing is learned.
-
-    Args:
-        belief: The belief.
-        factors: One by place, or by class and place; of a search its 1 - POD.
-        searched: Whether a search was made, which counts in the POS.
-
-    Returns:
-        Whether anything was learned.
-    """
-    density = belief.density
-    rows = density.reshape(len(belief.examples), -1, density.shape[-1])
-    totals = rows.sum(axis=(1, 2))
-    weighed = rows * factors
-    after = weighed.sum(axis=(1, 2))
-    if searched:
-        hazard = 1.0 - after / totals
-        belief.unfound *= 1.0 - hazard[belief.class_of]
-        belief.pos = float((1.0 - belief.unfound).mean())
-    kept = after >= NOTHING_LEFT * totals
-    scale = np.where(kept, totals / np.where(kept, after, 1.0), 1.0)
-    rows[:] = np.where(kept[:, None, None], weighed * scale[:, None, None], rows)
-    belief.density = density
-    return bool(kept.any())
