@@ -426,7 +426,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         finds, differ, largest = through_the_door(arguments.missions)
         print(f"{arguments.missions} missions with a truth: {finds} finds, {differ} differ through "
               f"the live door, POS differs by at most {largest:.1e}\n")  # fmt: skip
-    print("| Case | Stated | Bins, in their interval | Mean | Share |")
+    print("| Case | Stated | Bins, in their interval | Mean | Share, 99 % |")
     print("| --- | --- | --- | --- | --- |")
     for number, case in enumerate(CASES):
         if arguments.only not in case.name:
@@ -439,8 +439,10 @@ def main(argv: Sequence[str] | None = None) -> int:
         for stated, pairs in measured.items():
             rows = bins(pairs)
             mean = np.array(pairs, np.float64).mean(axis=0)
+            low, high = wilson(float(mean[1]), len(pairs), LEVEL)
+            came_true = f"{mean[1]:.1%} ({low:.1%} to {high:.1%})"
             print(f"| {case.name} | {stated} | {sum(row[3] for row in rows)} of {len(rows)} "
-                  f"| {mean[0]:.1%} | {mean[1]:.1%} |", flush=True)  # fmt: skip
+                  f"| {mean[0]:.1%} | {came_true} |", flush=True)  # fmt: skip
             for count, stated_mean, share, fits in rows:
                 say(f"  {stated} {stated_mean:.3f} {share:.3f} of {count} {'' if fits else '!'}")
     return 0
