@@ -689,7 +689,7 @@ def test_px4_gets_nothing_in_a_failsafe_of_which_the_cause_is_not_known(
     assert isinstance(vehicle, Px4)
     if not events:
         vehicle._send_event = lambda *_: None  # type: ignore[method-assign]
-    mode = "RTL" if cause == "geofence" else "ALTCTL"
+    mode = "HOLD" if cause == "geofence" else "ALTCTL"
     (vehicle.breach_geofence if cause == "geofence" else vehicle.lose_gps)()
     flight.until(lambda: flight.state.mode == mode, limit_s=2.0)
     flight.step()

@@ -474,9 +474,11 @@ class Px4(Vehicle):
         elif self.failsafes == {"offboard"} and self._has_stream:
             self.failsafes.clear()
             self._set_failsafe_mode(Mode.OFFBOARD)
-        holds = "battery" in self.failsafes and self.mode is Mode.HOLD
-        if holds and self.time_s >= self._failsafe_s:
-            self._set_failsafe_mode(Mode.LAND)
+        if self.mode is Mode.HOLD and self.time_s >= self._failsafe_s:
+            if "battery" in self.failsafes:
+                self._set_failsafe_mode(Mode.LAND)
+            elif "geofence" in self.failsafes:
+                self._set_failsafe_mode(Mode.RTL)
         if self._failed_checks != self._reported_checks:
             self._report_checks()
 
@@ -534,9 +536,10 @@ class Px4(Vehicle):
                 self.broadcast(mavlink.MAVLink_mission_item_reached_message(self.mission.reached))
 
     def breach_geofence(self) -> None:
-        """Return, without a message that names the cause."""
+        """Hold, then return, without a message that names the cause."""
         self.failsafes.add("geofence")
-        self._set_failsafe_mode(Mode.RTL)
+        self._failsafe_s = self.time_s + _FAILSAFE_DELAY_S
+        self._set_failsafe_mode(Mode.HOLD)
 
     def lose_gps(self) -> None:
         """Descend blindly; SYS_STATUS does not show the cause for some seconds."""
