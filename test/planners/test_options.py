@@ -16,6 +16,7 @@ from effort import LITTLE_EFFORT
 from dsse_ros.base.fields import FieldError, Spec, specs
 from dsse_ros.cli import export_mission
 from dsse_ros.planners.batch import play_missions
+from dsse_ros.planners.options import POS, POS_ALIVE
 from dsse_ros.planners.play import play
 from dsse_ros.planners.registry import (
     LOADED_PLANNERS,
@@ -80,6 +81,8 @@ def least_values(spec: Spec) -> list[Any]:
         return [True, False]
     if spec.kind in ("int", "float"):
         return [value for value in (spec.low, spec.low + 1) if math.isfinite(value)]
+    if POS_ALIVE in spec.choices:
+        return [POS]  # Nothing is known of survival.
     return {"cell": [(0, 0), (5, 5)], "str": list(spec.choices) or [""]}[spec.kind]
 
 
