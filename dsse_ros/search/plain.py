@@ -9,11 +9,11 @@ In cells it has the rules `paper`. A step of a `PlainSearch`:
 
 1. The drones act in order. A move earns 1. A drone that would leave the grid stays, is out of the
    search and pays 100000. A search detects each person in the drone's cell with the POD.
-2. The map drifts by the vector, cell by cell, and its circle grows by half a cell.
-3. The persons go to the best cell of the 3 x 3 around them: the largest p times U{1..100} / 100.
-   `move_persons` does this, for whoever draws their factors; `step` does the rest.
-4. Drones that share a cell are out of the search and pay 100000. If all persons are found, the
+2. The map drifts by the vector, cell by cell, and its circle grows: see `probability_map`.
+3. Drones that share a cell are out of the search and pay 100000. If all persons are found, the
    search is over.
+4. The persons go to the best cell of the 3 x 3 around them: the largest p times U{1..100} / 100.
+   `move_persons` does this, for whoever draws their factors; `step` does the rest.
 
 In metres, see `PlainMetresSearch`.
 
@@ -22,8 +22,9 @@ A `PlainBelief` is the probability of containment p(c) of one person, given all 
     failed search    p'(c) = p(c) (1 - POD(c)) / (1 - F),    F = sum of p(c) POD(c)
     motion           p'(c) = sum over b of p(b) P(person goes from b to c)
 
-POS, the probability that the searches so far find the person, becomes POS + (1 - POS) F. A find
-ends the search for the person: beliefs are about those who are missing.
+POS, the probability that the searches so far find the person, becomes POS + (1 - POS) F. In each
+step a belief takes the searches, also those of drones that then collide, and then the motion. A
+find ends the search for the person: beliefs are about those who are missing.
 
 In metres the person is one of many weighted particles w_k, which move along tracks of their own,
 and the same equation holds with 1 - POD to the power of the passes in place of 1 - POD(c): see
@@ -125,7 +126,7 @@ class PlainOutcome:
 
     rewards: dict[int, float] = field(default_factory=dict)
     searched: dict[int, float] = field(default_factory=dict)
-    """Probability of the cells that were searched in vain."""
+    """Probability of the cell, where the reward is that of a search that has failed."""
     terminated: set[int] = field(default_factory=set)
     truncated: set[int] = field(default_factory=set)
     finders: set[int] = field(default_factory=set)
@@ -378,6 +379,8 @@ class PlainMetresSearch:
 
     A drone that would leave the grid flies along its edge. Each person who is not found goes along
     a track of his or her own; one whom the drone passes is detected with the POD, once a pass.
+    The events, and so the rewards, the time limit and the end, are those of cells; this class has
+    the flight and the detections only.
 
     Attributes:
         drones: The drones.

@@ -68,7 +68,7 @@ class ActionRules:
 class RewardRules:
     """Rewards of the drones."""
 
-    move: float = field("float", "Reward of any other action.")
+    move: float = field("float", "Reward of a move.")
     leave_grid: float = field("float", "Reward of a move that would leave the grid.")
     collision: float = field("float", "Reward of each drone that collides.", 0.0)
     search_min_probability: float = field(
