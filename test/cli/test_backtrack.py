@@ -11,6 +11,7 @@ import pytest
 
 from dsse_ros.cli.backtrack import main
 from dsse_ros.world.drift.sightings import Sighting
+from dsse_ros.world.drift.tracks import collected
 from dsse_ros.world.scenario.scenario import Scenario
 
 KAYAK = Path(__file__).resolve().parents[2] / "config" / "kayak.yaml"
@@ -25,7 +26,7 @@ def test_what_drifted_from_a_place_is_followed_back_to_it(
     start = Sighting(seen.lat_deg, seen.lon_deg, seen.time_s)
     times = seen.time_s + np.array([0.0, 7200.0])
     # Forward with the same law; the mean of many particles cancels their sides and errors.
-    there = incident._drifted([start], times, 4000, np.random.default_rng(1))
+    there = collected(times, incident._drifted([start], times, 4000, np.random.default_rng(1)))
     lat, lon = there.lats_deg[-1].mean(), there.lons_deg[-1].mean()
     end = tmp_path / "from.csv"
     arguments = [

@@ -19,7 +19,8 @@ def weigh(belief: Belief | EnsembleBelief, factors: NDArray[np.float64], *, sear
 
     Args:
         belief: The belief.
-        factors: (M,) by place, or (C, M) by detection class and place; of a search its 1 - POD.
+        factors: (M,) by place, (C, M) by detection class and place, or of the shape of the density;
+            of a search its 1 - POD.
         searched: Whether a search was made, which counts in the POS.
 
     Returns:
@@ -28,7 +29,11 @@ def weigh(belief: Belief | EnsembleBelief, factors: NDArray[np.float64], *, sear
     density = belief.density
     rows = density.reshape(len(belief.examples), -1, density.shape[-1])
     totals = rows.sum(axis=(1, 2))
-    weighed = rows * (factors if factors.ndim == 1 else factors[:, None])
+    if factors.shape == density.shape:
+        factors = factors.reshape(rows.shape)
+    elif factors.ndim == 2:
+        factors = factors[:, None]
+    weighed = rows * factors
     after = weighed.sum(axis=(1, 2))
     if searched:
         hazard = 1.0 - after / totals

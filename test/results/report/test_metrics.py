@@ -25,7 +25,7 @@ from dsse_ros.results.report.texts import outcome, summary
 from dsse_ros.search.belief.belief import Belief, Forecast
 from dsse_ros.search.environments.world_beliefs import DRIFT_SAMPLES
 
-OF_OTHERS = {"drones_lost", "duration", "poc_outside", "stranded"}
+OF_OTHERS = {"drones_lost", "duration", "poc_outside", "pos_alive", "stranded"}
 """Metrics that other tests check."""
 Rows = list[list[dict[str, str]]]
 

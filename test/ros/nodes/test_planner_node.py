@@ -21,7 +21,7 @@ from rig import LATCHED, Inbox, Process, Rig
 from sensor_msgs.msg import Image, PointCloud2
 from std_msgs.msg import Int32MultiArray, String
 
-from dsse_ros.cli.node_process import compiling
+from dsse_ros.cli.node_process import working
 from dsse_ros.mission.run.mission import Mission
 from dsse_ros.mission.run.step_reports import step_report_of
 from dsse_ros.planners.planner import Planning
@@ -481,11 +481,11 @@ def test_a_planner_that_compiles_says_so_and_that_it_is_ready_as_it_commands(
         return bool(json.loads(rig.first(String, "/compiled/agents").data)["commanded"])
 
     # As long as it compiles `run_mission` waits, and vehicles stay on the ground.
-    rig.until(lambda: compiling(process.log), "the compiler")
+    rig.until(lambda: working(process.log), "the compiler")
     assert not answers and not commanded()
     rig.until(lambda: answers, "a command")
     rig.until(lambda: "planner belief_greedy is ready" in process.output, "the planner to be ready")
-    assert not compiling(process.log)
+    assert not working(process.log)
     rig.until(commanded, "the simulation to be commanded")
     # Later steps need functions that the first one did not.
     rig.until(lambda: len({tuple(answer.data[:2]) for answer in answers}) > 3, "later steps")

@@ -387,11 +387,11 @@ def test_the_sea_of_an_incident_is_sent_once_and_wind_and_current_with_each_step
     for frame in filter(None, frames):
         ((kind, east, north, label),) = frame["corner"]
         assert kind == "wind" and east > 0 and abs(north) < 1e-3 and "from 270°" in label
-    (((x, y), radius, label, to),) = first["chart"]["sightings"]
+    (((x, y), radius, label, to, lines),) = first["chart"]["sightings"]
     side = page.played.frame.grid_size * page.played.frame.cell_size_m
     lat, lon, _ = map_to_geodetic(page.played.frame, x * side, (1 - y) * side, 0.0)
     assert (lat, lon) == (pytest.approx(-24.0, abs=1e-6), pytest.approx(-46.0, abs=1e-6))
-    assert label == "LKP 13:00Z" and radius == pytest.approx(300 / side)
+    assert not lines and label == "LKP 13:00Z" and radius == pytest.approx(300 / side)
     assert (to is not None) == (0 <= x <= 1 and 0 <= y <= 1)
     ((west, east, north),) = first["chart"]["shore"]
     assert west[0] == pytest.approx(x, abs=0.1) and east[1] > west[1] - 0.5 and north[1] < y
