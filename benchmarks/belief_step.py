@@ -141,8 +141,7 @@ class _Search:
                 if step not in MEASURED:
                     self._shared(pool)
                     continue
-                side = self.forecast.side
-                mine = self._components().reshape(self.batch, -1, side, side)
+                mine = self._components().reshape(self.batch, -1, *self.forecast.padded.matrix)
                 taken["two_cores"] += _seconds(partial(self._shared, pool))
                 searched, tables = self._searched(step), self._tables(step)
                 taken["numpy"] += _seconds(partial(numpy_step, mine, searched, POD, tables))
@@ -165,7 +164,7 @@ class _Search:
         """Return `searched` of `numpy_step`."""
         worlds, drones = np.nonzero(self.actions[step] == self.rules.action_set.search)
         col, row = (self.cells[step, worlds, drones] + motion_kernels.MARGIN).T
-        return worlds, row * self.forecast.side + col
+        return worlds, row * self.forecast.padded.columns + col
 
     def _tables(self, step: int) -> list[NDArray[np.float64] | None]:
         """Return `tables` of `numpy_step`."""
@@ -178,21 +177,22 @@ class _Search:
 
     def _table(self, slot: int, direction: int) -> NDArray[np.float64]:
         """Return the probabilities (9, S, S) of the steps from each cell."""
-        forecast, side = self.forecast, self.forecast.side
+        forecast, padded = self.forecast, self.forecast.padded
+        pitch = padded.columns
         # Each row is a person in one cell, and its distribution after the step.
-        before, count = np.eye(side * side), side * side
-        boxes = np.tile([0, side, 0, side, 0, 0, side], (count, 1))
+        before, count = np.eye(padded.cells), padded.cells
+        boxes = np.tile([0, pitch, 0, padded.rows, 0, 0, pitch], (count, 1))
         mass = component_kernels.Mass(before, boxes, np.eye(count), np.ones(count))
         scratch = component_motion.new_scratch(count)
         of_slot = forecast.moves.at(slot)._replace(directions=np.array([direction]))
         component_motion.predict(forecast.constants, forecast.sea, mass, of_slot, scratch)
         after = np.empty_like(before)
-        component_kernels.unpack(mass, side, after)
-        table = np.zeros((STEPS, side * side))
+        component_kernels.unpack(mass, pitch, after)
+        table = np.zeros((STEPS, count))
         for step in range(STEPS):
-            offset = (step // 3 - 1) * side + step % 3 - 1
-            table[step, max(-offset, 0) : side * side - max(offset, 0)] = after.diagonal(offset)
-        return table.reshape(-1, side, side)
+            offset = (step // 3 - 1) * pitch + step % 3 - 1
+            table[step, max(-offset, 0) : count - max(offset, 0)] = after.diagonal(offset)
+        return table.reshape(-1, *padded.matrix)
 
     def _components(self) -> NDArray[np.float64]:
         """Return the components cell by cell, (B, K, S S) float64; each belief sums to 1."""
@@ -200,7 +200,7 @@ class _Search:
         components = np.empty_like(masses.components)
         for b, out in enumerate(components):
             mass = component_kernels.Mass(*(array[b] for array in masses))
-            component_kernels.unpack(mass, self.forecast.side, out)
+            component_kernels.unpack(mass, self.forecast.padded.columns, out)
         return components / masses.totals[:, :, None]
 
     def _compare(self, belief: NDArray[np.float64]) -> None:

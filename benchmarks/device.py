@@ -111,7 +111,7 @@ def bytes_of(env: DeviceVectorEnv, observed: str) -> int:
     drones, actions = world.num_drones, len(env.rules.actions)
     # Actions, positions, rewards, two flags and masks of the drones; three infos.
     report = drones * (1 + 16 + 8 + 2 + actions) + 10
-    shown = 0 if observed == "nothing" else 4 * world.grid_size**2
+    shown = 0 if observed == "nothing" else 4 * world.grid_size.cells
     belief = 0
     if env.beliefs is not None:
         # The layers that move in a mean step, and their sum.

@@ -106,8 +106,8 @@ class Plan:
     def _cell(self) -> tuple[int, int]:
         col, row = self._env.scenario.person_initial_position
         dx, dy = self._rng.integers(-AROUND, AROUND + 1, 2).tolist()
-        edge = self._env.scenario.grid_size - 1
-        return min(max(col + dx, 0), edge), min(max(row + dy, 0), edge)
+        columns, rows = self._env.scenario.grid_size
+        return min(max(col + dx, 0), columns - 1), min(max(row + dy, 0), rows - 1)
 
     def actions(self) -> NDArray[np.int8]:
         """Return the next joint action, (N,)."""
@@ -254,14 +254,17 @@ class LiveMission:
     def _track(self, law: Incident) -> NDArray[np.float64]:
         """Return a track of the law, (T, 2) metres to the east and north in the map frame."""
         s = self._scenario
-        origin, side_m = (s.origin_lat, s.origin_lon, s.origin_alt), s.grid_size * s.cell_size
-        tracks, *_ = positions(law, origin, side_m, s.step_duration_s, STEPS, self._rng, 1)
+        origin, height_m = (
+            (s.origin_lat, s.origin_lon, s.origin_alt),
+            s.grid_size.rows * s.cell_size,
+        )
+        tracks, *_ = positions(law, origin, height_m, s.step_duration_s, STEPS, self._rng, 1)
         track = np.array([at_step[0] for at_step in tracks])
-        return np.stack([track[:, 0], flip_y(side_m, track[:, 1])], axis=1)
+        return np.stack([track[:, 0], flip_y(height_m, track[:, 1])], axis=1)
 
     def _cell_at(self, step: int) -> tuple[int, int]:
         x, y = (self._truth[step] / self._scenario.cell_size).tolist()
-        return int(np.floor(x)), self._scenario.grid_size - 1 - int(np.floor(y))
+        return int(np.floor(x)), self._scenario.grid_size.rows - 1 - int(np.floor(y))
 
     def fly(self) -> Outcome:
         """Fly it to its end."""

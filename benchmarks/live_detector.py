@@ -109,11 +109,11 @@ class Search:
 
     def _action(self, person: NDArray[np.float64]) -> int:
         """Return an action that leads to the person, mostly."""
-        env, side = self._mission.env, self._scenario.grid_size
+        env, grid = self._mission.env, self._scenario.grid_size
         col, row = (person / self._scenario.cell_size).astype(int).tolist()
-        goal = np.array([col, side - 1 - row])
+        goal = np.array([col, grid.rows - 1 - row])
         if self._rng.random() < ELSEWHERE:
-            goal = self._rng.integers(0, side, 2)
+            goal = self._rng.integers(0, grid)
         east, south = np.sign(goal - env.positions[0]).tolist()
         words = {(0, -1): "up", (0, 1): "down", (-1, 0): "left", (1, 0): "right"}
         parts = [words.get((0, south), ""), words.get((east, 0), "")]

@@ -118,12 +118,12 @@ class Arm:
         assert scenario.incident is not None
         self._inputs, _ = case.inputs(rng, scenario.incident)
         origin = scenario.origin_lat, scenario.origin_lon, scenario.origin_alt
-        self._side_m = scenario.grid_size * scenario.cell_size
+        self._height_m = scenario.grid_size.rows * scenario.cell_size
         tracks, *_ = positions(
-            scenario.incident, origin, self._side_m, scenario.step_duration_s, STEPS, rng, 1
+            scenario.incident, origin, self._height_m, scenario.step_duration_s, STEPS, rng, 1
         )
         self._truth: NDArray[np.float64] = np.array([at_step[0] for at_step in tracks])
-        self._starts = rng.permutation(scenario.grid_size**2)[: scenario.num_drones]
+        self._starts = rng.permutation(scenario.grid_size.cells)[: scenario.num_drones]
         # Both arms have their own chance of what drones detect, from the same seed.
         self._rng = np.random.default_rng([7, seed])
         self._planner = planner_of(self._env).with_seed(seed)
@@ -133,7 +133,7 @@ class Arm:
 
     def fly(self) -> float:
         """Return the POS at its end, or with detections whether the person was found."""
-        env, size = self._env, self._env.scenario.grid_size
+        env, size = self._env, self._env.scenario.grid_size.columns
         starts = [(int(start) % size, int(start) // size) for start in self._starts]
         observations, infos = env.reset(seed=0, options={"drones_positions": starts})
         looks, judge = LiveBeliefs(env.world), new_live_search(env)
@@ -171,7 +171,7 @@ class Arm:
             if not real and self._rng.random() >= self._case.false_alarms:
                 continue
             if real:
-                x, y = self._truth[step, 0], flip_y(self._side_m, self._truth[step, 1])
+                x, y = self._truth[step, 0], flip_y(self._height_m, self._truth[step, 1])
                 self._detected.append(step)
             else:
                 col, row = cell + self._rng.uniform(-0.5, 0.5, 2)
@@ -191,7 +191,10 @@ class Arm:
         now_s = (step + 1) * scenario.step_duration_s
         for contact in live_search.contacts.of_state("open"):
             last, x, y = live_search.contact_now(contact, now_s)
-            cell = int(x // scenario.cell_size), int(flip_y(self._side_m, y) // scenario.cell_size)
+            cell = (
+                int(x // scenario.cell_size),
+                int(flip_y(self._height_m, y) // scenario.cell_size),
+            )
             old = now_s - last.time_s >= BACK_STEPS * scenario.step_duration_s
             if old and cell in cells and contact.name not in self._real:
                 take(

@@ -9,6 +9,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from dsse_ros.base.grid_shape import GridShape
 from dsse_ros.planners.sweep import shares
 from dsse_ros.world.scenario.actions import ACTION_VECTORS
 
@@ -44,7 +45,7 @@ def random_walks(
     Returns:
         Start cells (N, 2) as (x, y) and actions (K, W, N).
     """
-    blocks = shares(grid_size, num_drones)
+    blocks = shares(GridShape.square(grid_size), num_drones)
     low = np.array([(cols.start, rows.start) for cols, rows in blocks])
     high = np.array([(cols.stop - 1, rows.stop - 1) for cols, rows in blocks])
     starts = (low + high) // 2

@@ -20,6 +20,7 @@ from typing import Any
 
 from dsse_ros import PROFILES, Rules, Scenario, parallel_env
 from dsse_ros.base.fields import Spec, specs
+from dsse_ros.base.grid_shape import GridShape
 from dsse_ros.planners.options import PatternOptions
 from dsse_ros.planners.registry import OPTIONS
 from dsse_ros.planners.search_plan.units_file import UnitFields
@@ -62,6 +63,8 @@ def shown(value: Any) -> str:
         return f"`{str(value).lower()}`"
     if isinstance(value, int | float):
         return f"`{value if isinstance(value, int) else round(value, 6) or value}`"
+    if isinstance(value, GridShape) and value.columns == value.rows:
+        return f"`{value.columns}`"
     if isinstance(value, str):
         return f"`{value}`" if value else '`""`'
     return f"`[{', '.join(shown(item).strip('`') for item in value)}]`"
@@ -173,7 +176,7 @@ def card(profile: str) -> dict[str, str]:
         "Observation space": f"`{env.observation_space(agent)}`",
         "State space": f"`{env.state_space}`",
         "Keys of `infos`": ", ".join(f"`{key}`" for key in infos[agent]),
-        "Grid": f"{env.scenario.grid_size} x {env.scenario.grid_size}",
+        "Grid": f"{env.scenario.grid_size}",
         "Steps of a failed episode": f"{limit + 1 + env.rules.time_out_grace}",
     }
 

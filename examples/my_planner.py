@@ -59,7 +59,7 @@ class MyPlanner(Node):
         if report is self.answered or not subscribed:
             return
         self.answered = report
-        shares = np.array_split(np.arange(len(probability)), len(drones))
+        shares = np.array_split(np.arange(probability.shape[1]), len(drones))
         for drone, columns, command in zip(drones, shares, self.commands, strict=True):
             if not drone["terminated"] and not drone["truncated"]:
                 command.publish(String(data=choose(drone, columns, probability)))

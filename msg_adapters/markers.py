@@ -101,7 +101,8 @@ class Scene(NamedTuple):
 
     Attributes:
         cell_size_m: Side of a cell, by which sizes are chosen.
-        side_m: Side of the grid, in whose middle the arrows begin.
+        width_m: Width of the grid, in whose middle the arrows begin.
+        height_m: Its height.
         drones: In the order of the agents.
         datum: Where the search is about; None to leave out.
         radius_m: Radius of the circle about the datum; None to leave out.
@@ -112,7 +113,8 @@ class Scene(NamedTuple):
     """
 
     cell_size_m: float
-    side_m: float
+    width_m: float
+    height_m: float
     drones: Sequence[ShownDrone] = ()
     datum: Position | None = None
     radius_m: float | None = None
@@ -141,7 +143,7 @@ def marker_array(header: Header, scene: Scene) -> MarkerArray:
         markers.add_datum(_point(scene.datum), scene.radius_m)
     for number, person in enumerate(scene.persons):
         markers.add_person(number, person)
-    middle = Point(x=0.5 * scene.side_m, y=0.5 * scene.side_m, z=0.0)
+    middle = Point(x=0.5 * scene.width_m, y=0.5 * scene.height_m, z=0.0)
     for flow in scene.flows:
         markers.add_flow(middle, flow)
     for number, ring in enumerate(scene.shore):

@@ -46,11 +46,11 @@ def probability_to_occupancy(
     p = 0 becomes 0, NaN becomes -1 (unknown) and infinity 100.
 
     Args:
-        probability: (G, G) floats, NaN or not negative, row 0 north; float32 is fastest.
+        probability: (R, C) floats, NaN or not negative, row 0 north; float32 is fastest.
         scaling: One of `SCALINGS`.
 
     Returns:
-        (G, G) int8, row 0 north.
+        (R, C) int8, row 0 north.
 
     Raises:
         ValueError: If the scaling is unknown.
@@ -83,18 +83,17 @@ def occupancy_grid(
     Args:
         header: Time of the map, also its load time, and its frame.
         resolution_m: Side of a cell.
-        probability: (G, G) floats, row 0 north.
+        probability: (R, C) floats, row 0 north.
         scaling: As `probability_to_occupancy`.
-        area: (G, G) bool, row 0 north: cells that are not in it become -1; None for none.
+        area: (R, C) bool, row 0 north: cells that are not in it become -1; None for none.
 
     Raises:
-        ValueError: If the scaling is unknown or the map is not square.
+        ValueError: If the scaling is unknown or the map is no matrix.
     """
-    size = len(probability)
-    if probability.shape != (size, size):
-        raise ValueError(f"probability must be a square matrix, got {probability.shape}")
-    data = array.array("b", [0]) * (size * size)
-    rows = np.frombuffer(data, dtype=np.int8).reshape(size, size)
+    if probability.ndim != 2:
+        raise ValueError(f"probability must be a matrix, got {probability.shape}")
+    data = array.array("b", [0]) * probability.size
+    rows = np.frombuffer(data, dtype=np.int8).reshape(probability.shape)
     rows[...] = matrix_to_map_rows(probability_to_occupancy(probability, scaling))
     if area is not None:
         rows[matrix_to_map_rows(~area)] = -1
@@ -102,8 +101,7 @@ def occupancy_grid(
     message = OccupancyGrid(header=header)
     message.info.map_load_time = header.stamp
     message.info.resolution = float(resolution_m)
-    message.info.width = size
-    message.info.height = size
+    message.info.height, message.info.width = probability.shape
     message.data = data
     return message
 

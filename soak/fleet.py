@@ -14,6 +14,7 @@ from typing import Any
 
 from autopilot.running import Running, running_autopilot
 
+from dsse_ros.base.grid_shape import GridShape
 from dsse_ros.world.scenario.frames import GridFrame
 from dsse_ros.world.scenario.geodesy import map_to_geodetic
 from soak.rigs import DOWN, SEARCH, UP, Bridge, Sim, domain
@@ -126,7 +127,7 @@ def vehicle_at(
     cell: tuple[int, int], system: int, side: int, speedup: float, failure: Mapping[str, Any]
 ) -> Iterator[Running]:
     """Run a vehicle that stands in a cell."""
-    frame = GridFrame(side, CELL_M, *ORIGIN, 0.0, ALTITUDE_M)
+    frame = GridFrame(GridShape.square(side), CELL_M, *ORIGIN, 0.0, ALTITUDE_M)
     x, y = (cell[0] + 0.5) * CELL_M, (side - 1 - cell[1] + 0.5) * CELL_M
     with running_autopilot(
         link="udp",

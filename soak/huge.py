@@ -32,7 +32,7 @@ def huge_worlds(run: Run) -> Figures:
             process = rig.start("sim_node", parameters)
             resource.prlimit(process.child.pid, resource.RLIMIT_AS, (ADDRESS_SPACE,) * 2)
             line = process.output.splitlines()[-1:] if process.wait() == 2 else []
-            refused += bool(line and "grid_size" in line[0] and "must be at most" in line[0])
+            refused += bool(line and "grid_size" in line[0] and "grid_size must" in line[0])
     return {
         "steps": done,
         "steps_missing": steps - done,

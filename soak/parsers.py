@@ -41,11 +41,12 @@ class Parser:
 
 def _yaml() -> tuple[Take, list[bytes]]:
     from dsse_ros.world.scenario.rules import profile
-    from dsse_ros.world.scenario.scenario import Scenario
+    from dsse_ros.world.scenario.scenario import SPECS, Scenario
 
     def read(path: Path) -> None:
         scenario = Scenario.read(path)
-        if (scenario.grid_size or 0) <= 100 and scenario.zone_size is None:
+        grid = SPECS["grid_size"].check("grid_size", scenario.grid_size)
+        if (grid is None or grid.longer <= 100) and scenario.zone_size is None:
             scenario.resolve(profile("paper"))
 
     return _from_file("fuzzed.yaml", read), [
@@ -54,10 +55,11 @@ def _yaml() -> tuple[Take, list[bytes]]:
 
 
 def _geojson() -> tuple[Take, list[bytes]]:
+    from dsse_ros.base.grid_shape import GridShape
     from dsse_ros.world.scenario.area import Area, area_mask
 
     def read(path: Path) -> None:
-        area_mask(Area.read(str(path)), False, 8, 130.0, (-24.0, -46.0, 0.0))
+        area_mask(Area.read(str(path)), False, GridShape.square(8), 130.0, (-24.0, -46.0, 0.0))
 
     ring = [[-46.0, -24.0], [-45.99, -24.0], [-45.99, -23.99], [-46.0, -23.99], [-46.0, -24.0]]
     polygon = {"type": "Polygon", "coordinates": [ring]}
@@ -74,12 +76,13 @@ def _commands() -> tuple[Take, list[bytes]]:
     from rclpy.serialization import deserialize_message, serialize_message
     from std_msgs.msg import Int32MultiArray, String
 
+    from dsse_ros.base.grid_shape import GridShape
     from dsse_ros.mission.run import command_parsers
     from dsse_ros.world.scenario.frames import GridFrame
     from msg_adapters.commands import joint_action_message
     from msg_adapters.poses import pose_from_message
 
-    frame = GridFrame(8, 130.0, -24.0, -46.0, 0.0, 120.0)
+    frame = GridFrame(GridShape.square(8), 130.0, -24.0, -46.0, 0.0, 120.0)
     actions = ("left", "right", "up", "down", "search")
     kinds: list[tuple[Any, Callable[[Any], object]]] = [
         (String, lambda m: command_parsers.parse_action_name(m.data, actions)),

@@ -185,7 +185,7 @@ def plan(scenario: ResolvedScenario, rules: Rules) -> NDArray[np.int8]:
     (cell,) = scenario.drones_positions
     actions = []
     for _ in range(scenario.timestep_limit):
-        row, col = divmod(int(belief.poc().argmax()), scenario.grid_size)
+        row, col = divmod(int(belief.poc().argmax()), scenario.grid_size.columns)
         end = rules.action_set.towards(cell, (col, row))
         actions.append(rules.action_set.action(cell, end))
         if end == cell:

@@ -70,7 +70,7 @@ def _chain_of_tracks(belief: EnsembleBelief, horizon: int) -> TargetChain:
     after = np.take_along_axis(place[1:], order[:-1], axis=1)
     after += count * np.arange(1, layers)[:, None]
     to = (classes * after[..., None] + np.arange(classes)).ravel()
-    edges = np.arange(forecast.side**2 + 1)
+    edges = np.arange(forecast.padded.cells + 1)
     starts = [
         layer * count + np.searchsorted(forecast.columns(forecast.cells[row, particles]), edges)
         for layer, (row, particles) in enumerate(zip(rows, order, strict=True))

@@ -70,8 +70,8 @@ class ForwardBackward(BeamSearch):
 
     def _graph(self, moves: Moves) -> SearchGraph:
         """Return the moves and looks of a kind of drone on the columns of the belief."""
-        side, cells = self._forecast.side, self._forecast.side**2
-        on_grid = np.array([column_at(side, i, 0, 0) >= 0 for i in range(cells)])
+        padded, cells = self._forecast.padded, self._forecast.padded.cells
+        on_grid = np.array([column_at(padded, i, 0, 0) >= 0 for i in range(cells)])
         ahead = np.arange(cells) + moves.steps[:, None]
         valid = (ahead >= 0) & (ahead < cells)
         to = ahead % cells
@@ -79,7 +79,7 @@ class ForwardBackward(BeamSearch):
         leaves = self._masked[to] & ~self._masked
         ahead[~valid | ~on_grid[to] | leaves | ~moves.able[:, None]] = -1
         there = np.array(
-            [[column_at(side, i, dx, dy) for i in range(cells)] for dx, dy in moves.offsets],
+            [[column_at(padded, i, dx, dy) for i in range(cells)] for dx, dy in moves.offsets],
             np.int64,
         ).reshape(-1, cells)
         return search_graph(ahead, moves.starts, there, moves.pods)

@@ -18,6 +18,8 @@ from typing import Any, ClassVar, Literal, Protocol
 
 import numpy as np
 
+from dsse_ros.base.grid_shape import GridExtent, GridShape
+
 Kind = Literal[
     "bool",
     "int",
@@ -29,6 +31,8 @@ Kind = Literal[
     "floats",
     "ints",
     "names",
+    "grid",
+    "extent",
     "custom",
 ]
 
@@ -91,8 +95,9 @@ class Spec:
 
     Attributes:
         kind: bool, int, float, str; `vector` is a pair of floats, `cell` a pair of integers
-            (col, row), `cells` a list of cells, `floats`, `ints` and `names` are lists, `custom`
-            is any value that `reader` reads.
+            (col, row), `cells` a list of cells, `grid` a `GridShape`, also given as the integer of
+            a square, `extent` a `GridExtent`, also given as the number of a square, `floats`,
+            `ints` and `names` are lists, `custom` is any value that `reader` reads.
         doc: One sentence for users, without the unit.
         unit: Unit of the value or of each element, "" if it has none.
         low: Smallest allowed value, inclusive.
@@ -126,6 +131,8 @@ class Spec:
             "vector": "two finite numbers [x, y]",
             "cell": "a cell [col, row] of two integers",
             "cells": "a list of cells [col, row]",
+            "grid": "an integer, or two [columns, rows], each",
+            "extent": "a number, or two [width, height], each",
             "floats": "a list of finite numbers",
             "ints": "a list of integers",
             "names": "a list of names",
@@ -183,6 +190,16 @@ class Spec:
                 return (self._number(x), self._number(y))
             case "cell":
                 return self._cell(value)
+            case "grid":
+                if isinstance(value, numbers.Integral):
+                    return GridShape.square(self._integer(value))
+                columns, rows = _elements(value)
+                return GridShape(self._integer(columns), self._integer(rows))
+            case "extent":
+                if isinstance(value, numbers.Real):
+                    return GridExtent(self._number(value), self._number(value))
+                width, height = _elements(value)
+                return GridExtent(self._number(width), self._number(height))
             case "cells":
                 return tuple(self._cell(item) for item in _elements(value))
             case "floats":

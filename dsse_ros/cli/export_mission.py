@@ -109,9 +109,9 @@ def _home(text: str) -> Home:
 def _check_home(home: Home | None, frame: GridFrame) -> None:
     """Check that a home, if there is one, is near the grid."""
     if home is not None:
-        half_m = frame.side_m / 2
-        middle = map_to_geodetic(frame, half_m, half_m, 0.0)[:2]
-        check_near("home", (home.lat_deg, home.lon_deg), middle, within_m=half_m)
+        width_m, height_m = frame.extent
+        middle = map_to_geodetic(frame, width_m / 2, height_m / 2, 0.0)[:2]
+        check_near("home", (home.lat_deg, home.lon_deg), middle, within_m=max(frame.extent) / 2)
 
 
 def parse(argv: list[str] | None) -> argparse.Namespace:

@@ -11,6 +11,7 @@ from dataclasses import replace
 import numpy as np
 
 from dsse_ros.base.fields import FieldError, specs
+from dsse_ros.base.grid_shape import GridShape
 from dsse_ros.cli.command_line import Parser, place
 from dsse_ros.planners.patterns import SearchPattern
 from dsse_ros.vehicles.autopilots import AUTOPILOTS
@@ -99,8 +100,8 @@ class PatternMission:
             lat_deg, lon_deg = place("datum", arguments.datum)
         # Cells of 1 m, and the datum as their origin: headings are true there.
         self.frame = replace(
-            frame, grid_size=1, cell_size_m=1.0, origin_lat_deg=lat_deg, origin_lon_deg=lon_deg,
-            alt_m=frame.alt_of(0), alts_m=(),
+            frame, grid_size=GridShape.square(1), cell_size_m=1.0, origin_lat_deg=lat_deg,
+            origin_lon_deg=lon_deg, alt_m=frame.alt_of(0), alts_m=(),
         )  # fmt: skip
 
     def mission(self, settings: FlightSettings, home: Home | None) -> VehicleMission:

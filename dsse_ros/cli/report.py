@@ -65,7 +65,7 @@ def notices(record: RecordedMission, shown: Mapping[int, MissionView]) -> Iterat
     if not record.covers and not all(view.belief for view in shown.values()):
         yield "The maps are those that drones observed; a belief was not recorded."
     if record.pos is None:
-        large = record.grid_size > LARGEST_BELIEF_GRID
+        large = record.grid_size.longer > LARGEST_BELIEF_GRID
         why = f"; it is not computed on grids of more than {LARGEST_BELIEF_GRID} cells a side"
         yield f"The probability of success (POS) was not recorded{why if large else ''}."
 

@@ -89,7 +89,7 @@ class Watcher(Node):
         step: Steps done, -1 before the first report.
         num_active: Drones in flight.
         done: Whether the mission is over and all messages of its last step have arrived.
-        probability: The last belief (G, G), or the last map if no belief is published.
+        probability: The last belief (R, C), or the last map if no belief is published.
     """
 
     def __init__(self, run_id: int, *, belief: bool, pos: bool) -> None:

@@ -119,6 +119,9 @@ class CoverageDroneSwarmSearch(SwarmEnv):
                 }
             ),
         )
+        columns, rows = self._search.world.grid_size
+        if columns != rows:
+            raise ValueError(f"prob_matrix_path must be of a square matrix, got {columns} x {rows}")
         self.grid_size = self.probability_matrix.get_map_size()
         drone = DroneData(drone_amount, drone_speed, drone_probability_of_detection)
         self._publish(drone, grid_cell_size, timestep_limit)

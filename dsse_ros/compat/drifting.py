@@ -102,7 +102,7 @@ class Person(Drifting):
         speed = math.sqrt(size * cell_size / time_step)
         self._vector = (x / size * speed, y / size * speed) if size else (0.0, 0.0)
         self._relation = relation_of(self._vector, time_step, cell_size)
-        self._place = Spec("int", "", low=0, high=world.grid_size - 1)
+        self._place = Spec("int", "", low=0, high=world.grid_size.columns - 1)
 
     @property
     def _record(self) -> Any:
@@ -116,7 +116,7 @@ class Person(Drifting):
     @property
     def grid_size(self) -> int:
         """Cells along a side of the grid."""
-        return self._world.grid_size
+        return self._world.grid_size.columns
 
     @property
     def x(self) -> int:

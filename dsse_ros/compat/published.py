@@ -187,9 +187,9 @@ class PublishedEnv(Rebound):
     def _take_over(self) -> None:
         """Bring what a script has set into the world."""
         world = self._search.world
-        if self.grid_size != world.grid_size:
+        if self.grid_size != world.grid_size.columns:
             raise FieldError(
-                f"grid_size must be {world.grid_size} until the next reset, got "
+                f"grid_size must be {world.grid_size.columns} until the next reset, got "
                 f"{shown(self.grid_size)}"
             )
         limit = SPECS["timestep_limit"].check("timestep_limit", self.timestep_limit)
@@ -224,7 +224,7 @@ class PublishedEnv(Rebound):
         """
         if cells is not None:
             checked = SPECS["drones_positions"].check("drones_positions", cells)
-            grid, count = len(self._search.probability), self._search.world.num_drones
+            grid, count = self._search.world.grid_size, self._search.world.num_drones
             check_positions(checked, grid, count, None, apart=True)
 
     def _check_started(self) -> None:
@@ -264,7 +264,7 @@ class PublishedEnv(Rebound):
         acting = list(cells)[: len(self.agents)]
         checked = SPECS["drones_positions"].check("agents_positions", acting)
         for cell in checked:
-            check_cell("agents_positions", cell, len(self._search.probability))
+            check_cell("agents_positions", cell, self._search.world.grid_size)
         drones = self._search.world.drones[0, : len(acting)]
         drones["x"], drones["y"] = np.transpose(checked)
 

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from pettingzoo import ParallelEnv
 
 from dsse_ros.base.fields import FieldError, shown
+from dsse_ros.base.grid_shape import GridShape
 from dsse_ros.compat.arguments import joint_action
 from dsse_ros.compat.published import Cell, DroneData, Infos, PublishedEnv
 from dsse_ros.search.environments.agents import AgentSpaces
@@ -79,7 +80,7 @@ class SwarmEnv(AgentSpaces, PublishedEnv, ParallelEnv[str, Any, int]):
         cells, count = options.get("drones_positions"), len(self.possible_agents)
         if cells is not None and count < self._num_drones:
             positions = SPECS["drones_positions"].check("drones_positions", cells)
-            check_positions(positions, self.grid_size, count, None, apart=True)
+            check_positions(positions, GridShape.square(self.grid_size), count, None, apart=True)
             # Drones without an agent do nothing, wherever they are.
             others = ((x, y) for y in range(self.grid_size) for x in range(self.grid_size))
             free = (cell for cell in others if cell not in positions)

@@ -201,7 +201,7 @@ class DroneSwarmSearch(PublishedEnv):
 
     @property
     def _line(self) -> Spec:
-        return Spec("int", "", low=0, high=self._search.world.grid_size - 1)
+        return Spec("int", "", low=0, high=self._search.world.grid_size.columns - 1)
 
     def observation_space(self, agent: str) -> spaces.MultiDiscrete:
         """Return the space of a cell, as published: the map is not in it."""

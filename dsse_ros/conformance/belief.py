@@ -51,8 +51,8 @@ def _test_start(belief: TargetBelief) -> None:
 
 def _test_sum(belief: TargetBelief) -> None:
     poc, outside = belief.poc(), belief.outside
-    size = belief.forecast.scenario.grid_size
-    assert poc.shape == (size, size), f"poc: shape {poc.shape}, not {(size, size)}"
+    shape = belief.forecast.scenario.grid_size.matrix
+    assert poc.shape == shape, f"poc: shape {poc.shape}, not {shape}"
     assert (poc >= 0.0).all() and outside >= 0.0, "poc: a probability is below 0"
     total = float(poc.sum()) + outside
     assert abs(total - 1.0) <= TOLERANCE, f"poc and outside sum to {total:.12g}, not 1"
@@ -60,12 +60,12 @@ def _test_sum(belief: TargetBelief) -> None:
 
 def _test_looks(belief: TargetBelief, rng: np.random.Generator) -> None:
     """Test Bayes' rule for looks that found nobody, one by one and together."""
-    size = belief.forecast.scenario.grid_size
+    grid = belief.forecast.scenario.grid_size
     together, alone = belief.copy(), belief.copy()
     poc, outside, pos = belief.poc(), belief.outside, belief.pos
     likely = np.flatnonzero(poc.ravel() > 1e-6)
     assert len(likely), "poc: no cell is possible"
-    cells = [divmod(int(i), size) for i in rng.choice(likely, 2)]
+    cells = [divmod(int(i), grid.columns) for i in rng.choice(likely, 2)]
     looks = [Looked((col, row), rng.uniform(0.0, 0.9, 1)) for row, col in cells]
     left = poc.copy()
     for (col, row), pods in looks:
@@ -83,7 +83,7 @@ def _test_looks(belief: TargetBelief, rng: np.random.Generator) -> None:
     area = belief.forecast.area
     excluded = [] if area is None else [(int(x), int(y)) for y, x in np.argwhere(~area)]
     nowhere = belief.copy()
-    nowhere.update([Looked(cell, np.ones(1)) for cell in [(-1, size), *excluded]])
+    nowhere.update([Looked(cell, np.ones(1)) for cell in [(-1, grid.rows), *excluded]])
     off = max(float(np.abs(nowhere.poc() - poc).max()), abs(nowhere.pos - pos))
     assert off <= TOLERANCE, "update: a look off the grid or outside the area changes the belief"
     belief.update(looks)
@@ -91,10 +91,12 @@ def _test_looks(belief: TargetBelief, rng: np.random.Generator) -> None:
 
 def _test_expectation(belief: TargetBelief, horizon: int, rng: np.random.Generator) -> None:
     """Test that the expected finds of looks equal the gain in POS after the looks."""
-    size, forecast, ahead = belief.forecast.scenario.grid_size, belief.forecast, belief.copy()
+    forecast, ahead = belief.forecast, belief.copy()
     before = belief.poc()
     steps = np.sort(rng.integers(0, horizon, 6))
-    cells = [(int(col), int(row)) for col, row in rng.integers(0, size, (6, 2))]
+    cells = [
+        (int(col), int(row)) for col, row in rng.integers(0, forecast.scenario.grid_size, (6, 2))
+    ]
     pods = rng.uniform(0.0, 1.0, (6, 1))
     columns = np.array([forecast.column(cell) for cell in cells])
     expected = belief.outlook(horizon, 1.0)(LooksToCome(np.array([0, 6]), steps, columns, pods))
@@ -123,17 +125,17 @@ def _test_futures(belief: TargetBelief, horizon: int, rng: np.random.Generator) 
 
 
 def _shares(belief: TargetBelief, columns: NDArray[np.int64]) -> NDArray[np.float64]:
-    """Return the share of these columns in each cell of the grid, (G, G)."""
-    counts = np.bincount(columns, minlength=belief.forecast.side**2)
+    """Return the share of these columns in each cell of the grid, (R, C)."""
+    counts = np.bincount(columns, minlength=belief.forecast.padded.cells)
     return _inner(belief, counts / len(columns))
 
 
 def _inner(belief: TargetBelief, values: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the values of the cells of the grid, (G, G), from those of all columns."""
-    side, size = belief.forecast.side, belief.forecast.scenario.grid_size
-    margin = (side - size) // 2
-    inner: NDArray[np.float64] = values.reshape(side, side)[
-        margin : margin + size, margin : margin + size
+    """Return the values of the cells of the grid, (R, C), from those of all columns."""
+    padded, grid = belief.forecast.padded, belief.forecast.scenario.grid_size
+    margin = (padded.columns - grid.columns) // 2
+    inner: NDArray[np.float64] = values.reshape(padded.matrix)[
+        margin : margin + grid.rows, margin : margin + grid.columns
     ]
     return inner
 
@@ -143,8 +145,7 @@ def _test_copy(belief: TargetBelief) -> None:
     poc, pos, step = belief.poc(), belief.pos, belief.step
     twin = belief.copy()
     assert np.array_equal(twin.poc(), poc) and twin.pos == pos, "copy: another belief"
-    size = len(poc)
-    row, col = divmod(int(poc.argmax()), size)
+    row, col = divmod(int(poc.argmax()), poc.shape[1])
     twin.update([Looked((col, row), np.full(1, 0.5))])
     twin.advance()
     same = np.array_equal(belief.poc(), poc) and belief.pos == pos and belief.step == step

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from dsse_ros.base.grid_shape import GridShape
 from dsse_ros.conformance.registered import registered
 from dsse_ros.search.belief.ensemble_belief import EnsembleBelief
 from dsse_ros.search.belief.forecasts import forecast_for
@@ -145,16 +146,17 @@ def _inflation(scenario: Scenario, rules: Rules) -> float:
     return 1.0 + WORLDS * float((truth**2).sum() + (tracks.weights**2).sum())
 
 
-def _counted(x: NDArray[Any], y: NDArray[Any], g: int) -> NDArray[np.int64]:
-    """Return the number of persons in each of G x G cells, and last the number outside the grid."""
-    inside = (x >= 0) & (x < g) & (y >= 0) & (y < g)
-    return np.bincount(np.where(inside, y * g + x, g * g), minlength=g * g + 1)
+def _counted(x: NDArray[Any], y: NDArray[Any], grid: GridShape) -> NDArray[np.int64]:
+    """Return the number of persons in each cell of a grid, and last the number outside it."""
+    inside = (x >= 0) & (x < grid.columns) & (y >= 0) & (y < grid.rows)
+    cells = np.where(inside, y * grid.columns + x, grid.cells)
+    return np.bincount(cells, minlength=grid.cells + 1)
 
 
 def _test_futures(belief: TargetBelief, seed: int) -> None:
     """Test that futures start from the belief and, for an ensemble, follow it."""
     forecast, ahead = belief.forecast, belief.copy()
-    g = forecast.scenario.grid_size
+    grid = forecast.scenario.grid_size
     rng = np.random.default_rng(seed)
     cells, persons, *_ = belief.futures(FUTURES, HORIZON, rng)
     assert cells.shape == (HORIZON + 1, FUTURES) and persons.shape == (FUTURES,), (
@@ -162,10 +164,10 @@ def _test_futures(belief: TargetBelief, seed: int) -> None:
     )
     exact = HORIZON if isinstance(belief, EnsembleBelief) else 0
     for h in range(exact + 1):
-        row, col = np.divmod(cells[h], forecast.side)
-        margin = (forecast.side - g) // 2
+        row, col = np.divmod(cells[h], forecast.padded.columns)
+        margin = (forecast.padded.columns - grid.columns) // 2
         poc, outside = _poc(ahead)
-        counts = _counted(col - margin, row - margin, g)
+        counts = _counted(col - margin, row - margin, grid)
         beyond = _excess(counts, np.append(poc.ravel(), outside))
         assert beyond <= SIGMAS, (
             f"futures are not where the belief is after {h} steps, by {beyond:.1f} sigmas"

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from dsse_ros.base.grid_shape import GridExtent
 from dsse_ros.picture.theme import Theme
 from dsse_ros.world.scenario.geodesy import Origin, surface_to_geodetic
 
@@ -25,21 +26,25 @@ _MINUTES = (0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1, 2, 5, 10, 1
 """Possible intervals between two marks of an edge."""
 
 
-def draw_degrees(axes: Axes, side_km: float, origin: Origin, theme: Theme) -> None:
+def draw_degrees(axes: Axes, extent_km: GridExtent, origin: Origin, theme: Theme) -> None:
     """Name longitude and latitude along the northern and eastern edges of a whole map.
 
     Args:
         axes: Axes of the map, in km from its south-west corner.
-        side_km: Side of the map.
+        extent_km: Of the map.
         origin: See `MissionView.origin`.
         theme: Colours.
     """
     top, right = axes.secondary_xaxis("top"), axes.secondary_yaxis("right")
-    lon, lat = edge_marks(1e3 * side_km, origin)
-    top.set_xticks([side_km * at for at in lon[0]], lon[1])
+    width, height = extent_km
+    lon, lat = edge_marks(GridExtent(1e3 * width, 1e3 * height), origin)
+    # The labels of a short edge would overlap.
+    every = [max(1, round(max(extent_km) / side)) for side in extent_km]
+    top.set_xticks([width * at for at in lon[0]][:: every[0]], lon[1][:: every[0]])
     right.set_yticks(
-        [side_km * at for at in lat[0]], lat[1], rotation=90, rotation_mode="default", va="center"
-    )
+        [height * at for at in lat[0]][:: every[1]], lat[1][:: every[1]], rotation=90,
+        rotation_mode="default", va="center",
+    )  # fmt: skip
     for edge in (top, right):
         edge.tick_params(labelsize=8, length=3, pad=2, colors=theme.soft)
         for spine in edge.spines.values():
@@ -47,22 +52,23 @@ def draw_degrees(axes: Axes, side_km: float, origin: Origin, theme: Theme) -> No
 
 
 def edge_marks(
-    side_m: float, origin: Origin, corner_m: tuple[float, float] = (0.0, 0.0)
+    extent: GridExtent, origin: Origin, corner_m: tuple[float, float] = (0.0, 0.0)
 ) -> tuple[Marks, Marks]:
     """Return the marks of longitude along the northern edge, and of latitude along the eastern.
 
     Args:
-        side_m: Side of the map.
+        extent: Of the map, m.
         origin: See `MissionView.origin`.
         corner_m: South-west corner of the map, east and north of the origin.
 
     Returns:
-        Places as shares of the side from its west or south, and labels; see `degree_marks`.
+        Places as shares of its width from the west, or of its height from the south, and labels;
+        see `degree_marks`.
     """
     along = np.linspace(0.0, 1.0, _SAMPLES)
     west_m, south_m = corner_m
-    _, lon = surface_to_geodetic(origin, west_m + side_m * along, south_m + side_m)
-    lat, _ = surface_to_geodetic(origin, west_m + side_m, south_m + side_m * along)
+    _, lon = surface_to_geodetic(origin, west_m + extent.width * along, south_m + extent.height)
+    lat, _ = surface_to_geodetic(origin, west_m + extent.width, south_m + extent.height * along)
     return degree_marks(along, np.unwrap(lon, period=360.0), "EW"), degree_marks(along, lat, "NS")
 
 

@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from dsse_ros.base.grid_shape import GridExtent, GridShape
+
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.image import AxesImage
@@ -17,36 +19,40 @@ if TYPE_CHECKING:
 MAX_STROKES = 4
 """Number of searches of a cell that the picture can show as strokes."""
 MAX_LINED_CELLS = 50
-"""Cells along a side up to which lines separate them."""
+"""Cells along the longer side up to which lines separate them."""
 
 
-def places_km(cells: ArrayLike, grid_size: int, cell_km: float) -> NDArray[np.float64]:
-    """Return x and y (K, 2) of the centres of cells (K, 2) as (col, row)."""
+def places_km(cells: ArrayLike, rows: int, cell_km: float) -> NDArray[np.float64]:
+    """Return x and y (K, 2) of the centres of cells (K, 2) as (col, row) of so many rows."""
     places = np.asarray(cells, float).reshape(-1, 2) + 0.5
-    places[:, 1] = grid_size - places[:, 1]
+    places[:, 1] = rows - places[:, 1]
     return places * cell_km
 
 
-def draw_cells(axes: Axes, values: NDArray[Any], side_km: float, **style: Any) -> AxesImage:
-    """Draw a value or colour of each cell, (G, G) or (G, G, 4), row 0 in the north."""
-    extent = (0.0, side_km, 0.0, side_km)
+def draw_cells(axes: Axes, values: NDArray[Any], extent_km: GridExtent, **style: Any) -> AxesImage:
+    """Draw a value or colour of each cell, (R, C) or (R, C, 4), row 0 in the north."""
+    extent = (0.0, extent_km.width, 0.0, extent_km.height)
     return axes.imshow(values, extent=extent, interpolation="nearest", **style)
 
 
 def draw_outside(
-    axes: Axes, area: NDArray[np.bool_], side_km: float, colour: str, **style: Any
+    axes: Axes, area: NDArray[np.bool_], extent_km: GridExtent, colour: str, **style: Any
 ) -> None:
-    """Draw the cells that are not in the search area (G, G)."""
+    """Draw the cells that are not in the search area (R, C)."""
     from matplotlib.colors import ListedColormap
 
     outside = np.ma.masked_where(area, np.ones(area.shape))
-    draw_cells(axes, outside, side_km, cmap=ListedColormap([colour]), **style)
+    draw_cells(axes, outside, extent_km, cmap=ListedColormap([colour]), **style)
 
 
-def draw_lines(axes: Axes, places: ArrayLike, side_km: float, colour: str) -> None:
-    """Draw lines between the cells at these places."""
-    for draw in (axes.hlines, axes.vlines):
-        draw(places, 0, side_km, color=colour, linewidth=0.4, zorder=0.5)
+def draw_lines(axes: Axes, grid: GridShape, extent_km: GridExtent, colour: str) -> None:
+    """Draw lines between the cells of a grid."""
+    width, height = extent_km
+    for draw, count, along, to in (
+        (axes.vlines, grid.columns, width, height), (axes.hlines, grid.rows, height, width)
+    ):  # fmt: skip
+        places = np.linspace(0, along, count + 1)[1:-1]
+        draw(places, 0, to, color=colour, linewidth=0.4, zorder=0.5)
 
 
 def name_axes(axes: Axes, **style: Any) -> None:
@@ -55,22 +61,22 @@ def name_axes(axes: Axes, **style: Any) -> None:
     axes.set_ylabel("north (km)", **style)
 
 
-def fan_out(places: NDArray[np.float64], apart: float, side: float) -> NDArray[np.float64]:
+def fan_out(places: NDArray[np.float64], apart: float, extent: GridExtent) -> NDArray[np.float64]:
     """Return places (N, 2) with those that are the same on a circle around it, in their order.
 
     Args:
         places: The places on a map, whose corner is at 0, 0.
         apart: Distance between neighbours on such a circle.
-        side: Side of the map; no place leaves it.
+        extent: Of the map; no place leaves it.
     """
-    fanned = places.copy()
+    fanned, side = places.copy(), min(extent)
     _, group, sizes = np.unique(places, axis=0, return_inverse=True, return_counts=True)
     for number in np.flatnonzero(sizes > 1).tolist():
         members = np.flatnonzero(group.ravel() == number)
         angle = np.pi / 2 - 2 * np.pi * np.arange(len(members)) / len(members)
         radius = min(apart / (2 * np.sin(np.pi / len(members))), side / 4)
         room = min(radius + apart / 2, side / 2)
-        middle = np.clip(places[members[0]], room, side - room)
+        middle = np.clip(places[members[0]], room, np.array(extent) - room)
         fanned[members] = middle + radius * np.stack([np.cos(angle), np.sin(angle)], axis=1)
     return fanned
 

@@ -21,7 +21,7 @@ class MissionView:
     """The contents of a picture of a mission; cells are (col, row), row 0 in the north.
 
     Attributes:
-        probability: (G, G) float32, [row, col].
+        probability: (R, C) float32, [row, col].
         tracks: (N, K, 2) cells of each drone, from its start to its present cell; in metres
             float64 places on its path, with fractions between cells.
         alive: (N,) bool, whether the drone is still in flight.
@@ -35,9 +35,9 @@ class MissionView:
         pos: Cumulative probability of success of the searches, None if unknown.
         coverage_rate: Share of the cells to cover that are covered; None for another task.
         belief: Whether the probability is a belief, updated with the searches.
-        area: (G, G) bool [row, col], the searched cells; None for all.
-        searches: (G, G) int [row, col], number of searches of each cell; None if unknown.
-        waits: (G, G) int [row, col], number of steps in which a drone waited in each cell: it
+        area: (R, C) bool [row, col], the searched cells; None for all.
+        searches: (R, C) int [row, col], number of searches of each cell; None if unknown.
+        waits: (R, C) int [row, col], number of steps in which a drone waited in each cell: it
             searched where nobody could be. None if unknown.
         circle: (col, row, radius) of the circle of the map in cells, None for none.
         origin: WGS84 latitude and longitude in degrees of the grid's south-west corner and its
@@ -144,7 +144,7 @@ def to_ansi(view: MissionView) -> str:
 
     def put(cell: NDArray[Any], mark: str) -> None:
         col, row = round(float(cell[0])), round(float(cell[1]))
-        if 0 <= row < len(rows) and 0 <= col < len(rows):
+        if 0 <= row < len(rows) and 0 <= col < len(rows[0]):
             rows[row][col] = mark
 
     for cell in view.persons[~view.found]:
@@ -154,6 +154,6 @@ def to_ansi(view: MissionView) -> str:
     # The drone that found a person is in the same cell.
     for cell in view.persons[view.found]:
         put(cell, "F")
-    edge = "+" + "-" * len(rows) + "+"
+    edge = "+" + "-" * len(rows[0]) + "+"
     body = ["|" + "".join(row) + "|" for row in rows]
     return "\n".join([view.headline, edge, *body, edge]) + "\n"

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from dsse_ros.base.grid_shape import GridShape
 from dsse_ros.picture.chart import draw_degrees, draw_scale, round_length
 from dsse_ros.picture.legend import (
     FOUND,
@@ -79,7 +80,7 @@ class PictureLayout:
 
     @property
     def map_pt(self) -> float:
-        """Side of the map in points."""
+        """Longer side of the map in points."""
         return 72.0 * self.size_in[0] * self.map[2]
 
 
@@ -141,10 +142,11 @@ class Picture:
 
     def draw(self, view: MissionView) -> bool:
         """Draw the present mission; return whether other artists than `moving` have changed."""
+        extent = GridShape.of(view.probability).extent(view.cell_size_m)
         scene = (
-            len(view.probability), view.cell_size_m, len(view.tracks), view.belief, view.origin,
+            view.probability.shape, view.cell_size_m, len(view.tracks), view.belief, view.origin,
             view.timestep_limit, None if view.area is None else view.area.tobytes(),
-            corner_rows(view.sea, len(view.probability) * view.cell_size_m), view.sea.sightings,
+            corner_rows(view.sea, extent), view.sea.sightings,
             [ring.tobytes() for ring in view.sea.shore], view.tracks[:, 0].tobytes(), view.strips_m,
         )  # fmt: skip
         if scene != self._scene:
@@ -156,10 +158,11 @@ class Picture:
     # The scene
 
     def _build(self, view: MissionView) -> None:
-        grid, layout, theme = len(view.probability), self._layout, self._theme
+        grid, layout, theme = GridShape.of(view.probability), self._layout, self._theme
         self._grid, self._km = grid, view.cell_size_m / 1000.0
-        self._side = grid * self._km
-        self._shaded = layout.map_pt / grid < _SMALLEST_CELL_PT
+        self._extent = grid.extent(self._km)
+        self._side = max(self._extent)
+        self._shaded = layout.map_pt / grid.longer < _SMALLEST_CELL_PT
         self._figure.clear()
         self._figure.set_facecolor(theme.paper)
         self._axes = self._figure.add_axes(layout.map, facecolor=theme.paper)
@@ -184,20 +187,20 @@ class Picture:
         """Add the cells, and what the sea consists of."""
         from matplotlib.colors import PowerNorm
 
-        axes, side, theme = self._axes, self._side, self._theme
+        axes, extent, theme = self._axes, self._extent, self._theme
         # A square root makes small probabilities visible.
         colours, roots = sea_colours(theme), (PowerNorm(0.5, 0, 1) for _ in range(2))
         self._sea = draw_cells(
-            axes, view.probability, side, cmap=colours, norm=next(roots), zorder=0
+            axes, view.probability, extent, cmap=colours, norm=next(roots), zorder=0
         )
         self._add_scale_of_colours(colours, next(roots), view)
-        if self._grid <= MAX_LINED_CELLS:
-            draw_lines(axes, np.arange(1, self._grid) * self._km, side, theme.faint)
+        if self._grid.longer <= MAX_LINED_CELLS:
+            draw_lines(axes, self._grid, extent, theme.faint)
         if view.area is not None:
             self._add_area(view.area)
         draw_shore(axes, view.sea, theme)
-        draw_sightings(axes, view.sea, side, theme)
-        draw_corner(axes, corner_rows(view.sea, 1000.0 * side), theme)
+        draw_sightings(axes, view.sea, extent, theme)
+        draw_corner(axes, corner_rows(view.sea, self._grid.extent(view.cell_size_m)), theme)
 
     def _add_scale_of_colours(self, colours: Any, norm: Any, view: MissionView) -> None:
         """Add the bar of colours, along which the probability is linear."""
@@ -231,7 +234,7 @@ class Picture:
         """Add the cells outside the area, and the edge of the area."""
         from matplotlib.collections import LineCollection
 
-        draw_outside(self._axes, area, self._side, self._theme.land, zorder=0.7)
+        draw_outside(self._axes, area, self._extent, self._theme.land, zorder=0.7)
         upright, level = np.argwhere(np.diff(area, axis=1)), np.argwhere(np.diff(area, axis=0))
         # Corners (col, row) of the cells, rows from the north.
         ends = [
@@ -239,7 +242,7 @@ class Picture:
             (level[:, ::-1] + (0, 1), level[:, ::-1] + (1, 1)),
         ]
         edges = np.concatenate([np.stack(pair, axis=1) for pair in ends]).astype(float)
-        edges[..., 1] = self._grid - edges[..., 1]
+        edges[..., 1] = self._grid.rows - edges[..., 1]
         colour = self._theme.edge
         self._axes.add_collection(
             LineCollection(list(edges * self._km), colors=colour, linewidths=1.0, zorder=0.8),
@@ -257,9 +260,9 @@ class Picture:
     def _add_searches(self) -> None:
         """Add the strokes or shades of searches, and the symbols of waiting drones."""
         self._strokes = self._add_lines(colors=self._theme.soft, linewidths=0.7, zorder=1)
-        self._shade = draw_cells(self._axes, np.zeros((1, 1, 4)), self._side, zorder=1)
+        self._shade = draw_cells(self._axes, np.zeros((1, 1, 4)), self._extent, zorder=1)
         self._shade.set_visible(False)
-        size = min(0.7 * self._layout.map_pt / self._grid, _MAX_WAIT_PT)
+        size = min(0.7 * self._layout.map_pt / self._grid.longer, _MAX_WAIT_PT)
         self._waits = self._add_points(3.7, max(size, 4.0), wait_marker(), width=1.6)
 
     def _add_strips(self, widths_m: tuple[float, ...]) -> None:
@@ -331,19 +334,20 @@ class Picture:
         ]
 
     def _finish_axes(self, view: MissionView) -> None:
-        axes, side, theme = self._axes, self._side, self._theme
-        axes.set_xlim(0, side)
-        axes.set_ylim(0, side)
+        axes, (width, height), theme = self._axes, self._extent, self._theme
+        axes.set_xlim(0, width)
+        axes.set_ylim(0, height)
         name_axes(axes, fontsize=9, color=theme.ink)
         axes.tick_params(labelsize=9, colors=theme.ink)
         for spine in axes.spines.values():
             spine.set_color(theme.ink)
         if view.origin is not None:
-            draw_degrees(axes, side, view.origin, theme)
+            draw_degrees(axes, self._extent, view.origin, theme)
         # Drones that start in the south-western corner would hide it.
+        side = min(self._side, 2 * min(width, height))
         starts = self._place(view.tracks[:, 0]) / side
         west = not ((starts[:, 0] < 0.47) & (starts[:, 1] < 0.16)).any()
-        draw_scale(axes, (0.0 if west else 0.54 * side, 0.0), side, theme)
+        draw_scale(axes, (0.0 if west else width - 0.46 * side, 0.0), side, theme)
 
     # A view
 
@@ -391,7 +395,7 @@ class Picture:
             return
         row, col = np.nonzero(view.searches)
         counts = np.minimum(view.searches[row, col], MAX_STROKES)
-        south_west = np.stack([col, self._grid - 1 - row], axis=1)
+        south_west = np.stack([col, self._grid.rows - 1 - row], axis=1)
         self._strokes.set_segments(
             [
                 (corner + stroke) * self._km
@@ -423,11 +427,11 @@ class Picture:
         times = lanes[:, every:last:every]
         colours = np.repeat(self._colours, times.shape[1], axis=0)
         self._put(self._times, times.reshape(-1, 2), self._theme.paper, colours)
-        starts = fan_out(places[:, 0], self._apart, self._side)
+        starts = fan_out(places[:, 0], self._apart, self._extent)
         self._put(self._starts, starts, self._theme.paper, self._colours)
 
     def _draw_drones(self, view: MissionView) -> None:
-        now = fan_out(self._place(view.tracks[:, -1]), self._apart, self._side)
+        now = fan_out(self._place(view.tracks[:, -1]), self._apart, self._extent)
         if view.headings is not None:
             # One for each drone, as every collection takes its markers in turn.
             self._heads.set_paths([heading_marker(turn) for turn in view.headings[view.alive]])
@@ -479,7 +483,7 @@ class Picture:
             "waited": view.waits is not None and bool(view.waits.any()),
             "datum": view.datum is not None,
             "circle": self._shows_circle(view),
-            "lkp": any(label_sides(view.sea, 1000.0 * self._side)),
+            "lkp": any(label_sides(view.sea, self._grid.extent(view.cell_size_m))),
             "person": bool((~view.found).any()),
             "found": bool(view.found.any()),
             "outside": view.area is not None,
@@ -492,9 +496,11 @@ class Picture:
         if view.circle is None:
             return False
         col, row, radius = view.circle
-        far = [max(at + 0.5, self._grid - at - 0.5) for at in (col, row)]
+        far = [
+            max(at + 0.5, size - at - 0.5) for at, size in zip((col, row), self._grid, strict=True)
+        ]
         return math.hypot(*far) > radius
 
     def _place(self, cells: Any) -> NDArray[np.float64]:
         """Return x and y in km of cells (K, 2)."""
-        return places_km(cells, self._grid, self._km)
+        return places_km(cells, self._grid.rows, self._km)

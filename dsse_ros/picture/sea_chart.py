@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from dsse_ros.base.grid_shape import GridExtent
 from dsse_ros.picture.legend import lkp_styles, shore_style
 from dsse_ros.picture.theme import Theme
 from dsse_ros.world.scenario.sea_state import SeaState
@@ -45,20 +46,20 @@ class CornerRow(NamedTuple):
 
 
 def label_sides(
-    sea: SeaState, side_m: float, corner_m: tuple[float, float] = (0.0, 0.0)
+    sea: SeaState, extent: GridExtent, corner_m: tuple[float, float] = (0.0, 0.0)
 ) -> list[tuple[int, int] | None]:
     """Return on which side of each sighting its label stands, so that the map does not cut it.
 
     Args:
         sea: The sea.
-        side_m: Side of the map.
+        extent: Of the map, m.
         corner_m: Its south-west corner.
 
     Returns:
         1 or -1 for east or west, and for north or south; None for a sighting off the map.
     """
     shares = [
-        ((seen.x_m - corner_m[0]) / side_m, (seen.y_m - corner_m[1]) / side_m)
+        ((seen.x_m - corner_m[0]) / extent.width, (seen.y_m - corner_m[1]) / extent.height)
         for seen in sea.sightings
     ]
     return [
@@ -70,16 +71,16 @@ def label_sides(
     ]
 
 
-def corner_rows(sea: SeaState, side_m: float) -> list[CornerRow]:
+def corner_rows(sea: SeaState, extent: GridExtent) -> list[CornerRow]:
     """Return wind and current unless unknown or calm, then the sightings that are off the map."""
     rows = [
         CornerRow(flow.kind, *flow.velocity_mps, flow.label)
         for flow in sea.flows
         if flow.speed_mps > 0
     ]
-    for seen, side in zip(sea.sightings, label_sides(sea, side_m), strict=True):
+    for seen, side in zip(sea.sightings, label_sides(sea, extent), strict=True):
         if side is None:
-            east, north = seen.x_m - side_m / 2, seen.y_m - side_m / 2
+            east, north = seen.x_m - extent.width / 2, seen.y_m - extent.height / 2
             bearing = round(math.degrees(math.atan2(east, north))) % 360
             away = f"{math.hypot(east, north) / 1000:.1f} km, {bearing:03d}° from the centre"
             rows.append(CornerRow("lkp", east, north, f"{seen.label}: {away}"))
@@ -87,7 +88,7 @@ def corner_rows(sea: SeaState, side_m: float) -> list[CornerRow]:
 
 
 def draw_sightings(
-    axes: Axes, sea: SeaState, side_km: float, theme: Theme,
+    axes: Axes, sea: SeaState, extent_km: GridExtent, theme: Theme,
     corner_km: tuple[float, float] = (0.0, 0.0),
 ) -> None:  # fmt: skip
     """Draw last known positions as fixes of a chart, with the circles of their uncertainty.
@@ -97,13 +98,14 @@ def draw_sightings(
     Args:
         axes: Axes of the map.
         sea: The sea.
-        side_km: Side of the part of the map that is shown.
+        extent_km: Of the part of the map that is shown.
         theme: Colours.
         corner_km: The south-west corner of that part.
     """
     around = np.linspace(0, math.tau, 91)
     corner_m = (1000.0 * corner_km[0], 1000.0 * corner_km[1])
-    sides = label_sides(sea, 1000.0 * side_km, corner_m)
+    extent = GridExtent(1000.0 * extent_km.width, 1000.0 * extent_km.height)
+    sides = label_sides(sea, extent, corner_m)
     for seen, side in zip(sea.sightings, sides, strict=True):
         x, y, radius = seen.x_m / 1000, seen.y_m / 1000, seen.radius_m / 1000
         for line in seen.lines:

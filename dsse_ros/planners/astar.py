@@ -16,6 +16,7 @@ from collections.abc import Collection, Mapping
 import numpy as np
 from numpy.typing import NDArray
 
+from dsse_ros.base.grid_shape import GridShape
 from dsse_ros.planners.masking import masked_moves
 from dsse_ros.planners.mission_watch import MissionWatch
 from dsse_ros.planners.options import Options
@@ -102,11 +103,12 @@ class AStar(DrawsNothing):
             free[row, col] = 0.0
         waiting = [agent for agent in present if agent not in self._goals]
         worth = {
-            agent: free * _closeness(actions[agent], present[agent], len(left)) for agent in waiting
+            agent: free * _closeness(actions[agent], present[agent], GridShape.of(left))
+            for agent in waiting
         }
         while worth:
             agent = max(worth, key=lambda candidate: float(worth[candidate].max()))
-            row, col = divmod(int(worth[agent].argmax()), len(left))
+            row, col = divmod(int(worth[agent].argmax()), left.shape[1])
             if worth.pop(agent)[row, col] <= 0:
                 return
             self._goals[agent] = (col, row)
@@ -114,17 +116,17 @@ class AStar(DrawsNothing):
                 others[row, col] = 0.0
 
 
-def _closeness(actions: ActionSet, cell: Cell, size: int) -> NDArray[np.float64]:
-    """Return the factor for the distance to each cell (G, G), 0 for unreachable cells."""
-    away = actions.distances(cell, size)
+def _closeness(actions: ActionSet, cell: Cell, grid: GridShape) -> NDArray[np.float64]:
+    """Return the factor for the distance to each cell (R, C), 0 for unreachable cells."""
+    away = actions.distances(cell, grid)
     closeness: NDArray[np.float64] = np.where(away < 0, 0.0, CLOSENESS**away)
     return closeness
 
 
 def _share_covered_around(left: NDArray[np.float32]) -> NDArray[np.float64]:
-    """Return, for each cell (G, G), the share of its eight neighbours where nothing is left."""
-    size, around = len(left), np.pad(left > 0, 1).astype(np.float64)
-    cells = sum(around[dy : dy + size, dx : dx + size] for dy in range(3) for dx in range(3))
+    """Return, for each cell (R, C), the share of its eight neighbours where nothing is left."""
+    (rows, cols), around = left.shape, np.pad(left > 0, 1).astype(np.float64)
+    cells = sum(around[dy : dy + rows, dx : dx + cols] for dy in range(3) for dx in range(3))
     share: NDArray[np.float64] = 1.0 - (cells - (left > 0)) / 8.0
     return share
 
@@ -140,12 +142,12 @@ def next_cell(
 
     Args:
         actions: The available moves.
-        left: (G, G), the probability that is left.
+        left: (R, C), the probability that is left.
         start: Start of the path.
         goal: Goal of the path.
         taken: Cells that the first move may not enter.
     """
-    size = len(left)
+    grid = GridShape.of(left)
     # Paths of equal length are ordered by probability, so the most probable one comes first.
     queue = [(actions.distance(start, goal), 0, 0.0, start, start)]
     done = set()
@@ -156,7 +158,7 @@ def next_cell(
         if cell in done:
             continue
         done.add(cell)
-        for ahead in actions.neighbours(cell, size):
+        for ahead in actions.neighbours(cell, grid):
             rest = actions.distance(ahead, goal)
             if ahead in done or rest < 0 or (steps == 0 and ahead in taken):
                 continue

@@ -94,7 +94,7 @@ class Residual(NamedTuple):
         places: (M,) int64, place of each scenario; E if no free one ends there.
         counts: (E + 1,) int64, number of free scenarios in each place.
         positions: (E + 1,) int64, positions of the places, see `Moves`.
-        worths: (S S,) int64 in `UNIT`, their worth seen from a cell; -1 until it is computed.
+        worths: (S,) int64 in `UNIT`, their worth seen from a cell; -1 until it is computed.
     """
 
     free: NDArray[np.uint64]
@@ -112,7 +112,7 @@ class Problem(NamedTuple):
         moves: Of the drone's kind.
         scenarios: The scenarios.
         residual: What the others leave of them.
-        blocked: (H, S S) bool, cells that the drone must not be in after step h + 1.
+        blocked: (H, S) bool, cells that the drone must not be in after step h + 1.
         discounts: Of a find.
         kappa: Weight of the scenarios left at the end.
     """
@@ -307,7 +307,7 @@ def keep_best(
 
     Args:
         order: (F,) int64, its moves in order of their ranks.
-        in_cell: (S S,) int64 scratch, zeros in and out.
+        in_cell: (S,) int64 scratch, zeros in and out.
     """
     kept, width = 0, tree.cells.shape[1]
     for k in order:

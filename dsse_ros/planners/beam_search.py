@@ -16,6 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from dsse_ros.base.grid_shape import GridShape
 from dsse_ros.planners import plan_kernels
 from dsse_ros.planners.beam import plan_drone
 from dsse_ros.planners.options import OF_PARTICLES, SAMPLES, BeamOptions
@@ -67,7 +68,7 @@ def num_finalists(rules: Rules, num_drones: int) -> int:
 
 
 def _moves_of_kinds(
-    swarm: Swarm, looks: Looks, side: int, times: Sequence[ActionTimes]
+    swarm: Swarm, looks: Looks, padded: GridShape, times: Sequence[ActionTimes]
 ) -> list[plan_kernels.Moves]:
     """Return the moves of each kind of drone; all kinds number their moves and looks alike."""
     steps = [(0, 0), *swarm.actions.steps]
@@ -79,24 +80,22 @@ def _moves_of_kinds(
         for a, action in enumerate(actions):
             rows += range(of_kind[action], of_kind[action + 1])
             starts[kind, a + 1] = len(rows)
-    y, x = np.indices((side, side)).reshape(2, -1)
-    between = np.minimum(np.abs(np.arange(2 * side) - side), side - 1)
+    y, x = np.indices(padded.matrix).reshape(2, -1)
+    between = [np.minimum(np.abs(np.arange(2 * size) - size), size - 1) for size in padded.matrix]
     nearness = [
-        CLOSENESS ** able.distances((0, 0), side, as_if_open=True).astype(np.float64)
+        CLOSENESS ** able.distances((0, 0), padded, as_if_open=True).astype(np.float64)
         for able in swarm.of_kinds
     ]
     return [
         plan_kernels.Moves(
-            steps=np.array([dy * side + dx for dx, dy in steps]),
+            steps=np.array([dy * padded.columns + dx for dx, dy in steps]),
             able=np.array([step in ((0, 0), *able.steps) for step in steps]),
             starts=starts[kind],
             offsets=looks.offsets[rows],
             pods=looks.pods[rows],
             nearness=nearness[kind],
-            positions=y * 2 * side + x,
-            around=(nearness[kind][np.ix_(between, between)] * plan_kernels.UNIT)
-            .astype(np.int64)
-            .ravel(),
+            positions=y * 2 * padded.columns + x,
+            around=(nearness[kind][np.ix_(*between)] * plan_kernels.UNIT).astype(np.int64).ravel(),
             extra=np.array(times[kind].takes)[actions] - 1.0,
             rest=np.array(times[kind].after)[actions],
         )
@@ -110,7 +109,7 @@ def _fleet_of(kinds: Sequence[plan_kernels.Moves]) -> plan_kernels.PlannedFleet:
         kinds=np.arange(len(kinds)), steps=kinds[0].steps,
         starts=np.stack([kind.starts for kind in kinds]), offsets=kinds[0].offsets,
         extra=np.stack([kind.extra for kind in kinds]),
-        rest=np.stack([kind.rest for kind in kinds]), side=len(kinds[0].nearness),
+        rest=np.stack([kind.rest for kind in kinds]), padded=GridShape.of(kinds[0].nearness),
     )  # fmt: skip
 
 
@@ -131,7 +130,7 @@ class Reach:
         self._step = max(scenario.battery_move, scenario.battery_search)
 
     def beyond(self, drone: int, battery: float, steps: int) -> NDArray[np.bool_]:
-        """Return the cells from which a drone may not get home after steps 1, 2, ..., (H, G, G).
+        """Return the cells from which a drone may not get home after steps 1, 2, ..., (H, R, C).
 
         Args:
             drone: Number of the drone.
@@ -176,13 +175,13 @@ class BeamSearch:
         self._swarm = Swarm.of_scenario(forecast.scenario, forecast.rules)
         looks = looks_of(forecast.scenario, forecast.rules)
         times = action_times_of_kinds(forecast.scenario, forecast.rules)
-        self._kinds = _moves_of_kinds(self._swarm, looks, forecast.side, times)
+        self._kinds = _moves_of_kinds(self._swarm, looks, forecast.padded, times)
         self._fleet = _fleet_of(self._kinds)
         self._most_looks = max(int(np.diff(self._fleet.starts, axis=1).max()), 1)
         self._sure = not (self._kinds[0].pods < 1.0).any()
         self._measure = forecast.rules.action_set.distance
-        size = forecast.scenario.grid_size
-        area = np.ones((size, size), np.bool_) if forecast.area is None else forecast.area
+        grid = forecast.scenario.grid_size
+        area = np.ones(grid.matrix, np.bool_) if forecast.area is None else forecast.area
         self._masked = ~np.pad(area, MARGIN).ravel()
         self._plans: dict[Hashable, PlannedPath] = {}
         self._reach: Reach | None = None
@@ -332,17 +331,17 @@ class BeamSearch:
         """Return the drones in order of their distance to the belief's mean."""
         cells = belief.poc()
         total = max(float(cells.sum()), 1e-300)
-        line = np.arange(len(cells))
+        rows, cols = map(np.arange, cells.shape)
         mean = (
-            round(float(cells.sum(axis=0) @ line) / total),
-            round(float(cells.sum(axis=1) @ line) / total),
+            round(float(cells.sum(axis=0) @ cols) / total),
+            round(float(cells.sum(axis=1) @ rows) / total),
         )
         return sorted(range(len(present)), key=lambda n: self._measure(present[n], mean))
 
     def _blocked(
         self, drone: int, plans: Sequence[PlannedPath], planned: set[int], horizon: int
     ) -> NDArray[np.bool_]:
-        """Return the cells (H, S S) that a drone must keep out of.
+        """Return the cells (H, S) that a drone must keep out of.
 
         They are the cells outside the area and, if drones collide, those of other drones.
         A drone that has not planned may stay where it is, so staying is always safe.
@@ -361,7 +360,7 @@ class BeamSearch:
     def _beyond(
         self, agents: Sequence[Hashable], batteries: Sequence[float], horizon: int
     ) -> list[NDArray[np.bool_]]:
-        """Return the cells (H, S S) that are out of each drone's reach; empty without batteries."""
+        """Return the cells (H, S) that are out of each drone's reach; empty without batteries."""
         if not batteries:
             return []
         if self._reach is None:

@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dsse_ros.base.fields import FieldError
+from dsse_ros.base.grid_shape import GridShape
 from dsse_ros.planners.avoidance import approach
 from dsse_ros.planners.beam_search import BeamSearch, steps_planned
 from dsse_ros.planners.masking import is_returning, is_under_way, masked_moves
@@ -85,10 +86,10 @@ class GreedyOnBelief(DrawsNothing):
         self, actions: Sequence[ActionSet], present: Sequence[Cell], likely: NDArray[np.float64]
     ) -> list[Cell]:
         """Return a goal for each drone."""
-        size = len(likely)
+        grid = GridShape.of(likely)
         away = np.stack(
             [
-                able.distances(cell, size, as_if_open=True)
+                able.distances(cell, grid, as_if_open=True)
                 for able, cell in zip(actions, present, strict=True)
             ]
         )

@@ -97,8 +97,7 @@ class RoutesOnBelief(ABC):
                 replace(self._swarm, may_be_under_way=False), seed=self._seed + belief.step,
                 in_passing=self._in_passing,
             )  # fmt: skip
-            size = belief.forecast.scenario.grid_size
-            self._guidance.start(agents, routes, size)
+            self._guidance.start(agents, routes, belief.forecast.scenario.grid_size)
             self._agents, self._planned_at = list(agents), belief.step
         cells = self._guidance.next_cells(agents, present)
         self.drawn = self.drawn or self._guidance.drawn

@@ -65,17 +65,17 @@ def looks_of_search(belief: TargetBelief) -> LookAround:
 
 
 def expected_finds(likely: NDArray[np.float64], looks: LookAround) -> NDArray[np.float64]:
-    """Return the expected finds of a search in each cell, (G, G) [row, col].
+    """Return the expected finds of a search in each cell, (R, C) [row, col].
 
     Args:
-        likely: (G, G) probability of containment, [row, col].
+        likely: (R, C) probability of containment, [row, col].
         looks: Looks of a search.
     """
     return np.sum([_seen(likely, look) for look in looks], axis=0) if looks else 0.0 * likely
 
 
 def _seen(likely: NDArray[np.float64], look: tuple[int, int, float]) -> NDArray[np.float64]:
-    """Return the expected finds of a look, by the cell of the drone, (G, G)."""
+    """Return the expected finds of a look, by the cell of the drone, (R, C)."""
     dx, dy, pod = look
     rows, cols = likely.shape
     around = np.pad(likely, ((abs(dy), abs(dy)), (abs(dx), abs(dx))))
@@ -83,7 +83,7 @@ def _seen(likely: NDArray[np.float64], look: tuple[int, int, float]) -> NDArray[
 
 
 def reach_of(actions: Sequence[ActionSet], present: Sequence[Cell]) -> NDArray[np.bool_] | None:
-    """Return the cells to which moves of any drone lead, (G, G) bool [row, col]; None for all.
+    """Return the cells to which moves of any drone lead, (R, C) bool [row, col]; None for all.
 
     Args:
         actions: Actions of each drone.
@@ -107,10 +107,10 @@ def allocate(
     """Return how often to search each cell (col, row) for the greatest POS.
 
     Args:
-        likely: (G, G) probability of containment, [row, col].
+        likely: (R, C) probability of containment, [row, col].
         looks: Looks of a search.
         searches: Searches to allocate; the function allocates fewer if nothing is left to gain.
-        reach: (G, G) bool [row, col], the cells in which to search; None for all.
+        reach: (R, C) bool [row, col], the cells in which to search; None for all.
     """
     if not looks:
         return {}

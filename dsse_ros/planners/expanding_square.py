@@ -17,6 +17,7 @@ from math import atan2, pi
 import numpy as np
 from numpy.typing import NDArray
 
+from dsse_ros.base.grid_shape import GridShape
 from dsse_ros.planners.patterns import square_legs
 from dsse_ros.planners.planner import Cell
 from dsse_ros.world.scenario.actions import ActionSet, connected_components
@@ -37,39 +38,39 @@ def square_routes(
 
     Args:
         cells: Present cell of each drone.
-        probability: Map (G, G); the most probable cell is the datum.
+        probability: Map (R, C); the most probable cell is the datum.
         actions: Actions of each drone; they measure the distance to the ends of an arc.
     """
-    size = len(probability)
+    grid = GridShape.of(probability)
     datum = datum_of(probability)
     routes = [[cell] for cell in cells]
     for members, component in connected_components(actions, cells):
         drones = sorted(members, key=lambda drone: _clockwise(datum, cells[drone]))
-        shared = shared_square(datum, size, [actions[drone] for drone in drones], component)
+        shared = shared_square(datum, grid, [actions[drone] for drone in drones], component)
         for drone, route in zip(drones, shared, strict=True):
             routes[drone] = route or routes[drone]
     return routes
 
 
-def square_spiral(datum: Cell, size: int) -> Iterator[Cell]:
+def square_spiral(datum: Cell, grid: GridShape) -> Iterator[Cell]:
     """Yield the datum and the cells around it, leg by leg, without those outside the grid."""
     yield datum
-    left = size * size - 1
+    left = grid.cells - 1
     col, row = datum
-    for heading_deg, length in square_legs(2 * size):
+    for heading_deg, length in square_legs(2 * grid.longer):
         d_col, d_row = _MOVES[int(heading_deg)]
         for _ in range(int(length)):
             if not left:
                 return
             col, row = col + d_col, row + d_row
-            if 0 <= col < size and 0 <= row < size:
+            if grid.holds(col, row):
                 left -= 1
                 yield col, row
 
 
 def shared_square(
     datum: Cell,
-    size: int,
+    grid: GridShape,
     actions: Sequence[ActionSet],
     component: NDArray[np.bool_] | None = None,
 ) -> list[list[Cell]]:
@@ -80,11 +81,11 @@ def shared_square(
 
     Args:
         datum: First cell of the spiral.
-        size: G.
+        grid: Its shape.
         actions: Actions of each drone.
-        component: (G, G) bool [row, col], the cells to share; None for all.
+        component: (R, C) bool [row, col], the cells to share; None for all.
     """
-    drones, spiral = len(actions), square_spiral(datum, size)
+    drones, spiral = len(actions), square_spiral(datum, grid)
     if component is not None:
         spiral = ((col, row) for col, row in spiral if component[row, col])
     if drones == 1:

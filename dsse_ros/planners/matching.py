@@ -15,7 +15,7 @@ def best_pairs(worth: NDArray[Any]) -> Iterator[tuple[int, int, int]]:
     """Yield the pair of greatest worth among the remaining drones and cells, again and again.
 
     Args:
-        worth: (N, G, G) [drone, row, col], not negative where a drone may go; it is overwritten.
+        worth: (N, R, C) [drone, row, col], not negative where a drone may go; it is overwritten.
 
     Yields:
         drone, row, col; as long as a drone that remains may go to a cell that does.

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dsse_ros.base.compiled.jit import compiled, inlined, part
+from dsse_ros.base.grid_shape import GridExtent
 from dsse_ros.planners.metres_futures import BinnedFutures, Seen, write_seen
 from dsse_ros.search.belief.motion_kernels import Floats, Ints
 from dsse_ros.search.step.metres_paths import MOTION_STATES, MotionState, Wind, write_path
@@ -30,10 +31,10 @@ class Field(NamedTuple):
     """The persons left at the end, in cells over the whole grid.
 
     Attributes:
-        left: (R, R) float64, the weight left in each cell.
+        left: (R, C) float64, the weight left in each cell.
         places: (E,) int64, the cells with any.
-        nearness: (R, R) float64, worth of a person by the distance, [y, x].
-        worths: (R, R) float64, the worth of all persons seen from a cell; -1 until it is computed.
+        nearness: (R, C) float64, worth of a person by the distance, [y, x].
+        worths: (R, C) float64, the worth of all persons seen from a cell; -1 until it is computed.
         size: Side of a cell.
         fade: Logarithm of the factor on the worth per metre.
     """
@@ -53,7 +54,7 @@ class MetresProblem(NamedTuple):
         airframes: (1,) of `AIRFRAMES`.
         detectors: (A,) of `DETECTORS`, see `write_seen`.
         wind: The wind and the time of a step.
-        side: Side of the grid, which the drone must not leave.
+        extent: Of the grid, which the drone must not leave.
         turns: (A,) float64, the turns tried in each step, in radians.
         futures: The persons.
         worth: (H, M) float64, see `write_worth`.
@@ -66,7 +67,7 @@ class MetresProblem(NamedTuple):
     airframes: NDArray[np.void]
     detectors: NDArray[np.void]
     wind: Wind
-    side: float
+    extent: GridExtent
     turns: NDArray[np.float64]
     futures: BinnedFutures
     worth: NDArray[np.float64]
@@ -140,40 +141,40 @@ class PathScratch(NamedTuple):
 
 @compiled()
 def field_of(
-    futures: BinnedFutures, left: Floats, side: float, leg: float, closeness: float
+    futures: BinnedFutures, left: Floats, extent: GridExtent, leg: float, closeness: float
 ) -> Field:
     """Return where the persons are at the end.
 
     Args:
         left: (M,) float64, the weight left of each.
-        side: Side of the grid.
+        extent: Of the grid.
         leg: Length of a step's path.
         closeness: Factor on the worth of a person for each leg to him.
     """
-    size = max(leg, side / MOST_CELLS)
-    count = int(math.ceil(side / size))
-    in_cell, nearness = np.zeros((count, count)), np.empty((count, count))
+    size = max(leg, max(extent.width, extent.height) / MOST_CELLS)
+    columns, rows = int(math.ceil(extent.width / size)), int(math.ceil(extent.height / size))
+    in_cell, nearness = np.zeros((rows, columns)), np.empty((rows, columns))
     fade = math.log(closeness) / leg
     last = len(futures.ways) - 1
     for place in range(futures.starts[last, -1]):
         way, s = futures.ways[last, place], futures.members[last, place]
-        column = min(max(int(way[2] / size), 0), count - 1)
-        row = min(max(int(way[3] / size), 0), count - 1)
+        column = min(max(int(way[2] / size), 0), columns - 1)
+        row = min(max(int(way[3] / size), 0), rows - 1)
         in_cell[row, column] += left[s]
-    for y in range(count):
-        for x in range(count):
+    for y in range(rows):
+        for x in range(columns):
             nearness[y, x] = math.exp(fade * size * math.hypot(x, y))
     places = np.flatnonzero(in_cell)
-    return Field(in_cell, places, nearness, np.full((count, count), -1.0), size, fade)
+    return Field(in_cell, places, nearness, np.full((rows, columns), -1.0), size, fade)
 
 
 @inlined
 def worth_from(field: Field, row: int, column: int) -> float:
     """Return the worth of the persons left to a drone in a cell."""
     if field.worths[row, column] < 0.0:
-        total, count = 0.0, len(field.left)
+        total, columns = 0.0, field.left.shape[1]
         for place in field.places:
-            y, x = place // count, place % count
+            y, x = place // columns, place % columns
             total += field.left[y, x] * field.nearness[abs(y - row), abs(x - column)]
         field.worths[row, column] = total
     return field.worths[row, column]
@@ -182,12 +183,13 @@ def worth_from(field: Field, row: int, column: int) -> float:
 @part
 def worth_at(field: Field, x: float, y: float) -> float:
     """Return the worth of the persons left to a drone at a position, between those of cells."""
-    last = len(field.left) - 1
-    across = min(max(x / field.size - 0.5, 0.0), float(last))
-    down = min(max(y / field.size - 0.5, 0.0), float(last))
-    column, row = min(int(across), max(last - 1, 0)), min(int(down), max(last - 1, 0))
+    last_row, last_column = field.left.shape[0] - 1, field.left.shape[1] - 1
+    across = min(max(x / field.size - 0.5, 0.0), float(last_column))
+    down = min(max(y / field.size - 0.5, 0.0), float(last_row))
+    column = min(int(across), max(last_column - 1, 0))
+    row = min(int(down), max(last_row - 1, 0))
     u, v = across - column, down - row
-    right, below = min(column + 1, last), min(row + 1, last)
+    right, below = min(column + 1, last_column), min(row + 1, last_row)
     upper = (1.0 - u) * worth_from(field, row, column) + u * worth_from(field, row, right)
     lower = (1.0 - u) * worth_from(field, below, column) + u * worth_from(field, below, right)
     return (1.0 - v) * upper + v * lower
@@ -242,7 +244,7 @@ def write_candidate(
     flight, (turn, speed) = tried.flights[found], (tried.actions[found, 0], tried.actions[found, 1])
     copy_state(tree.flights[h, node], flight)
     write_path(problem.airframes[0], problem.wind, flight, turn, speed, scratch.path)
-    room = room_after(problem.airframes[0], problem.wind, problem.side, flight, scratch.path)
+    room = room_after(problem.airframes[0], problem.wind, problem.extent, flight, scratch.path)
     if room < LEAST_ROOM_M:
         return False
     futures, seen, gain, finds = problem.futures, scratch.seen, level.gains[node], 0.0
@@ -311,10 +313,9 @@ def keep_best(
         order: (F,) int64, its flights in order of their ranks.
     """
     kept, width, counts = 0, tree.parents.shape[1], scratch.counts
-    size = problem.side / len(counts)
     for k in order:
         flight = tried.flights[k]
-        row, column = square_of(flight, size, len(counts))
+        row, column = square_of(problem.extent, flight, counts)
         if counts[row, column] >= CAP or is_twin(tree, h, tried, k, after, kept):
             continue
         counts[row, column] += 1
@@ -327,16 +328,20 @@ def keep_best(
         if kept == width:
             break
     for node in range(kept):
-        row, column = square_of(tree.flights[h + 1, node], size, len(counts))
+        row, column = square_of(problem.extent, tree.flights[h + 1, node], counts)
         counts[row, column] = 0
         mark_seen(problem, tree, h, node, after, scratch)
     return kept
 
 
 @inlined
-def square_of(flight: MotionState, size: float, count: int) -> tuple[int, int]:
-    """Return the row and the column of a position."""
-    return min(int(flight.south / size), count - 1), min(int(flight.east / size), count - 1)
+def square_of(
+    extent: GridExtent, flight: MotionState, counts: NDArray[np.int64]
+) -> tuple[int, int]:
+    """Return the row and the column of a position, of those of the counts."""
+    rows, columns = counts.shape
+    row, column = flight.south / (extent.height / rows), flight.east / (extent.width / columns)
+    return min(int(row), rows - 1), min(int(column), columns - 1)
 
 
 @inlined

@@ -26,6 +26,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dsse_ros.base.compiled.jit import compiled, inlined, kernel, part
+from dsse_ros.base.grid_shape import GridExtent
 from dsse_ros.search.belief.motion_kernels import Flags, Floats
 from dsse_ros.search.step.metres_detection import farthest_reach, missed
 from dsse_ros.search.step.metres_paths import Wind
@@ -84,7 +85,7 @@ def futures_of(
     weights: Floats,
     appearances: NDArray[np.int8],
     area: Flags,
-    side: float,
+    extent: GridExtent,
     size: float,
 ) -> BinnedFutures:
     """Return the futures of persons.
@@ -93,8 +94,8 @@ def futures_of(
         positions: (H + 1, M, 2) float32.
         weights: (M,) float64.
         appearances: (M,) int8.
-        area: (G, G) bool [row, col], the cells that are searched.
-        side: Side of the grid.
+        area: (R, C) bool [row, col], the cells that are searched.
+        extent: Of the grid.
         size: Least side of a bin.
     """
     horizon, count = len(positions) - 1, len(weights)
@@ -111,7 +112,7 @@ def futures_of(
         for s in range(count):
             x, y = positions[h, s, 0], positions[h, s, 1]
             bins[s] = -1
-            if is_searched(area, side, x, y):
+            if is_searched(area, extent, x, y):
                 bins[s] = int((y - north) / size) * columns + int((x - west) / size)
                 start[bins[s] + 1] += 1
         for i in range(1, len(start)):
@@ -144,12 +145,12 @@ def futures_of(
 
 
 @inlined
-def is_searched(area: Flags, side: float, x: float, y: float) -> bool:
+def is_searched(area: Flags, extent: GridExtent, x: float, y: float) -> bool:
     """Return whether a position is on the grid and in a cell that is searched."""
-    if not (0.0 <= x < side and 0.0 <= y < side):
+    if not (0.0 <= x < extent.width and 0.0 <= y < extent.height):
         return False
-    cell = side / len(area)
-    return area[int(y / cell), int(x / cell)]
+    across, down = extent.width / area.shape[1], extent.height / len(area)
+    return area[int(y / down), int(x / across)]
 
 
 @part

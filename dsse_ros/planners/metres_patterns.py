@@ -23,6 +23,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from dsse_ros.base.grid_shape import GridExtent
 from dsse_ros.planners.patterns import (
     TRIANGLE_HEADINGS_DEG,
     SearchPattern,
@@ -69,14 +70,14 @@ class Layout(NamedTuple):
         drones: Number of drones.
         spacing_m: Distance between adjacent tracks.
         length_m: Length of the track that a drone can fly.
-        side_m: Side of the grid.
+        extent: Of the grid.
         covariance: Of `Datum`.
     """
 
     drones: int
     spacing_m: float
     length_m: float
-    side_m: float
+    extent: GridExtent
     covariance: Floats
 
 
@@ -94,8 +95,9 @@ def sweep_tracks(layout: Layout, creeping: bool = False) -> list[Floats]:
     values, vectors = np.linalg.eigh(layout.covariance)
     ratio = math.sqrt(max(values[1], 1e-9) / max(values[0], 1e-9))
     spacing, area = layout.spacing_m, layout.drones * layout.length_m * layout.spacing_m
-    lane = min(math.sqrt(area / ratio if creeping else area * ratio), layout.side_m)
-    lanes = min(math.ceil(area / lane / spacing), math.ceil(layout.side_m / spacing))
+    longest = max(layout.extent)
+    lane = min(math.sqrt(area / ratio if creeping else area * ratio), longest)
+    lanes = min(math.ceil(area / lane / spacing), math.ceil(longest / spacing))
     lanes = max(lanes, layout.drones)
     start = -(lanes - 1) * spacing / 2, -lane / 2
     corners = to_south(np.array(turning_points(start, lane_legs(lanes, lane, spacing))))
@@ -184,7 +186,7 @@ def inside(points: Floats, datum: Datum, layout: Layout, speed: float) -> Floats
     ]
     dense = np.concatenate([points[:1], *pieces])
     there = datum.at(along(dense) / speed) + dense
-    return dense[((there >= 0.0) & (there <= layout.side_m)).all(axis=1)]
+    return dense[((there >= 0.0) & (there <= layout.extent)).all(axis=1)]
 
 
 def assigned(starts: Floats, tracks: list[Floats]) -> list[Floats]:
@@ -265,7 +267,7 @@ class TrackGuidance(DrawsNothing):
         datum: The datum.
         airframes: (N,) of `AIRFRAMES`, of each drone.
         wind: The wind, and the time of a step.
-        side_m: Side of the grid.
+        extent: Of the grid.
         tolerance_m: Greatest distance from a track.
     """
 
@@ -275,11 +277,11 @@ class TrackGuidance(DrawsNothing):
         datum: Datum,
         airframes: NDArray[np.void],
         wind: Wind,
-        side_m: float,
+        extent: GridExtent,
         tolerance_m: float,
     ) -> None:
         self._tracks, self._datum, self._airframes = tracks, datum, airframes
-        self._wind, self._side, self._tolerance = wind, side_m, tolerance_m
+        self._wind, self._extent, self._tolerance = wind, extent, tolerance_m
         self._flown = np.zeros(len(tracks))
         self._goals = np.zeros(len(tracks))
         self._path = np.empty((pieces_of(airframes, wind.step_s) + 1, 2))
@@ -320,7 +322,7 @@ class TrackGuidance(DrawsNothing):
         self._flown, self._goals = flown, goals
         goal = points + self._datum.at(now_s + self._wind.step_s)
         return steer(
-            self._airframes[numbers], self._wind, self._side, flights, goal, True, self._path
+            self._airframes[numbers], self._wind, self._extent, flights, goal, True, self._path
         )
 
     def ahead(self, step: int, steps: int) -> list[Floats]:

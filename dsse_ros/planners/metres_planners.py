@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from dsse_ros.base.grid_shape import GridShape
 from dsse_ros.planners.matching import best_pairs
 from dsse_ros.planners.metres_patterns import (
     Datum,
@@ -55,14 +56,13 @@ CLOSENESS = 0.7
 
 def swarm_of(scenario: ResolvedScenario) -> MetresSwarm:
     """Return the drones of a scenario, and where they fly."""
-    size = scenario.grid_size
-    area = np.ones((size, size), np.bool_)
+    area = np.ones(scenario.grid_size.matrix, np.bool_)
     return MetresSwarm(
         airframes_of(scenario.kinds),
         detectors_of_kinds(scenario),
         np.array(scenario.kind_of, np.int64),
         wind_of(scenario),
-        size * scenario.cell_size,
+        scenario.grid_size.extent(scenario.cell_size),
         area if scenario.area_mask is None else np.ascontiguousarray(scenario.area_mask),
     )
 
@@ -90,7 +90,7 @@ def flights_of(observations: Observations, swarm: MetresSwarm) -> NDArray[np.voi
     for flight, (agent, (state, _)) in zip(flights, observations.items(), strict=True):
         east, south, heading_east, heading_north, speed = np.asarray(state, np.float64)
         cruise = swarm.airframes[swarm.kinds[number_of(agent)]]["cruise"]
-        flight["east"], flight["south"] = east * swarm.side_m, south * swarm.side_m
+        flight["east"], flight["south"] = east * swarm.extent.width, south * swarm.extent.height
         flight["heading"], flight["speed"] = math.atan2(heading_east, heading_north), speed * cruise
     return flights
 
@@ -340,7 +340,7 @@ class MetresBelief(MetresPlanner):
         airframes = swarm.airframes[swarm.kinds[numbers]]
         goals = np.stack([way.places_at(np.array(after_s)) for way in ways])
         path = np.empty((pieces_of(airframes, swarm.wind.step_s) + 1, 2))
-        chosen = steer(airframes, swarm.wind, swarm.side_m, flights[numbers], goals, True, path)
+        chosen = steer(airframes, swarm.wind, swarm.extent, flights[numbers], goals, True, path)
         paths, actions = {}, {}
         for number, way, goal, airframe, (turn, speed) in zip(
             numbers, ways, goals, airframes, chosen.tolist(), strict=True
@@ -362,21 +362,21 @@ def goals_on_map(
     `CLOSENESS` to the power of the distance. A drone without a cell flies to the grid's middle.
 
     Args:
-        probability: (G, G) as [row, col].
+        probability: (R, C) as [row, col].
         flights: (N,) of `metres_paths.MOTION_STATES`.
         cell_m: Side of a cell.
         legs_m: (N,) float64, the flight of a step.
     """
-    size = len(probability)
-    centres = (np.arange(size) + 0.5) * cell_m
-    east = centres - flights["east"][:, None, None]
-    south = centres[:, None] - flights["south"][:, None, None]
+    grid = GridShape.of(probability)
+    easts, souths = ((np.arange(size) + 0.5) * cell_m for size in grid)
+    east = easts - flights["east"][:, None, None]
+    south = souths[:, None] - flights["south"][:, None, None]
     worth = probability * CLOSENESS ** (np.hypot(east, south) / legs_m[:, None, None])
-    goals = np.full((len(flights), 2), size * cell_m / 2)
+    goals = np.tile(np.array(grid.extent(cell_m)) / 2, (len(flights), 1))
     # A cell without probability is none to fly to.
     worth[worth <= 0.0] = -1.0
     for drone, row, col in best_pairs(worth):
-        goals[drone] = centres[col], centres[row]
+        goals[drone] = easts[col], souths[row]
     return goals
 
 
@@ -403,7 +403,7 @@ class MetresGreedy(DrawsNothing, MetresPlanner):
         )  # fmt: skip
         self._goals = dict(zip(observations, goals[:, None], strict=True))
         path = np.empty((pieces_of(airframes, wind.step_s) + 1, 2))
-        chosen = steer(airframes, wind, self._swarm.side_m, flights, goals, False, path)
+        chosen = steer(airframes, wind, self._swarm.extent, flights, goals, False, path)
         return self._shares(observations, chosen)
 
 
@@ -438,7 +438,7 @@ class MetresPattern(DrawsNothing, MetresPlanner):
         spacing = min(strips_of(self._scenario))
         time_s = (self._scenario.timestep_limit - step) * self._swarm.wind.step_s
         layout = Layout(
-            len(flights), spacing, float(airframes["cruise"].min()) * time_s, self._swarm.side_m,
+            len(flights), spacing, float(airframes["cruise"].min()) * time_s, self._swarm.extent,
             datum.covariance,
         )  # fmt: skip
         pattern = self._options.pattern if isinstance(self._options, PatternOptions) else None
@@ -447,7 +447,7 @@ class MetresPattern(DrawsNothing, MetresPlanner):
         else:
             tracks = tracks_along(pattern, datum, layout, starts, airframes["cruise"])
         self._guidance = TrackGuidance(
-            tracks, datum, airframes, self._swarm.wind, self._swarm.side_m, TOLERANCE * spacing
+            tracks, datum, airframes, self._swarm.wind, self._swarm.extent, TOLERANCE * spacing
         )
 
     def _datum(self, step: int) -> Datum:

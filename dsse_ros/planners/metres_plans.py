@@ -18,6 +18,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from dsse_ros.base.grid_shape import GridExtent
 from dsse_ros.planners import metres_beam, metres_futures
 from dsse_ros.planners.metres_futures import BinnedFutures, Seen
 from dsse_ros.planners.options import OF_PARTICLES, BeamOptions
@@ -54,8 +55,8 @@ class MetresSwarm(NamedTuple):
         detectors: (K, A) of `DETECTORS`, by kind and appearance.
         kinds: (N,) int64, the kind of each drone.
         wind: The wind, and the time of a step.
-        side_m: Side of the grid.
-        area: (G, G) bool [row, col], the cells in which persons are searched for. Drones may fly
+        extent: Of the grid.
+        area: (R, C) bool [row, col], the cells in which persons are searched for. Drones may fly
             over the others.
     """
 
@@ -63,7 +64,7 @@ class MetresSwarm(NamedTuple):
     detectors: NDArray[np.void]
     kinds: NDArray[np.int64]
     wind: Wind
-    side_m: float
+    extent: GridExtent
     area: NDArray[np.bool_]
 
 
@@ -154,7 +155,7 @@ class MetresPlans:
             for k, airframe in enumerate(swarm.airframes)
         ]
         self._leg = float(swarm.airframes["cruise"].max()) * step_s
-        self._order = by_place(positions[len(positions) // 2], swarm.side_m)
+        self._order = by_place(positions[len(positions) // 2], swarm.extent)
         self._rng = np.random.default_rng(seed)
         self._plans = [np.empty((0, 2)) for _ in swarm.kinds]
 
@@ -214,7 +215,7 @@ class MetresPlans:
         swarm = self._swarm
         rows = np.minimum(step + np.arange(horizon + 1), len(self._positions) - 1)
         ends = self._positions[rows[[0, -1]]]
-        there = ((ends >= 0.0) & (ends < swarm.side_m)).all(axis=2).any(axis=0)
+        there = ((ends >= 0.0) & (ends < swarm.extent)).all(axis=2).any(axis=0)
         known = np.where(there, weights, 0.0)
         sums = np.cumsum(known[self._order])
         count = self._count(known, ends[0])
@@ -225,7 +226,8 @@ class MetresPlans:
         finite = np.isfinite(positions).all(axis=(0, 2))
         return metres_futures.futures_of(
             np.ascontiguousarray(positions[:, finite]), times[finite] * (sums[-1] / count),
-            self._appearances[self._order[drawn[finite]]], swarm.area, swarm.side_m, self._leg / 2,
+            self._appearances[self._order[drawn[finite]]], swarm.area, swarm.extent,
+            self._leg / 2,
         )  # fmt: skip
 
     def _count(self, weights: Floats, positions: NDArray[np.float32]) -> int:
@@ -254,16 +256,18 @@ class MetresPlans:
         return actions
 
 
-def by_place(positions: NDArray[np.float32], side: float) -> NDArray[np.int64]:
+def by_place(positions: NDArray[np.float32], extent: GridExtent) -> NDArray[np.int64]:
     """Return the particles in an order in which neighbours are close to each other.
 
     A systematic sample of this order has its share of each place.
 
     Args:
         positions: (M, 2).
-        side: Side of the grid.
+        extent: Of the grid.
     """
-    cells = (np.nan_to_num(np.clip(positions / side, 0.0, 1.0)) * 255).astype(np.int64)
+    cells = (
+        np.nan_to_num(np.clip(positions / np.array(extent, np.float32), 0.0, 1.0)) * 255
+    ).astype(np.int64)
     code = np.zeros(len(cells), np.int64)
     for bit in range(8):
         code |= (cells[:, 0] >> bit & 1) << 2 * bit | (cells[:, 1] >> bit & 1) << 2 * bit + 1
@@ -300,10 +304,11 @@ class JointPlans:
         """Begin to plan for persons."""
         self._futures = futures
         self._horizon, count = futures.members.shape
-        drones, squares = len(self._flights), math.ceil(self._swarm.side_m / (self._leg / 2))
+        drones, (width, height) = len(self._flights), self._swarm.extent
+        squares = math.ceil(height / (self._leg / 2)), math.ceil(width / (self._leg / 2))
         self._seen = Seen(np.empty(count + 1, np.int64), np.empty(count + 1))
         self._scratch = metres_beam.PathScratch(
-            np.empty((self._pieces + 1, 2)), self._seen, np.zeros((squares, squares), np.int64)
+            np.empty((self._pieces + 1, 2)), self._seen, np.zeros(squares, np.int64)
         )
         self._survivals = np.ones((drones, self._horizon, count))
         self._worth, self._left = np.empty((self._horizon, count)), np.empty(count)
@@ -356,9 +361,9 @@ class JointPlans:
             problem, self._flights[n : n + 1], width, self._scratch, plan
         )
         if not depth:
-            model, middle = self._models[n], np.full((1, 2), self._swarm.side_m / 2)
+            model, middle = self._models[n], np.array([self._swarm.extent]) / 2
             plan = steer(
-                model.airframes, self._swarm.wind, self._swarm.side_m, self._flights[n : n + 1],
+                model.airframes, self._swarm.wind, self._swarm.extent, self._flights[n : n + 1],
                 middle, False, self._scratch.path,
             )  # fmt: skip
         return plan[: max(depth, 1)], rank
@@ -369,9 +374,9 @@ class JointPlans:
         metres_futures.write_worth(
             self._futures, self._survivals, n, self._options.gamma, self._worth, self._left
         )
-        field = metres_beam.field_of(self._futures, self._left, swarm.side_m, self._leg, CLOSENESS)
+        field = metres_beam.field_of(self._futures, self._left, swarm.extent, self._leg, CLOSENESS)
         return metres_beam.MetresProblem(
             airframes=model.airframes, detectors=model.detectors, wind=swarm.wind,
-            side=swarm.side_m, turns=model.turns, futures=self._futures, worth=self._worth,
+            extent=swarm.extent, turns=model.turns, futures=self._futures, worth=self._worth,
             left=self._left, field=field, kappa=self._options.kappa, fixed=np.empty((0, 2)),
         )  # fmt: skip

@@ -9,7 +9,7 @@ A model has any of these inputs, all float32 with the drones as the first axis:
 | `position` | (N, 2) | each drone's cell (x, y) over G - 1 |
 | `positions` | (N, 2M) | cells of all M drones over G - 1, its own swapped with the first |
 | `number` | (N, 1) | each drone's number, from 0 |
-| `probability` | (N, G, G) | the map [y, x] over its maximum |
+| `probability` | (N, G, G) | the map [y, x] over its maximum, a square, see `encode` |
 | `action_mask` | (N, A) | 0 where a move would leave the grid or the area |
 | `drift` | (N, 2) | mean drift of the map (x, y), cells per step |
 | `time` | (N, 1) | steps done over the time limit |
@@ -41,6 +41,7 @@ from numpy.typing import NDArray
 from dsse_ros.base.defects import reason_of
 from dsse_ros.base.extras import pip_install
 from dsse_ros.base.fields import FieldError, shown
+from dsse_ros.base.grid_shape import GridShape
 from dsse_ros.base.json_reader import read_json
 from dsse_ros.planners.avoidance import resolve_actions
 from dsse_ros.planners.belief import BeliefPlanner
@@ -67,7 +68,7 @@ from dsse_ros.search.step.masks import mask_table
 from dsse_ros.world.scenario.actions import ActionSet
 from dsse_ros.world.scenario.env_options import OBSERVED
 from dsse_ros.world.scenario.rules import Rules
-from dsse_ros.world.scenario.scenario import ResolvedScenario
+from dsse_ros.world.scenario.scenario import SPECS, ResolvedScenario
 from dsse_ros.world.scenario.swarm import Swarm
 
 try:
@@ -130,7 +131,7 @@ class Policy:
 
         Args:
             present: Cells of the live drones.
-            probability: (G, G), the map [y, x].
+            probability: (R, C), the map [y, x].
             masks: (N, A), action masks of the live drones.
             known: What is known of the scenario, see `known_of`.
         """
@@ -254,11 +255,15 @@ def encode(
     Args:
         cells: (col, row) of all M drones.
         numbers: The N drones to act.
-        probability: (G, G), the map [y, x].
+        probability: (R, C), the map [y, x]. Models see a square: on another grid it has as many
+            cells a side as the longer side, with nothing beyond the grid.
         masks: (N, A), action masks of the N drones.
         known: What is known of the scenario, see `known_of`.
     """
-    places = np.asarray(cells, np.float32) / max(len(probability) - 1, 1)
+    grid = GridShape.of(probability)
+    beyond = ((0, grid.longer - grid.rows), (0, grid.longer - grid.columns))
+    probability = np.pad(probability, beyond)
+    places = np.asarray(cells, np.float32) / max(grid.longer - 1, 1)
     likely = probability / max(float(probability.max()), float(np.finfo(np.float32).tiny))
     own = np.asarray(numbers)
     inputs = {
@@ -333,13 +338,15 @@ def _metadata(metadata: Mapping[str, str], search: Search) -> dict[str, Any]:
     of_search = {
         "actions": list(search.rules.actions),
         "rules": search.rules.profile,
-        "grid_size": scenario.grid_size,
         "num_drones": scenario.num_drones,
     }
     of_model = {"avoid_collisions": False, **stated, "actions": actions, "rules": rules}
     observed = str(OBSERVED.check("model: observe", of_model.get("observe", search.observed)))
     if observed == "map":
         of_search["observe"] = search.observed
+    if "grid_size" in of_model:
+        shape = SPECS["grid_size"].check("model: grid_size", of_model["grid_size"])
+        of_search["grid_size"], of_model["grid_size"] = list(scenario.grid_size), list(shape)
     for name, value in of_search.items():
         if of_model.get(name, value) != value:
             raise FieldError(

@@ -11,6 +11,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from dsse_ros.base.grid_shape import GridShape
 from dsse_ros.planners.patterns import SearchPattern
 from dsse_ros.planners.planner import Cell
 from dsse_ros.planners.sweep import split
@@ -44,9 +45,9 @@ class PatternRoutes:
         """Return the route of each drone, its present cell if no cell is left for it."""
         datum = self.datum or datum_of(probability)
         points = datum + self.pattern.track.points_m / self.cell_size_m * (1, -1)
-        size = len(probability)
+        grid = GridShape.of(probability)
         flown = cells_along(points.tolist())
-        inside = [cell for cell in flown if min(cell) >= 0 and max(cell) < size]
+        inside = [cell for cell in flown if grid.holds(*cell)]
         routes = [[cell] for cell in cells]
         for drones, component in connected_components(actions, cells):
             reached = [c for c in inside if component is None or component[c[1], c[0]]]

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from dsse_ros.base.compiled.breadth_first import ROUNDING
 from dsse_ros.base.compiled.jit import compiled, inlined, kernel
+from dsse_ros.base.grid_shape import GridShape
 from dsse_ros.search.belief.motion_kernels import MARGIN, Floats, Ints
 
 UNIT = 1 << 40
@@ -32,9 +33,10 @@ class Moves(NamedTuple):
         starts: (A + 1,) int64, the looks of move a are starts[a] .. starts[a + 1] - 1.
         offsets: (L, 2) int64, (dx, dy) of a look from the cell that the move leads to.
         pods: (L, P) float64, POD of each person.
-        nearness: (S, S) float64, worth of a scenario left at the end by its distance, [y, x].
-        positions: (S S,) int64, position of each cell, see `around`.
-        around: (4 S S,) int64, `nearness` of two cells in `UNIT`, by the difference of their
+        nearness: (R, C) float64, worth of a scenario left at the end by its distance, [y, x], with
+            the R rows and C columns of the grid and its margins.
+        positions: (S,) int64, position of each cell, see `around`.
+        around: (4 S,) int64, `nearness` of two cells in `UNIT`, by the difference of their
             positions from the middle: a subtraction instead of divisions.
         extra: (A,) float64, steps that each move takes until it looks, beyond the first.
         rest: (A,) float64, steps that it takes after that.
@@ -59,7 +61,7 @@ class Scenarios(NamedTuple):
         persons: (M,) as in `Futures`.
         draws: (H, M) float64 in [0, 1), which a POD must exceed to detect the person of a future;
             (0, 0) if every look has a POD of 1.
-        starts: (H, S S + 1) int64, as in `Futures`.
+        starts: (H, S + 1) int64, as in `Futures`.
         members: (H, M) uint32, as in `Futures`.
         ends: (M,) int64, the last cells.
     """
@@ -78,12 +80,19 @@ def step_at(h: int, late: float) -> int:
 
 
 @kernel
-def column_at(side: int, cell: int, dx: int, dy: int) -> int:
-    """Return the cell at this offset from another one, -1 off the grid."""
-    x, y = cell % side + dx, cell // side + dy
-    if min(x, y) < MARGIN or max(x, y) >= side - MARGIN:
+def column_at(padded: GridShape, cell: int, dx: int, dy: int) -> int:
+    """Return the cell at this offset from another one, -1 off the grid.
+
+    Args:
+        padded: The grid with its margins.
+        cell: The other cell.
+        dx: Columns to the east.
+        dy: Rows to the south.
+    """
+    x, y = cell % padded.columns + dx, cell // padded.columns + dy
+    if min(x, y) < MARGIN or x >= padded.columns - MARGIN or y >= padded.rows - MARGIN:
         return -1
-    return y * side + x
+    return y * padded.columns + x
 
 
 @inlined
@@ -93,14 +102,15 @@ def cell_seen(moves: Moves, cell: int, look: int) -> int:
     if dx == 0 and dy == 0:
         # Most looks, without the divisions.
         return cell
-    return column_at(len(moves.nearness), cell, dx, dy)
+    rows, columns = moves.nearness.shape
+    return column_at(GridShape(columns, rows), cell, dx, dy)
 
 
 @inlined
 def seen_from(moves: Moves, here: int, there: int) -> int:
     """Return the worth of a scenario at the end at a position to a drone at another one, int64."""
-    side = len(moves.nearness)
-    return moves.around[2 * side * side + side + here - there]
+    rows, columns = moves.nearness.shape
+    return moves.around[2 * rows * columns + columns + here - there]
 
 
 @inlined
@@ -129,7 +139,7 @@ class PlannedFleet(NamedTuple):
         offsets: (L, 2) int64, as in `Moves`.
         extra: (K, A) float64, as in `Moves`.
         rest: (K, A) float64, as in `Moves`.
-        side: S.
+        padded: The grid with its margins.
     """
 
     kinds: NDArray[np.int64]
@@ -138,7 +148,7 @@ class PlannedFleet(NamedTuple):
     offsets: NDArray[np.int64]
     extra: NDArray[np.float64]
     rest: NDArray[np.float64]
-    side: int
+    padded: GridShape
 
 
 @inlined
@@ -147,7 +157,7 @@ def add_looks(
 ) -> int:
     """Write the looks of a move into a cell behind the `count` looks there; return their number."""
     for k in range(fleet.starts[kind, move], fleet.starts[kind, move + 1]):
-        there = column_at(fleet.side, cell, fleet.offsets[k, 0], fleet.offsets[k, 1])
+        there = column_at(fleet.padded, cell, fleet.offsets[k, 0], fleet.offsets[k, 1])
         if there >= 0:
             looks[0, count], looks[1, count], looks[2, count] = step, there, k
             count += 1
@@ -219,16 +229,16 @@ def worth_of_left(left: Floats, nearness: Floats, ends: Ints, worth: Floats) -> 
     """Write the worth of the persons left at the end to a drone in a cell.
 
     Args:
-        left: (V, S S) float64, the probability that a person is in a cell and was not found.
-        nearness: (S, S) float64, as in `Moves`.
+        left: (V, S) float64, the probability that a person is in a cell and was not found.
+        nearness: (R, C) float64, as in `Moves`.
         ends: (V,) int64, the drone's cells.
         worth: (V,) float64 out.
     """
-    side = len(nearness)
+    rows, columns = nearness.shape
     for v in range(len(ends)):
         worth[v] = 0.0
-        for y in range(side):
-            near = nearness[abs(y - ends[v] // side)]
-            for x in range(side):
-                if left[v, y * side + x] > 0.0:
-                    worth[v] += left[v, y * side + x] * near[abs(x - ends[v] % side)]
+        for y in range(rows):
+            near = nearness[abs(y - ends[v] // columns)]
+            for x in range(columns):
+                if left[v, y * columns + x] > 0.0:
+                    worth[v] += left[v, y * columns + x] * near[abs(x - ends[v] % columns)]

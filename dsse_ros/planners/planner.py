@@ -195,5 +195,5 @@ def cells_of(observations: Observations) -> list[Cell]:
 
 
 def probability_of(observations: Observations) -> NDArray[np.float32]:
-    """Return the map (G, G) that all drones share, from at least one observation."""
+    """Return the map (R, C) that all drones share, from at least one observation."""
     return Observation(*next(iter(observations.values()))).probability

@@ -351,7 +351,7 @@ def make_planner(
         name: A key of `PLANNERS`.
         actions: Names of the actions by number, as in the rules.
         seed: Seed of the planner's random draws.
-        area: (G, G) bool [row, col], the cells to search; None for the whole grid.
+        area: (R, C) bool [row, col], the cells to search; None for the whole grid.
 
     Raises:
         ValueError: If the name is unknown, the planner needs the rules and the scenario too, the

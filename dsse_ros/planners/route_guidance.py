@@ -12,6 +12,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from dsse_ros.base.grid_shape import GridShape
 from dsse_ros.planners.avoidance import resolve_conflicts_with_yielding
 from dsse_ros.planners.masking import is_under_way, masked_moves
 from dsse_ros.planners.mission_watch import MissionWatch
@@ -33,7 +34,7 @@ MAX_WAIT = 2
 RouteLayout: TypeAlias = Callable[
     [Sequence[Cell], NDArray[np.float32], Sequence[ActionSet]], Sequence[Sequence[Cell]]
 ]
-"""Maps the drones' cells, the map (G, G) and the actions of each drone to one route per drone, none
+"""Maps the drones' cells, the map (R, C) and the actions of each drone to one route per drone, none
 empty. `RoutePlanner` flies them."""
 
 
@@ -106,7 +107,7 @@ class RouteGuidance:
         self._shuffled: list[int] = []
         self.drawn = False
         self._tracks: dict[Hashable, RouteProgress] = {}
-        self._size = 0
+        self._grid = GridShape(0, 0)
         self._swept = False
 
     def copy(self) -> RouteGuidance:
@@ -136,11 +137,11 @@ class RouteGuidance:
         return self._tracks.keys() >= set(agents)
 
     def start(
-        self, agents: Sequence[Hashable], routes: Sequence[Sequence[Cell]], size: int
+        self, agents: Sequence[Hashable], routes: Sequence[Sequence[Cell]], grid: GridShape
     ) -> None:
-        """Begin a mission with one route for each drone, on a grid of this size."""
+        """Begin a mission with one route for each drone, on a grid of this shape."""
         self._rng, self._shuffled = np.random.default_rng(self._seed), []
-        self._size = size
+        self._grid = grid
         self._tracks = {a: RouteProgress(route) for a, route in zip(agents, routes, strict=True)}
         self._swept = False
 
@@ -157,7 +158,7 @@ class RouteGuidance:
             agents: The live drones.
             present: Their cells.
             under_way: Drones that take no commands.
-            left: (G, G), what is left to cover: drones skip the covered cells of their routes. None
+            left: (R, C), what is left to cover: drones skip the covered cells of their routes. None
                 if they search.
         """
         tracks = [self._tracks[agent] for agent in agents]
@@ -224,7 +225,7 @@ class RouteGuidance:
 
     def _exits(self, actions: ActionSet, cell: Cell, ahead: Cell) -> list[Cell]:
         """Return the neighbouring cells, the one ahead first, without the drone's own cell."""
-        others = actions.neighbours(cell, self._size)
+        others = actions.neighbours(cell, self._grid)
         self._rng.shuffle(others)
         self._shuffled.append(len(others))
         return others if ahead == cell else [ahead, *(c for c in others if c != ahead)]
@@ -303,7 +304,7 @@ class RoutePlanner:
         is_new = self._watch.is_new(observations, infos)
         if is_new or not self._guidance.has_routes(agents):
             routes = self._layout(present, probability, self._swarm.actions_of(agents))
-            self._guidance.start(agents, routes, len(probability))
+            self._guidance.start(agents, routes, GridShape.of(probability))
         under_way = [agent for agent in agents if is_under_way(infos.get(agent, {}))]
         left = probability if self._covers else None
         ends = self._guidance.next_cells(agents, present, under_way, left)

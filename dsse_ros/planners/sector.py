@@ -17,6 +17,7 @@ from math import hypot
 import numpy as np
 from numpy.typing import NDArray
 
+from dsse_ros.base.grid_shape import GridShape
 from dsse_ros.planners.pattern_routes import cells_along
 from dsse_ros.planners.patterns import TRIANGLE_HEADINGS_DEG, triangle_legs, turning_points
 from dsse_ros.planners.planner import Cell
@@ -35,50 +36,50 @@ def sector_routes(
 
     Args:
         cells: Present cell of each drone.
-        probability: Map (G, G); the most probable cell is the datum.
+        probability: Map (R, C); the most probable cell is the datum.
         actions: Actions of each drone, with the area if there is one.
     """
-    size = len(probability)
+    grid = GridShape.of(probability)
     datum = datum_of(probability)
-    farthest = hypot(*(max(c, size - 1 - c) for c in datum))
+    farthest = hypot(*(max(c, size - 1 - c) for c, size in zip(datum, grid, strict=True)))
     routes = [[cell] for cell in cells]
     for drones, component in connected_components(actions, cells):
         # Patterns until one reaches beyond the grid, repeated so that each drone has as many
         # triangles.
-        count = 3 * len(drones) * _patterns(farthest, size)
-        legs = list(islice(triangles(datum, size), count))
+        count = 3 * len(drones) * _patterns(farthest, grid)
+        legs = list(islice(triangles(datum, grid), count))
         for i, drone in enumerate(drones):
             flown = [cell for k, leg in enumerate(legs[i :: len(drones)]) for cell in leg[k > 0 :]]
-            route = _inside(flown, size, component)
+            route = _inside(flown, grid, component)
             routes[drone] = route or routes[drone]
     return routes
 
 
-def _inside(cells: list[Cell], size: int, component: NDArray[np.bool_] | None) -> list[Cell]:
+def _inside(cells: list[Cell], grid: GridShape, component: NDArray[np.bool_] | None) -> list[Cell]:
     """Return the cells that are on the grid and, with an area, in this connected component."""
-    inside = [cell for cell in cells if max(cell) < size and min(cell) >= 0]
+    inside = [cell for cell in cells if grid.holds(*cell)]
     return (
         inside if component is None else [(col, row) for col, row in inside if component[row, col]]
     )
 
 
-def _patterns(farthest: float, size: int) -> int:
+def _patterns(farthest: float, grid: GridShape) -> int:
     """Return how many patterns there are up to and including both of the greatest radius."""
-    return 2 * max(1, -int(-farthest // _radius(size)))
+    return 2 * max(1, -int(-farthest // _radius(grid)))
 
 
-def _radius(size: int) -> int:
-    """Return the radius of the first pattern in cells: a quarter of the grid's side."""
-    return max(1, size // 4)
+def _radius(grid: GridShape) -> int:
+    """Return the radius of the first pattern in cells: a quarter of the grid's shorter side."""
+    return max(1, grid.shorter // 4)
 
 
-def triangles(datum: Cell, size: int) -> Iterator[list[Cell]]:
+def triangles(datum: Cell, grid: GridShape) -> Iterator[list[Cell]]:
     """Yield the cells of one triangle after the other, from the datum to the datum.
 
     Every second pattern fills the gaps of the one before; the pattern after it reaches farther.
     """
     for pattern in count():
-        radius = _radius(size) * (1 + pattern // 2)
+        radius = _radius(grid) * (1 + pattern // 2)
         for heading_deg in TRIANGLE_HEADINGS_DEG:
             first_deg = heading_deg + PATTERN_TURN_DEG * (pattern % 2)
             start = float(datum[0]), -float(datum[1])

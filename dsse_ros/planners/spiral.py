@@ -15,6 +15,7 @@ from math import atan2, pi
 import numpy as np
 from numpy.typing import NDArray
 
+from dsse_ros.base.grid_shape import GridShape
 from dsse_ros.planners.planner import Cell
 from dsse_ros.world.scenario.actions import ActionSet, connected_components
 from dsse_ros.world.scenario.probable_cells import datum_of
@@ -29,23 +30,25 @@ def spiral_routes(
 
     Args:
         cells: Present cell of each drone.
-        probability: Map (G, G); the most probable cell is the datum.
+        probability: Map (R, C); the most probable cell is the datum.
         actions: Actions of each drone, with the area if there is one.
     """
     datum = datum_of(probability)
     routes = [[cell] for cell in cells]
     for members, component in connected_components(actions, cells):
         drones = sorted(members, key=lambda drone: turns(datum, cells[drone]))
-        for drone, arm in zip(drones, arms(datum, len(probability), len(drones)), strict=True):
+        for drone, arm in zip(
+            drones, arms(datum, GridShape.of(probability), len(drones)), strict=True
+        ):
             kept = arm if component is None else arm[component[arm[:, 1], arm[:, 0]]]
             # On a small grid an arm may be empty.
             routes[drone] = [*zip(*kept.T.tolist(), strict=True)] or routes[drone]
     return routes
 
 
-def arms(datum: Cell, size: int, count: int) -> list[NDArray[np.int64]]:
+def arms(datum: Cell, grid: GridShape, count: int) -> list[NDArray[np.int64]]:
     """Return the cells (K, 2) as (col, row) of each arm of the spiral, outwards."""
-    row, col = np.indices((size, size)).reshape(2, -1)
+    row, col = np.indices(grid.matrix).reshape(2, -1)
     east, south = col - datum[0], row - datum[1]
     radius = np.sqrt(east**2 + south**2)
     # NumPy's arctan2 is not the same on all machines.

@@ -12,6 +12,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from dsse_ros.base.grid_shape import GridShape
 from dsse_ros.planners.planner import Cell
 from dsse_ros.world.scenario.actions import ActionSet, connected_components
 
@@ -33,7 +34,7 @@ def sweep_routes(
 
     Args:
         cells: Present cell of each drone.
-        probability: Any map (G, G); only its size matters.
+        probability: Any map (R, C); only its size matters.
         actions: Actions of each drone; they measure the distance to the corners.
         creeping: Whether lanes go from west to east and not from north to south.
     """
@@ -41,7 +42,7 @@ def sweep_routes(
     routes = [[cell] for cell in cells]
     for members, component in connected_components(actions, cells):
         drones = sorted(members, key=lambda drone: cells[drone])
-        blocks = shares(len(probability), len(drones)) if component is None else None
+        blocks = shares(GridShape.of(probability), len(drones)) if component is None else None
         pieces = None if component is None else _pieces(component, len(drones), lay)
         for k, drone in enumerate(drones):
             able, cell = actions[drone], cells[drone]
@@ -67,24 +68,24 @@ def _pieces(
     component: NDArray[np.bool_], count: int, lay: Callable[[range, range], list[Cell]]
 ) -> list[list[Cell]]:
     """Return the cells of a component lane by lane, cut into pieces of about equal length."""
-    side = range(len(component))
-    lanes = [cell for cell in lay(side, side) if component[cell[1], cell[0]]]
+    rows, cols = map(range, component.shape)
+    lanes = [cell for cell in lay(cols, rows) if component[cell[1], cell[0]]]
     return [lanes[piece.start : piece.stop] for piece in split(len(lanes), count)]
 
 
-def shares(size: int, count: int) -> list[tuple[range, range]]:
-    """Divide a size x size grid into count <= size**2 blocks (columns, rows).
+def shares(grid: GridShape, count: int) -> list[tuple[range, range]]:
+    """Divide a grid into at most as many blocks (columns, rows) as it has cells.
 
     The blocks are vertical strips whose widths differ by one at most. With more blocks than
     columns, each column is cut into bands of rows. They are ordered by column, then row.
     """
-    if count <= size:
-        return [(cols, range(size)) for cols in split(size, count)]
-    each, more = divmod(count, size)
+    if count <= grid.columns:
+        return [(cols, range(grid.rows)) for cols in split(grid.columns, count)]
+    each, more = divmod(count, grid.columns)
     return [
         (range(col, col + 1), rows)
-        for col in range(size)
-        for rows in split(size, each + (col < more))
+        for col in range(grid.columns)
+        for rows in split(grid.rows, each + (col < more))
     ]
 
 

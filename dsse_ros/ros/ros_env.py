@@ -151,13 +151,13 @@ class DsseRosEnv(AgentSpaces, ParallelEnv[str, AgentObservation, Any]):
         definition = self.info.definition
         if definition is None:
             raise FieldError("agents.definition: missing; the environment needs it")
-        grid_size, in_metres = self.info.frame.grid_size, definition.rules.in_metres
+        grid, in_metres = self.info.frame.grid_size, definition.rules.in_metres
         topic = "joint_command" if in_metres else "joint_action"
         kind, qos = offered(topic, "ros_env")
         self._publisher = node.create_publisher(kind, topic, qos)
         self._wait(self._publisher.get_subscription_count, f"a listener to {topic}", deadline_s)
         self.possible_agents = list(self.info.agents)
-        seen = observation_space(grid_size, definition.rules)
+        seen = observation_space(grid, definition.rules)
         self.observation_spaces = dict.fromkeys(self.possible_agents, seen)
         self._action_of = turn_and_speed_of if in_metres else self._number_of
         self.action_spaces = {

@@ -44,7 +44,7 @@ from numpy.typing import ArrayLike, NDArray
 Cell = tuple[int, int]
 """Column and row, from the north-west corner."""
 Map = NDArray[np.float64]
-"""(G, G) float64 [row, col], the probability of each cell."""
+"""(R, C) float64 [row, col], the probability of each cell."""
 Points = NDArray[np.float64]
 """(..., 2) float64, metres to the east and to the south."""
 
@@ -52,9 +52,9 @@ LEFT, RIGHT, UP, DOWN, SEARCH = range(5)
 MOVES = {LEFT: (-1, 0), RIGHT: (1, 0), UP: (0, -1), DOWN: (0, 1)}
 
 
-def on_grid(cell: Cell, size: int) -> bool:
-    """Return whether a cell is on the grid."""
-    return 0 <= cell[0] < size and 0 <= cell[1] < size
+def on_grid(cell: Cell, size: Cell) -> bool:
+    """Return whether a cell is on a grid of this size, columns and rows."""
+    return 0 <= cell[0] < size[0] and 0 <= cell[1] < size[1]
 
 
 def moved(cell: Cell, action: int) -> Cell:
@@ -69,12 +69,12 @@ def in_circle(dx: ArrayLike, dy: ArrayLike, radius: float) -> NDArray[np.bool_]:
     return np.asarray(((x + 0.5) ** 2 + y**2 <= radius**2) & (x**2 + (y + 0.5) ** 2 <= radius**2))
 
 
-def probability_map(size: int, datum: Cell, map_steps: int, sigma: tuple[float, float]) -> Map:
+def probability_map(size: Cell, datum: Cell, map_steps: int, sigma: tuple[float, float]) -> Map:
     """Return the map: a Gaussian about the datum, cut by a circle, divided by its sum.
 
     The radius is 1, 1, 1.5, 2, ... cells in the maps 1, 2, 3, 4, ...; map 0 is the datum alone.
     """
-    dx, dy = np.arange(size) - datum[0], (np.arange(size) - datum[1])[:, None]
+    dx, dy = np.arange(size[0]) - datum[0], (np.arange(size[1]) - datum[1])[:, None]
     if map_steps == 0:
         return ((dx == 0) & (dy == 0)).astype(float)
     inside = in_circle(dx, dy, 1.0 + max(map_steps - 2, 0) / 2)
@@ -137,7 +137,7 @@ class PlainSearch:
     """One mission in cells, by the rules `paper`.
 
     Attributes:
-        size: G, cells along a side.
+        size: Columns and rows of the grid.
         starts: First cell of each drone.
         lkp: Cell of the persons at the start, the last known position.
         vector: Drift, cells per step.
@@ -147,7 +147,7 @@ class PlainSearch:
         pod: Probability of detection of a search in a person's cell.
     """
 
-    size: int
+    size: Cell
     starts: Sequence[Cell]
     lkp: Cell
     vector: tuple[float, float]
@@ -222,7 +222,7 @@ class PlainSearch:
             self.remainder[axis] += self.vector[axis]
             cells = math.trunc(self.remainder[axis])
             self.remainder[axis] -= cells
-            if 0 <= datum[axis] + cells < self.size:
+            if 0 <= datum[axis] + cells < self.size[axis]:
                 datum[axis] += cells
         self.datum = (datum[0], datum[1])
         self.map_steps += 1
@@ -388,7 +388,7 @@ class PlainMetresSearch:
         wind: Its velocity to the east and to the south, m/s.
         step_s: Time of a step.
         pieces: Straight pieces of a path.
-        side: Of the grid, m.
+        extent: Width and height of the grid, m.
         reach: Greatest distance of a detection, m.
         pod: Probability of detection of a pass.
     """
@@ -398,7 +398,7 @@ class PlainMetresSearch:
     wind: tuple[float, float]
     step_s: float
     pieces: int
-    side: float
+    extent: tuple[float, float]
     reach: float
     pod: float
 
@@ -412,7 +412,7 @@ class PlainMetresSearch:
         persons = self.tracks[:, self.steps : self.steps + 2].transpose(1, 0, 2)
         paths = []
         for drone, action in zip(self.drones, actions, strict=True):
-            path = drone.fly(action, self.wind, self.step_s, self.pieces).clip(0.0, self.side)
+            path = drone.fly(action, self.wind, self.step_s, self.pieces).clip(0.0, self.extent)
             drone.place = path[-1]
             paths.append(path)
             count = passes_of(path, persons, self.reach, looked_before=self.steps > 0)

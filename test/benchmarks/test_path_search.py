@@ -77,7 +77,7 @@ def test_the_chain_brings_the_person_where_the_belief_has_them() -> None:
     scenario, rules = scenario_and_rules(rules="paper", grid_size=9, sigma=2.0)
     belief = Forecast(scenario, rules, horizon=4).belief()
     belief.update([Looked((4, 4), np.array([0.7]))])
-    chain, side = chain_of(belief, 4), belief.forecast.side
+    chain, padded = chain_of(belief, 4), belief.forecast.padded
     reach = np.zeros(len(chain.persons))
     reach[: len(chain.prior)] = chain.prior
     for s in range(chain.starts[-1, 0]):
@@ -85,6 +85,6 @@ def test_the_chain_brings_the_person_where_the_belief_has_them() -> None:
         np.add.at(reach, chain.to[steps], reach[s] * chain.chance[steps])
     for starts in chain.starts:
         sums = np.add.reduceat(np.append(reach, 0.0), starts)[:-1] * (np.diff(starts) > 0)
-        inner = sums.reshape(side, side)[MARGIN:-MARGIN, MARGIN:-MARGIN]
+        inner = sums.reshape(padded.matrix)[MARGIN:-MARGIN, MARGIN:-MARGIN]
         np.testing.assert_allclose(inner, belief.poc(), rtol=0, atol=1e-9)
         belief.advance()

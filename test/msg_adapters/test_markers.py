@@ -31,7 +31,7 @@ DRONES = (
     ShownDrone("drone0", at(1, 2, 120.0), (at(0, 2, 120.0), at(1, 2, 120.0)), live=True),
     ShownDrone("drone1", at(5, 5, 120.0), (at(5, 5, 120.0),), live=False),
 )
-SCENE = Scene(130.0, 2600.0, DRONES, datum=at(9.5, 9.5), radius_m=325.0)
+SCENE = Scene(130.0, 2600.0, 2600.0, DRONES, datum=at(9.5, 9.5), radius_m=325.0)
 
 
 def shown(**changes):

@@ -74,6 +74,7 @@ def all_messages():
         markers.Scene(
             np.float64(130),
             520.0,
+            520.0,
             drones=[markers.ShownDrone("drone0", PLACES[0], PLACES, live=np.True_)],
             datum=PLACES[1],
             radius_m=np.float64(195),

@@ -22,6 +22,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from numpy.typing import NDArray
 from play import put_person, started, step
 
+from dsse_ros.base.grid_shape import GridExtent
 from dsse_ros.picture import chart, mission_view, rendering
 from dsse_ros.picture.map_axes import fan_out
 from dsse_ros.picture.theme import DARK, DRONE_COLOURS, LIGHT, Theme
@@ -476,7 +477,7 @@ PLACES = st.lists(st.tuples(st.integers(0, 3), st.integers(0, 3)), min_size=1, m
 @given(PLACES)
 def test_drones_at_one_place_are_fanned_out_and_others_stay(cells: list[tuple[int, int]]) -> None:
     places = np.array(cells, float) + 0.5
-    fanned = fan_out(places, 0.1, 4.0)
+    fanned = fan_out(places, 0.1, GridExtent(4.0, 4.0))
     for i, j in itertools.combinations(range(len(cells)), 2):
         assert np.hypot(*(fanned[i] - fanned[j])) > 0.099
     alone = [i for i, cell in enumerate(cells) if cells.count(cell) == 1]

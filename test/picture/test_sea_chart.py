@@ -12,6 +12,7 @@ import pytest
 from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
 
+from dsse_ros.base.grid_shape import GridExtent
 from dsse_ros.picture.mission_view import MissionView
 from dsse_ros.picture.picture import WIDE, Picture
 from dsse_ros.picture.sea_chart import CornerRow, corner_rows
@@ -40,17 +41,17 @@ def drawn(view: MissionView) -> tuple[Figure, Any]:
 
 
 def test_wind_is_named_by_where_it_comes_from_and_current_by_where_it_flows() -> None:
-    assert [row.label for row in corner_rows(SEA, 1000.0)] == [
+    assert [row.label for row in corner_rows(SEA, GridExtent(1000.0, 1000.0))] == [
         "wind 4.2 m/s (8.2 kn) from 135°", "current 0.5 m/s (1.0 kn) toward 180°",
     ]  # fmt: skip
-    assert corner_rows(SeaState((0.0, 0.0), None), 1000.0) == []
+    assert corner_rows(SeaState((0.0, 0.0), None), GridExtent(1000.0, 1000.0)) == []
 
 
 def test_a_sighting_is_a_fix_in_its_circle_or_an_arrow_to_where_it_is_off_the_map() -> None:
     on = LastKnownPosition(400.0, 900.0, 200.0, "LKP 13:20Z")
     off = LastKnownPosition(585.0, -2415.0, 300.0, "LKP 12:05Z")
     sea = SeaState(sightings=(on, off))
-    assert corner_rows(sea, 9 * 130.0) == [
+    assert corner_rows(sea, GridExtent(9 * 130.0, 9 * 130.0)) == [
         CornerRow("lkp", 0.0, -3000.0, "LKP 12:05Z: 3.0 km, 180° from the centre")
     ]
     _, axes = drawn(replace(VIEW, sea=sea))

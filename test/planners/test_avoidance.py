@@ -9,6 +9,7 @@ from grid_walker import DIAGONAL, STRAIGHT
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from dsse_ros.base.grid_shape import GridShape
 from dsse_ros.planners.avoidance import resolve_conflicts, resolve_conflicts_with_yielding
 from dsse_ros.planners.planner import Cell
 from dsse_ros.world.scenario.actions import ActionSet
@@ -21,7 +22,7 @@ def requests_of_drones(draw: st.DrawFn) -> tuple[list[Cell], list[Cell], list[li
     action_set = ActionSet(draw(st.sampled_from([STRAIGHT, DIAGONAL])))
     every = [(col, row) for col in range(size) for row in range(size)]
     present = draw(st.lists(st.sampled_from(every), unique=True, min_size=1))
-    around = [action_set.neighbours(cell, size) for cell in present]
+    around = [action_set.neighbours(cell, GridShape.square(size)) for cell in present]
     requested = [
         draw(st.sampled_from([cell, *near])) for cell, near in zip(present, around, strict=True)
     ]

@@ -12,6 +12,7 @@ from grid_walker import DIAGONAL, STRAIGHT, GridWalker
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from dsse_ros.base.grid_shape import GridShape
 from dsse_ros.planners.expanding_square import shared_square, square_routes, square_spiral
 from dsse_ros.planners.planner import Cell
 from dsse_ros.planners.registry import make_planner
@@ -32,7 +33,7 @@ def ring(datum: Cell, cell: Cell) -> int:
 
 
 def test_the_legs_grow_by_one_spacing_on_every_other_turn_to_starboard() -> None:
-    spiral = list(square_spiral((10, 10), 21))
+    spiral = list(square_spiral((10, 10), GridShape.square(21)))
     steps = [(b[0] - a[0], b[1] - a[1]) for a, b in pairwise(spiral)]
     legs = [(step, len(list(run))) for step, run in groupby(steps)]
     north, east, south, west = (0, -1), (1, 0), (0, 1), (-1, 0)
@@ -47,7 +48,7 @@ def test_the_legs_grow_by_one_spacing_on_every_other_turn_to_starboard() -> None
 @given(squares())
 def test_the_spiral_has_every_cell_once_from_the_datum_outwards(square: tuple[int, Cell]) -> None:
     size, datum = square
-    spiral = list(square_spiral(datum, size))
+    spiral = list(square_spiral(datum, GridShape.square(size)))
     assert spiral[0] == datum
     assert sorted(spiral) == [(col, row) for col in range(size) for row in range(size)]
     rings = [ring(datum, cell) for cell in spiral]
@@ -58,10 +59,10 @@ def test_the_spiral_has_every_cell_once_from_the_datum_outwards(square: tuple[in
 @given(squares())
 def test_the_edge_of_the_grid_only_leaves_cells_out(square: tuple[int, Cell]) -> None:
     size, (col, row) = square
-    whole = square_spiral((col + size, row + size), 3 * size)
+    whole = square_spiral((col + size, row + size), GridShape.square(3 * size))
     inside = [(c - size, r - size) for c, r in whole]
     inside = [(c, r) for c, r in inside if 0 <= c < size and 0 <= r < size]
-    assert list(square_spiral((col, row), size)) == inside
+    assert list(square_spiral((col, row), GridShape.square(size))) == inside
 
 
 @settings(deadline=None)
@@ -71,8 +72,8 @@ def test_the_drones_share_each_ring_in_contiguous_arcs(
 ) -> None:
     size, datum = square
     count = data.draw(st.integers(1, size * size))
-    routes = shared_square(datum, size, [ActionSet(actions)] * count)
-    spiral = list(square_spiral(datum, size))
+    routes = shared_square(datum, GridShape.square(size), [ActionSet(actions)] * count)
+    spiral = list(square_spiral(datum, GridShape.square(size)))
     assert sorted(cell for route in routes for cell in route) == sorted(spiral)
     lengths = [len(route) for route in routes]
     assert max(lengths) - min(lengths) <= 1
@@ -90,7 +91,9 @@ def test_several_drones_enter_each_arc_at_its_nearer_end(
 ) -> None:
     size, datum = square
     action_set = ActionSet(actions)
-    for route in shared_square(datum, size, [action_set] * min(drones, size * size)):
+    for route in shared_square(
+        datum, GridShape.square(size), [action_set] * min(drones, size * size)
+    ):
         arcs = [list(arc) for _, arc in groupby(route, key=lambda cell: ring(datum, cell))]
         for before, arc in pairwise(arcs):
             first, last = (action_set.distance(before[-1], arc[k]) for k in (0, -1))
@@ -116,7 +119,7 @@ def test_one_drone_flies_the_exact_spiral_around_the_most_probable_cell_at_first
         if actions[action] == "search":
             visited.append(before)
         walker.probability = walker.probability[::-1]
-    assert visited == list(square_spiral(datum, size))
+    assert visited == list(square_spiral(datum, GridShape.square(size)))
 
 
 @pytest.mark.parametrize("actions", [STRAIGHT, DIAGONAL])

@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from dsse_ros.base.compiled.jit import kernel
+from dsse_ros.base.grid_shape import GridExtent
 from dsse_ros.planners.metres_patterns import (
     LAYOUTS,
     Datum,
@@ -42,7 +43,7 @@ def fly(airframes, wind, flights, n, action, path):  # type: ignore[no-untyped-d
 def layout_of(drones: int, length_m: float = 15000.0, ratio: float = 2.0) -> Layout:
     turned = np.array([(0.6, -0.8), (0.8, 0.6)])
     covariance = turned @ np.diag([ratio**2, 1.0]) @ turned.T * 300**2
-    return Layout(drones, SPACING, length_m, SIDE, covariance)
+    return Layout(drones, SPACING, length_m, GridExtent(SIDE, SIDE), covariance)
 
 
 def distance_to(tracks: list[Floats], points: Floats) -> Floats:
@@ -162,7 +163,7 @@ def test_drones_that_can_hover_keep_to_their_tracks(
     flights["speed"] = CRUISE
     air, tolerance = Wind(*wind, STEP_S), SPACING / 8
     tracks = tracks_of(name, datum, layout, starts, airframes["cruise"])
-    follower = TrackGuidance(tracks, datum, airframes, air, SIDE, tolerance)
+    follower = TrackGuidance(tracks, datum, airframes, air, GridExtent(SIDE, SIDE), tolerance)
     path = np.empty((pieces_of(airframes, STEP_S) + 1, 2))
     relative = np.empty((60, drones, len(path), 2))
     for step in range(60):
@@ -193,7 +194,7 @@ def test_no_drone_on_a_track_leaves_the_grid(
     name: str, radius: float, wind: tuple[float, float], place: tuple[float, float], seed: int
 ) -> None:
     side, airframes = 3000.0, airframes_of(2, radius)
-    layout = layout_of(2)._replace(side_m=side)
+    layout = layout_of(2)._replace(extent=GridExtent(side, side))
     datum = Datum(np.array(place) * side, np.array([0.5, -0.5]), layout.covariance)
     flights = np.zeros(2, MOTION_STATES)
     starts = np.random.default_rng(seed).uniform(0.3 * side, 0.7 * side, (2, 2))
@@ -201,7 +202,7 @@ def test_no_drone_on_a_track_leaves_the_grid(
     flights["speed"] = CRUISE
     air = Wind(*wind, STEP_S)
     tracks = tracks_of(name, datum, layout, starts, airframes["cruise"])
-    follower = TrackGuidance(tracks, datum, airframes, air, side, SPACING / 8)
+    follower = TrackGuidance(tracks, datum, airframes, air, GridExtent(side, side), SPACING / 8)
     path = np.empty((pieces_of(airframes, STEP_S) + 1, 2))
     for step in range(60):
         actions = follower(flights, step)
@@ -230,7 +231,7 @@ def test_a_drone_steers_to_its_goal(
     path = np.empty((pieces_of(airframes, STEP_S) + 1, 2))
     air, nearest = Wind(*wind, STEP_S), math.inf
     for _ in range(50):
-        action = steer(airframes, air, SIDE, flights, goal, False, path)
+        action = steer(airframes, air, GridExtent(SIDE, SIDE), flights, goal, False, path)
         fly(airframes, air, flights, 0, action[0], path)
         for a, b in zip(path, path[1:], strict=False):
             nearest = min(nearest, float(np.hypot(*(np.linspace(a, b, 20) - goal[0]).T).min()))

@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from dsse_ros.base.compiled.jit import kernel
+from dsse_ros.base.grid_shape import GridExtent
 from dsse_ros.planners import metres_futures
 from dsse_ros.planners.metres_futures import Seen, futures_of, value_of, write_survival
 from dsse_ros.planners.metres_plans import MetresPlans, MetresSwarm, near
@@ -61,7 +62,7 @@ def swarm_of(
         np.array([[EYE[law]]], DETECTORS),
         np.zeros(drones, np.int64),
         Wind(*wind, STEP_S),
-        side,
+        GridExtent(side, side),
         SEARCHED,
     )
 
@@ -71,7 +72,7 @@ def flights_of(swarm: MetresSwarm, seed: int) -> NDArray[np.void]:
     rng = np.random.default_rng(seed)
     flights = np.zeros(len(swarm.kinds), MOTION_STATES)
     for name in ("east", "south"):
-        flights[name] = rng.uniform(0.3, 0.7, len(flights)) * swarm.side_m
+        flights[name] = rng.uniform(0.3, 0.7, len(flights)) * swarm.extent.width
     flights["heading"], flights["speed"] = rng.uniform(-4, 4, len(flights)), CRUISE
     return flights
 
@@ -103,7 +104,7 @@ swarms = st.builds(
 
 def flown(swarm: MetresSwarm, seed: int, steps: int) -> Any:
     """Yield the plans and the paths flown, (N, K + 1, 2), step by step."""
-    positions = particles(seed, swarm.side_m)
+    positions = particles(seed, swarm.extent.width)
     plans = MetresPlans(swarm, positions, QUICK, seed=seed)
     flights = flights_of(swarm, seed)
     pieces = pieces_of(swarm.airframes, STEP_S)
@@ -133,7 +134,7 @@ def test_nobody_leaves_the_grid(swarm: MetresSwarm, seed: int) -> None:
     for _, planned, paths in flown(swarm, seed, 30):
         for positions in (planned.paths, paths):
             assert positions.min() >= 0.0
-            assert positions.max() <= swarm.side_m
+            assert positions.max() <= swarm.extent.width
 
 
 @settings(max_examples=20, deadline=None)
@@ -177,7 +178,7 @@ def test_a_drone_flies_to_the_only_particle(
     place: tuple[float, float], radius: float, law: str, seed: int
 ) -> None:
     swarm = swarm_of(1, radius=radius, law=law)
-    person = np.array(place) * swarm.side_m
+    person = np.array(place) * swarm.extent.width
     positions = np.tile(person, (40, 1, 1)).astype(np.float32)
     plans = MetresPlans(swarm, positions, QUICK, seed=seed)
     flights, path = flights_of(swarm, seed), np.empty((pieces_of(swarm.airframes, STEP_S) + 1, 2))
@@ -203,7 +204,7 @@ def survivals_of(
         np.full(count, 1 / count),
         np.zeros(count, np.int8),
         SEARCHED,
-        swarm.side_m,
+        swarm.extent,
         REACH,
     )
     survivals = np.empty((len(paths), horizon, count))
@@ -221,7 +222,7 @@ def survivals_of(
 @settings(max_examples=15, deadline=None)
 @given(swarms, st.integers(0, 99))
 def test_the_value_of_plans_is_that_of_brute_force(swarm: MetresSwarm, seed: int) -> None:
-    horizon, positions, gamma = 6, particles(seed, swarm.side_m), 0.9
+    horizon, positions, gamma = 6, particles(seed, swarm.extent.width), 0.9
     paths = next(flown(swarm, seed, 1))[1].paths
     futures, survivals = survivals_of(swarm, positions, paths, horizon)
     detectors, pieces = near(swarm.detectors, 1.0, STEP_S)[0], (paths.shape[1] - 1) // horizon
@@ -233,7 +234,7 @@ def test_the_value_of_plans_is_that_of_brute_force(swarm: MetresSwarm, seed: int
             for path in paths:
                 leg = path[h * pieces : (h + 1) * pieces + 1]
                 chance = 1.0
-                if min(person[:2]) >= 0 and max(person[:2]) < swarm.side_m:
+                if min(person[:2]) >= 0 and max(person[:2]) < swarm.extent.width:
                     chance = float(chance_missed(detectors, leg, STEP_S, person))
                 value += gamma**h * left * (1 - chance) / positions.shape[1]
                 left *= chance
@@ -250,7 +251,7 @@ def test_the_value_of_plans_is_that_of_brute_force(swarm: MetresSwarm, seed: int
 def test_a_plan_is_worth_what_it_adds_to_the_value_of_the_others(
     swarm: MetresSwarm, seed: int
 ) -> None:
-    horizon, positions, gamma = 6, particles(seed, swarm.side_m), 0.9
+    horizon, positions, gamma = 6, particles(seed, swarm.extent.width), 0.9
     paths = next(flown(swarm, seed, 1))[1].paths
     futures, survivals = survivals_of(swarm, positions, paths, horizon)
     count = positions.shape[1]

@@ -102,7 +102,7 @@ def test_a_model_of_another_search_is_refused_with_one_line(tmp_path: Path) -> N
         ({}, "metadata 'dsse_ros' must be a JSON object .*, got none"),
         (of_search(rules="paper"), "model must have rules .*, got 'paper'"),
         (of_search(actions=["left"]), r"model must have actions .*, got \['left'\]"),
-        (of_search(grid_size=8), "model must have grid_size 7, .* got 8"),
+        (of_search(grid_size=8), r"model must have grid_size \[7, 7\], .* got \[8, 8\]"),
         (of_search(pod=[0.5, 0.9]), "model is for a POD of 0.5 to 0.9, got 1; "),
         (of_search(pod=1), "model: pod must be the lowest and highest POD, got 1"),
     ):

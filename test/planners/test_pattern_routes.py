@@ -14,6 +14,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from dsse_ros.base.fields import FieldError
+from dsse_ros.base.grid_shape import GridShape
 from dsse_ros.planners.expanding_square import square_spiral
 from dsse_ros.planners.pattern_routes import PatternRoutes
 from dsse_ros.planners.patterns import SearchPattern
@@ -43,7 +44,7 @@ def test_with_a_spacing_of_one_cell_the_square_is_that_of_the_whole_grid(half: i
     (route,) = routes(
         side, datum=(half, half), pattern="SS", track_spacing=CELL_M, length=side * CELL_M
     )
-    assert route == list(square_spiral((half, half), side))
+    assert route == list(square_spiral((half, half), GridShape.square(side)))
 
 
 @pytest.mark.parametrize(("pattern", "creeping"), [("PS", False), ("CS", True)])

@@ -14,6 +14,7 @@ from effort import LITTLE_EFFORT
 from grid_walker import DIAGONAL, STRAIGHT
 from numpy.typing import NDArray
 
+from dsse_ros.base.grid_shape import GridShape
 from dsse_ros.planners.registry import (
     COVERAGE_PLANNERS,
     PERSON_PLANNERS,
@@ -102,7 +103,7 @@ def test_drones_go_by_shortest_ways_and_stay_where_none_leads(names: tuple[str, 
                 assert step == cell
             else:
                 assert wanted[step] == wanted[cell] - 1
-                assert actions.towards(goal, cell) in actions.neighbours(goal, 9)
+                assert actions.towards(goal, cell) in actions.neighbours(goal, GridShape.square(9))
 
 
 def distances(

@@ -17,6 +17,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from test_batch import alone
 
+from dsse_ros.base.grid_shape import GridShape
 from dsse_ros.planners.batch import play_missions
 from dsse_ros.planners.masking import keep_apart
 from dsse_ros.planners.plan_kernels import PlannedFleet, looks_of_plans
@@ -74,7 +75,7 @@ def fly(env: SearchEnv, name: str, seed: int, **options: Any) -> list[list[list[
         flying = [a for a in env.agents if infos[a]["status"] != "home"]
         places = [observations[agent][0].tolist() for agent in flying]
         assert len({tuple(place) for place in places}) == len(places)
-        assert all(0 <= value < env.scenario.grid_size for place in places for value in place)
+        assert all(env.scenario.grid_size.holds(*place) for place in places)
         cells.append(places)
     return cells
 
@@ -208,7 +209,7 @@ def test_the_looks_of_plans_come_at_the_times_of_each_kind() -> None:
     extra = np.array([[0.0, 0.0], [0.0, 2.0]])
     fleet = PlannedFleet(
         np.array([0, 1]), np.array([0, 1]), np.array([[0, 1, 2], [0, 1, 2]]),
-        np.zeros((2, 2), np.int64), extra, np.zeros((2, 2)), side,
+        np.zeros((2, 2), np.int64), extra, np.zeros((2, 2)), GridShape.square(side),
     )  # fmt: skip
     paths = np.add.outer(side * np.array([4, 6]) + 3, np.arange(horizon + 1))[None]
     lengths = np.full((1, 2), horizon)
@@ -225,7 +226,7 @@ def test_a_plan_looks_in_the_steps_in_which_the_world_does(diagonals: list[bool]
     extra = np.array([0.0, 0.0, math.sqrt(2) - 1.0])
     fleet = PlannedFleet(
         np.zeros(1, np.int64), np.array([0, 1, side + 1]), np.arange(4)[None],
-        np.zeros((3, 2), np.int64), extra[None], np.zeros((1, 3)), side,
+        np.zeros((3, 2), np.int64), extra[None], np.zeros((1, 3)), GridShape.square(side),
     )  # fmt: skip
     legs = np.array([side + 1 if diagonal else 1 for diagonal in diagonals])
     path = np.full((1, 1, horizon + 1), 5 * side + 5)

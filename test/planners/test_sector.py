@@ -13,6 +13,7 @@ from grid_walker import DIAGONAL, STRAIGHT, GridWalker
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from dsse_ros.base.grid_shape import GridShape
 from dsse_ros.planners.registry import make_planner
 from dsse_ros.planners.sector import sector_routes, triangles
 from dsse_ros.world.scenario.actions import ActionSet
@@ -26,7 +27,7 @@ def bearing(start: tuple[int, int], end: tuple[int, int]) -> float:
 
 
 def test_a_triangle_is_equilateral_and_turns_120_degrees_to_starboard() -> None:
-    for triangle in islice(triangles(DATUM, SIZE), 6):
+    for triangle in islice(triangles(DATUM, GridShape.square(SIZE)), 6):
         side = (len(triangle) - 1) // 3
         # Legs have as many cells as the larger of their extents, so corners are looked for.
         far = max(hypot(c - DATUM[0], r - DATUM[1]) for c, r in triangle)
@@ -39,13 +40,13 @@ def test_a_triangle_is_equilateral_and_turns_120_degrees_to_starboard() -> None:
 
 
 def test_the_datum_is_passed_straight_on() -> None:
-    for before, after in pairwise(islice(triangles(DATUM, SIZE), 3)):
+    for before, after in pairwise(islice(triangles(DATUM, GridShape.square(SIZE)), 3)):
         apart = bearing(before[-10], DATUM) - bearing(DATUM, after[9])
         assert (apart + 180) % 360 - 180 == pytest.approx(0, abs=8)
 
 
 def test_the_first_leg_goes_north_and_the_second_pattern_is_turned_by_30_degrees() -> None:
-    first, *_, fourth = islice(triangles(DATUM, SIZE), 4)
+    first, *_, fourth = islice(triangles(DATUM, GridShape.square(SIZE)), 4)
     assert bearing(DATUM, first[20]) == pytest.approx(0, abs=2)
     assert bearing(DATUM, fourth[20]) == pytest.approx(30, abs=3)
 

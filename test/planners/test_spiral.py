@@ -13,6 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
+from dsse_ros.base.grid_shape import GridShape
 from dsse_ros.planners.planner import Cell
 from dsse_ros.planners.spiral import arms, spiral_routes, turns
 from dsse_ros.world.scenario.actions import ActionSet
@@ -33,7 +34,7 @@ def squares(draw: st.DrawFn) -> tuple[int, Cell]:
 @given(squares(), st.integers(1, 9))
 def test_the_arms_have_every_cell_once(square: tuple[int, Cell], count: int) -> None:
     size, datum = square
-    cells = [cell for arm in arms(datum, size, count) for cell in cells_of(arm)]
+    cells = [cell for arm in arms(datum, GridShape.square(size), count) for cell in cells_of(arm)]
     assert sorted(cells) == [(col, row) for col in range(size) for row in range(size)]
 
 
@@ -48,13 +49,13 @@ def test_each_arm_is_that_of_its_formula_cell_by_cell(square: tuple[int, Cell], 
             winding = round(radius - count * angle)
             arm = -winding % count
             places[arm].append(((winding + arm) / count + angle, (col, row)))
-    assert [cells_of(arm) for arm in arms(datum, size, count)] == [
+    assert [cells_of(arm) for arm in arms(datum, GridShape.square(size), count)] == [
         [cell for _, cell in sorted(of_arm)] for of_arm in places
     ]
 
 
 def test_an_arm_winds_outwards_clockwise_a_cell_apart() -> None:
-    (arm,) = arms((20, 20), 41, 1)
+    (arm,) = arms((20, 20), GridShape.square(41), 1)
     whole = list(takewhile(lambda cell: hypot(cell[0] - 20, cell[1] - 20) < 19, cells_of(arm)))
     assert len(whole) > 900
     assert whole[0] == (20, 20)

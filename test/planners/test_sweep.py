@@ -12,6 +12,7 @@ from grid_walker import DIAGONAL, STRAIGHT, GridWalker, default_start
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from dsse_ros.base.grid_shape import GridShape
 from dsse_ros.planners.registry import load_planner, make_planner
 from dsse_ros.planners.sweep import boustrophedon, shares, sweep_routes
 from dsse_ros.search.environments.factories import parallel_env
@@ -32,7 +33,7 @@ def fleets(draw: st.DrawFn) -> tuple[int, int]:
 @given(fleets())
 def test_the_shares_have_every_cell_once(fleet: tuple[int, int]) -> None:
     size, count = fleet
-    blocks = shares(size, count)
+    blocks = shares(GridShape.square(size), count)
     assert len(blocks) == count
     cells = Counter(cell for block in blocks for cell in boustrophedon(*block))
     assert len(cells) == size * size and set(cells.values()) == {1}
@@ -42,7 +43,7 @@ def test_the_shares_have_every_cell_once(fleet: tuple[int, int]) -> None:
 @given(fleets())
 def test_strips_and_bands_are_balanced(fleet: tuple[int, int]) -> None:
     size, count = fleet
-    blocks = shares(size, count)
+    blocks = shares(GridShape.square(size), count)
     if count <= size:
         widths = {len(cols) for cols, _ in blocks}
         assert max(widths) - min(widths) <= 1
@@ -85,7 +86,7 @@ def test_from_the_default_start_no_cell_is_searched_twice_before_all_were_once(
 ) -> None:
     size, count = fleet
     walker = GridWalker(size, default_start(size, count), actions)
-    widest = max(len(cols) * len(rows) for cols, rows in shares(size, count))
+    widest = max(len(cols) * len(rows) for cols, rows in shares(GridShape.square(size), count))
     walker.cover(make_planner("sweep", actions), limit=size + 2 * widest)
     assert set(walker.searched.values()) == {1}
 

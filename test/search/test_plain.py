@@ -51,7 +51,7 @@ def test_a_belief_after_searches_that_fail_is_that_of_the_plain_search(
     plain = PlainBelief(search)
     fields = fields | {"probability_of_detection": pod, "rules": "paper"}
     belief = forecast_for(*scenario_and_rules(**fields)).belief()
-    cells = st.tuples(*[st.integers(0, search.size - 1)] * 2)
+    cells = st.tuples(*(st.integers(0, count - 1) for count in search.size))
     for _ in range(5):
         for col, row in data.draw(st.lists(cells, max_size=3)):
             # Where next to nothing is left, a belief begins anew.
@@ -165,7 +165,7 @@ def test_a_search_in_metres_is_the_plain_one_draw_for_draw(kind: str, wind: floa
                 for state in metres.states[0]
             ],
             tracks, (metres.wind.east, metres.wind.south), metres.wind.step_s,
-            metres.paths.shape[2] - 1, world.grid_size * world.scenario.cell_size,
+            metres.paths.shape[2] - 1, world.grid_size.extent(world.scenario.cell_size),
             float(metres.detectors[0, 0]["reach"]), 0.2,
         )  # fmt: skip
         rng = np.random.default_rng(seed)

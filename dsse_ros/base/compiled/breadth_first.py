@@ -22,22 +22,22 @@ def find_routes(
     """Write the routes to one cell, from this goal outwards.
 
     Args:
-        area: (G, G) bool [row, col], cells that moves may enter.
+        area: (R, C) bool [row, col], cells that moves may enter.
         moves: (M, 3) int64, steps (dx, dy) and numbers of the moves.
         ratios: For each number, the share of the move that one step covers.
         col: Column of the goal.
         row: Its row.
-        steps: (G, G) int32 out, steps of the route from cell [y, x]; -1 without a route.
-        actions: (G, G) int8 out, number of the route's first move; -1 at the goal.
+        steps: (R, C) int32 out, steps of the route from cell [y, x]; -1 without a route.
+        actions: (R, C) int8 out, number of the route's first move; -1 at the goal.
     """
-    size = len(area)
+    rows, columns = area.shape
     steps[:] = -1
     actions[:] = -1
-    queue = np.empty((size * size, 2), np.int32)
+    queue = np.empty((rows * columns, 2), np.int32)
     # Moves in one direction from a cell, and the steps from where they end: progress against the
     # wind carries over from move to move, but not around a turn.
-    run = np.zeros((size, size), np.int32)
-    after_run = np.zeros((size, size), np.int32)
+    run = np.zeros((rows, columns), np.int32)
+    after_run = np.zeros((rows, columns), np.int32)
     queue[0, 0], queue[0, 1] = col, row
     steps[row, col] = 0
     first, last = 0, 1
@@ -46,7 +46,7 @@ def find_routes(
         first += 1
         for k in range(len(moves)):
             from_x, from_y, action = x - moves[k, 0], y - moves[k, 1], moves[k, 2]
-            if not (0 <= from_x < size and 0 <= from_y < size):
+            if not (0 <= from_x < columns and 0 <= from_y < rows):
                 continue
             if not area[from_y, from_x] or steps[from_y, from_x] >= 0:
                 continue

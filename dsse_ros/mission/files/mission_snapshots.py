@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dsse_ros.base.fields import FieldError
+from dsse_ros.base.grid_shape import GridExtent
 from dsse_ros.search.environments.metres_drones import MetresDrones, reported_wind
 from dsse_ros.search.environments.parallel_env import SearchEnv
 from dsse_ros.search.environments.snapshot import Snapshot, SnapshotError
@@ -43,11 +44,11 @@ def possible_in(env: SearchEnv) -> Possible:
 
 def _on_cells(env: SearchEnv) -> Possible:
     drones, actions = range(env.world.num_drones), range(NO_ACTION, len(env.rules.actions))
-    grid_size = env.world.grid_size
+    grid = env.world.grid_size
 
     def commands(state: dict[str, Any]) -> bool:
         return _is_by_drone(
-            state.get("goals"), drones, lambda value: _is_cell(value, grid_size)
+            state.get("goals"), drones, lambda value: _is_cell(value) and grid.holds(*value)
         ) and _is_by_drone(state.get("last"), drones, lambda value: _is_in(value, actions))
 
     def are_actions(array: NDArray[Any]) -> bool:
@@ -59,14 +60,14 @@ def _on_cells(env: SearchEnv) -> Possible:
 
 def _in_metres(env: SearchEnv, metres: MetresDrones) -> Possible:
     drones = range(env.world.num_drones)
-    side_m = env.world.grid_size * env.scenario.cell_size
+    extent = env.world.grid_size.extent(env.scenario.cell_size)
 
     def commands(state: dict[str, Any]) -> bool:
         return _is_by_drone(state.get("last"), drones, _is_action) and _is_by_drone(
             state.get("tracks"), drones, _is_track
         )
 
-    def within(low: float, high: float) -> Callable[[NDArray[Any]], bool]:
+    def within(low: float, high: float | GridExtent) -> Callable[[NDArray[Any]], bool]:
         return lambda array: bool(((array >= low) & (array <= high)).all())
 
     def is_wind(value: Any) -> bool:
@@ -87,7 +88,7 @@ def _in_metres(env: SearchEnv, metres: MetresDrones) -> Possible:
             # A vehicle may be off the grid.
             "result_paths_m": (lambda array: bool(np.isfinite(array).all()))
             if env.rules.vehicle_timed_actions
-            else within(0.0, side_m),
+            else within(0.0, extent),
             "result_looked_m": within(0.0, 1.0),
         },
         {"wind": is_wind},
@@ -162,10 +163,9 @@ def _is_pair(value: Any) -> bool:
     return isinstance(value, list) and len(value) == 2
 
 
-def _is_cell(value: Any, grid: int = 0) -> bool:
-    """Return whether a value is a cell on a grid of this size; with 0, on or near any grid."""
-    low, high = (0, grid - 1) if grid else (-(2**15), 2**15 - 1)
-    return _is_pair(value) and all(_is_int(part, low, high) for part in value)
+def _is_cell(value: Any) -> bool:
+    """Return whether a value is a cell on or near any grid."""
+    return _is_pair(value) and all(_is_int(part, -(2**15), 2**15 - 1) for part in value)
 
 
 def _is_place(value: Any) -> bool:

@@ -83,7 +83,7 @@ class LiveBeliefs:
         return StepLooks(none, none, np.zeros((0, 2), np.int64), paths, looked, self._acting)
 
     def write(self) -> NDArray[np.float32]:
-        """Return the probability of containment of every cell, (1, G, G) as [y, x]."""
+        """Return the probability of containment of every cell, (1, R, C) as [y, x]."""
         return np.minimum(self.live_search.belief.poc(), 1.0).astype(np.float32)[None]
 
     def of_ensemble(self, world: int) -> EnsembleBelief | None:

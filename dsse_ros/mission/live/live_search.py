@@ -110,7 +110,11 @@ class LiveSearch:
         self._sensors = Sensors(looks, detectors, scenario.cell_size, step_s, scenario.grid_size)
         # Of several persons, nobody knows who was detected.
         self._evidence = Evidence(
-            self._sensors, rates, step_s, self._frame.side_m**2, weighs=scenario.person_amount == 1
+            self._sensors,
+            rates,
+            step_s,
+            math.prod(self._frame.extent),
+            weighs=scenario.person_amount == 1,
         )
         self.history: list[StepLooks | Entry] = []
         self.steps: list[StepLooks] = []
@@ -236,10 +240,10 @@ class LiveSearch:
         Raises:
             FieldError: If one is too far from it.
         """
-        values, half_m = entry.values, self._frame.side_m / 2
-        radius_m = math.sqrt(2.0) * half_m
+        values, (width, height) = entry.values, self._frame.extent
+        radius_m = math.hypot(width, height) / 2
         if "x" in values:
-            away_m = math.hypot(values["x"] - half_m, values["y"] - half_m) - radius_m
+            away_m = math.hypot(values["x"] - width / 2, values["y"] - height / 2) - radius_m
             shown = f"x {values['x']:.6g} and y {values['y']:.6g} m"
             check_distance(entry.kind, away_m, "the grid", shown)
             return
@@ -250,7 +254,7 @@ class LiveSearch:
             places = [place for line in lines_of(values["geometry"]) for place in line]
             order = "longitude, latitude"
         for place in places:
-            middle = self.lat_lon(half_m, half_m)
+            middle = self.lat_lon(width / 2, height / 2)
             check_near(entry.kind, place, middle, within_m=radius_m, order=order)
 
     def place(self, values: Mapping[str, Any]) -> tuple[float, float]:

@@ -44,7 +44,7 @@ class Places:
         self._step_s = scenario.step_duration_s
         self._cells: Points | None = None
         if isinstance(forecast, Forecast):
-            rows, cols = np.divmod(np.arange(forecast.side**2), forecast.side)
+            rows, cols = np.divmod(np.arange(forecast.padded.cells), forecast.padded.columns)
             self._cells = np.stack(
                 cell_centre(scenario.grid_size, scenario.cell_size, cols - MARGIN, rows - MARGIN),
                 axis=1,
@@ -56,7 +56,7 @@ class Places:
     def count(self) -> int:
         """Number of places, M."""
         forecast = self.forecast
-        return forecast.side**2 if isinstance(forecast, Forecast) else len(forecast.weights)
+        return forecast.padded.cells if isinstance(forecast, Forecast) else len(forecast.weights)
 
     @property
     def are_particles(self) -> bool:
@@ -82,8 +82,8 @@ class Places:
 
         Nobody is detected off the grid, so no place is there.
         """
-        forecast, grid = self.forecast, range(self._scenario.grid_size)
-        if cell[0] not in grid or cell[1] not in grid:
+        forecast = self.forecast
+        if not self._scenario.grid_size.holds(*cell):
             return np.zeros(0, np.int64)
         column = forecast.column(cell)
         if isinstance(forecast, Forecast):

@@ -39,7 +39,7 @@ class PlannedSearches:
         (points, times), lateral = unit.search.track, unit.search.lateral
         frame, begins = scenario_frame(self._scenario), begins_s(self._scenario)
         lats, lons, _ = map_to_geodetic(
-            frame, points[:, 0], flip_y(frame.side_m, points[:, 1]), 0.0
+            frame, points[:, 0], flip_y(frame.extent.height, points[:, 1]), 0.0
         )
         line = [[float(lon), float(lat)] for lat, lon in zip(lats, lons, strict=True)]
         seen = {"sweep_width": 2 * lateral.reach_m, "pod": lateral.pod, "law": DEFINITE_RANGE}

@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from dsse_ros.base.grid_shape import GridShape
 from dsse_ros.mission.live.places import Places, from_piece
 from dsse_ros.search.belief.belief import Belief
 from dsse_ros.search.belief.ensemble_belief import EnsembleBelief, EnsembleForecast, PathsFlown
@@ -66,14 +67,14 @@ class Sensors:
             cells.
         cell_m: Side of a cell.
         step_s: Duration of a step.
-        grid_size: Cells along a side.
+        grid_size: Columns and rows of the grid.
     """
 
     looks: Looks
     detectors: NDArray[np.void] | None
     cell_m: float
     step_s: float
-    grid_size: int
+    grid_size: GridShape
 
     @property
     def count(self) -> int:
@@ -157,7 +158,7 @@ class Sensors:
         if self.detectors is None:
             return min(float(self._shares(done, drone, place, spread_m).sum()), 1.0)
         east, north = place
-        at = np.array([[east, self.grid_size * self.cell_m - north]])
+        at = np.array([[east, self.grid_size.rows * self.cell_m - north]])
         path = done.paths[drone]
         pieces = zip(path[:-1], path[1:], strict=True)
         away_m = min(float(from_piece(at, start, end)[0]) for start, end in pieces)
@@ -172,7 +173,7 @@ class Sensors:
         col, row = done.cells[done.drones == drone].T
         along = [
             normal_between((low * self.cell_m - at) / spread_m, self.cell_m / spread_m)
-            for low, at in zip((col, self.grid_size - 1 - row), place, strict=True)
+            for low, at in zip((col, self.grid_size.rows - 1 - row), place, strict=True)
         ]
         return along[0] * along[1]
 

@@ -65,7 +65,11 @@ def parse_point(pose: FramedPose, frame: GridFrame) -> Result[tuple[float, float
                 return Rejected("not_finite", reason)
     x, y, _ = pose.position
     if map_to_cell(frame, x, y) is None:
-        reason = f"pose.position must be 0 <= x, y < {frame.side_m:.6g} m, got ({x:.6g}, {y:.6g})"
+        width, height = (f"{side:.6g}" for side in frame.extent)
+        allowed = (
+            f"0 <= x, y < {width}" if width == height else f"0 <= x < {width}, 0 <= y < {height}"
+        )
+        reason = f"pose.position must be {allowed} m, got ({x:.6g}, {y:.6g})"
         return Rejected("outside_grid", reason)
     return Accepted((x, y))
 

@@ -133,7 +133,7 @@ def parse_track(poses: Sequence[FramedPose], frame: GridFrame) -> Result[NDArray
             where = f"poses[{number}]: " if len(poses) > 1 else ""
             return Rejected(parsed.code, f"{where}{parsed.reason}")
         x_m, y_m = parsed.value
-        points.append((x_m, flip_y(frame.side_m, y_m)))
+        points.append((x_m, flip_y(frame.extent.height, y_m)))
     return Accepted(np.array(points))
 
 

@@ -258,7 +258,7 @@ class Mission:
             self.beliefs.prepare()
 
     def belief(self) -> NDArray[np.float32]:
-        """Return the probability of containment of the persons not found, (G, G) as [y, x].
+        """Return the probability of containment of the persons not found, (R, C) as [y, x].
 
         It is updated in the true cells of the drones, not the observed ones.
 

@@ -152,7 +152,7 @@ class CellMissionSpace(MissionSpace[Cell]):
         ends = np.stack([drones["x"], drones["y"]], axis=1)
         for drone, action in enumerate([] if actions is None else actions.tolist()):
             col, row = ends[drone].tolist()
-            inside = 0 <= col < world.grid_size and 0 <= row < world.grid_size
+            inside = world.grid_size.holds(col, row)
             if inside and 0 <= action < len(action_set) and world.mask_table[row][col][action]:
                 ends[drone] = action_set.end((col, row), action)
         return ends[:, None].astype(np.float64)

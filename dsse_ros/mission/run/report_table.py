@@ -89,7 +89,7 @@ def _title(info: AgentsInfo, run_id: int, mission: int) -> str:
     seed = "" if info.mission != mission or info.seed is None else f", seed {info.seed}"
     size, number = info.frame.grid_size, len(info.agents)
     drones = "1 drone" if number == 1 else f"{number} drones"
-    return f"mission {mission} of run {run_id}: {drones}, {size} x {size} cells{seed}"
+    return f"mission {mission} of run {run_id}: {drones}, {size} cells{seed}"
 
 
 def _layout(info: AgentsInfo, report: NDArray[Any], width: int) -> tuple[int, int]:
@@ -97,7 +97,7 @@ def _layout(info: AgentsInfo, report: NDArray[Any], width: int) -> tuple[int, in
     words = ["FOUND", *info.actions]
     if "status" in (report.dtype.names or ()):
         words += STATUSES
-    cell = 2 * len(str(info.frame.grid_size)) + 1
+    cell = sum(len(str(size)) for size in info.frame.grid_size) + 1
     column = cell + 1 + min(max(map(len, words)), _LONGEST_NAME)
     if _has_battery(report):
         column += len(" 100%")

@@ -9,6 +9,7 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from dsse_ros.base.grid_shape import GridShape
 from dsse_ros.mission.run.mission import Mission
 from dsse_ros.mission.run.step_scheduler import StepScheduler
 from dsse_ros.search.step.fault_kernels import (
@@ -41,11 +42,11 @@ def actions(mission: Mission, joint: NDArray[np.int8]) -> str:
     return ", ".join(action_names[action] if action >= 0 else "none" for action in joint.tolist())
 
 
-def begun(mission: Mission, grid_size: int) -> str:
+def begun(mission: Mission, grid: GridShape) -> str:
     """Return the log line for the start of a mission."""
     return (
         f"mission {mission.number}: {counted(len(mission.tracks), 'drone')} on "
-        f"{grid_size} x {grid_size} cells, "
+        f"{grid} cells, "
         f"rules {mission.env.rules.profile}, seed {mission.seed}"
     )
 

@@ -181,7 +181,7 @@ def _markers(maker: StepMessages, stamp: Any, reveal_person: bool) -> Any:
     sea = sea_state(env.scenario, result.step)
     scene = Scene(
         frame.cell_size_m,
-        frame.side_m,
+        *frame.extent,
         drones=[
             ShownDrone(name, maker.positions[i], map_positions(frame, corners(track), i), live[i])
             for i, (name, track) in tracks

@@ -90,7 +90,9 @@ def motions(frame: GridFrame, flown: Flown, wind: Wind, share: float) -> list[Mo
         stands = np.hypot(*air.T) == 0.0
         headings = np.where(stands, flown.flights["heading"], np.arctan2(air[:, 0], -air[:, 1]))
     return [
-        Motion((x, flip_y(frame.side_m, y), altitude), (east, -south), yaw_of_heading(heading))
+        Motion(
+            (x, flip_y(frame.extent.height, y), altitude), (east, -south), yaw_of_heading(heading)
+        )
         for (x, y), (east, south), heading, altitude in zip(
             places.tolist(),
             velocities.tolist(),

@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from dsse_ros.base.grid_shape import GridShape
 from dsse_ros.mission.run.mission import Mission
 from dsse_ros.mission.vehicles.vehicle_tasks import VehicleTasks
 from dsse_ros.search.step.fault_kernels import ACTING
@@ -48,12 +49,12 @@ class PassedCells:
 
     Args:
         cell_m: Side of a cell.
-        grid_size: Cells along a side of the grid.
+        grid: Shape of the grid.
         beyond: Cells beyond the edge of the grid, from which its sensor sees some of the grid.
     """
 
-    def __init__(self, cell_m: float, grid_size: int, beyond: int = 0) -> None:
-        self._cell_m, self._grid_size, self._beyond = cell_m, grid_size, beyond
+    def __init__(self, cell_m: float, grid: GridShape, beyond: int = 0) -> None:
+        self._cell_m, self._grid, self._beyond = cell_m, grid, beyond
         # The passed cells near the vehicle; None before it begins.
         self._passed: set[Cell] | None = None
 
@@ -95,7 +96,7 @@ class PassedCells:
         low = np.floor(path.min(axis=0) / self._cell_m).astype(np.int64) - 1
         high = np.floor(path.max(axis=0) / self._cell_m).astype(np.int64) + 1
         west, north = np.maximum(low, -self._beyond).tolist()
-        east, south = np.minimum(high, self._grid_size - 1 + self._beyond).tolist()
+        east, south = np.minimum(high, np.array(self._grid) - 1 + self._beyond).tolist()
         return [(col, row) for row in range(north, south + 1) for col in range(west, east + 1)]
 
 
@@ -111,7 +112,7 @@ class VehicleLooks:
 
     def __init__(self, mission: Mission) -> None:
         world, moves = mission.env.world, mission.env.rules.action_set.moves
-        self._cell_m, self._grid_size = mission.env.scenario.cell_size, world.grid_size
+        self._cell_m, self._grid = mission.env.scenario.cell_size, world.grid_size
         self._search = mission.env.rules.action_set.search
         lengths = [math.hypot(*move) for move in moves]
         self._moves = np.array(
@@ -125,8 +126,7 @@ class VehicleLooks:
         ]
         self._beyond = int(np.abs(world.looks.offsets).max(initial=0))
         self._passed = [
-            PassedCells(self._cell_m, self._grid_size, self._beyond)
-            for _ in range(world.num_drones)
+            PassedCells(self._cell_m, self._grid, self._beyond) for _ in range(world.num_drones)
         ]
         self._searched = np.zeros(world.num_drones, np.int64)
 
@@ -179,6 +179,5 @@ class VehicleLooks:
         if not len(seen):
             return
         col, row = np.floor(path[seen[-1] + 1] / self._cell_m).astype(np.int64).tolist()
-        first, last = -self._beyond, self._grid_size - 1 + self._beyond
-        if first <= col <= last and first <= row <= last:
+        if self._grid.padded(self._beyond).holds(col + self._beyond, row + self._beyond):
             self._waiting[drone].append((col, row, self._search))

@@ -104,7 +104,7 @@ class VehicleSteps:
             ahead_s, silent_s = self._scheduler.fleet_ahead_s, self._clock.silent_s(drone)
             flown = self._flown[drone].take(MOST_PIECES, ahead_s, silent_s)
             if flown is not None:
-                flown[0][:, 1] = flip_y(self._frame.side_m, flown[0][:, 1])
+                flown[0][:, 1] = flip_y(self._frame.extent.height, flown[0][:, 1])
                 taken[drone] = flown
         return taken
 

@@ -17,7 +17,7 @@ from dsse_ros.world.scenario.scenario import ResolvedScenario, scenario_frame
 RASTER = 400
 """Points along a side of the square that is known."""
 BEYOND = 0.5
-"""How far it reaches beyond each edge of the grid, in sides of the grid."""
+"""How far it reaches beyond each edge of the grid, in longer sides of the grid."""
 
 
 class Land:
@@ -29,13 +29,14 @@ class Land:
 
     def __init__(self, scenario: ResolvedScenario) -> None:
         frame = scenario_frame(scenario)
-        self._from_m = -BEYOND * frame.side_m
-        self._cell_m = (1 + 2 * BEYOND) * frame.side_m / RASTER
+        longer_m = max(frame.extent)
+        self._from_m = -BEYOND * longer_m
+        self._cell_m = (1 + 2 * BEYOND) * longer_m / RASTER
         self._is_land: NDArray[np.bool_] | None = None
         if scenario.incident is not None and scenario.incident.land is not None:
             centres = self._from_m + (np.arange(RASTER) + 0.5) * self._cell_m
             east, south = np.meshgrid(centres, centres)
-            lats, lons, _ = map_to_geodetic(frame, east, flip_y(frame.side_m, south), 0.0)
+            lats, lons, _ = map_to_geodetic(frame, east, flip_y(frame.extent.height, south), 0.0)
             # As the polygons have them.
             lons = (lons + 180.0) % 360.0 - 180.0
             self._is_land = scenario.incident.land.prepared()(lats, lons)

@@ -58,7 +58,7 @@ def plan_text(scenario: ResolvedScenario, assignments: Sequence[Assignment]) -> 
     for assignment in assignments:
         (points, times), unit = assignment.timed_way, assignment.unit
         lats, lons, _ = map_to_geodetic(
-            frame, points[:, 0], flip_y(frame.side_m, points[:, 1]), 0.0
+            frame, points[:, 0], flip_y(frame.extent.height, points[:, 1]), 0.0
         )
         units.append(
             {
@@ -124,7 +124,7 @@ def _unit(where: str, stated: Any, scenario: ResolvedScenario, later_s: float) -
         raise FieldError(f"{where}.track must not go back in time, got {shown(times.tolist())}")
     check_near(f"{where}.track", (float(lats[0]), float(lons[0])), frame.origin[:2])
     x, y, _ = geodetic_to_map(frame, lats, lons, frame.origin_alt_m)
-    way = TimedTrack(np.stack([x, flip_y(frame.side_m, y)], axis=1), times + later_s)
+    way = TimedTrack(np.stack([x, flip_y(frame.extent.height, y)], axis=1), times + later_s)
     lateral = LateralRange(
         **{key: _SEEN.check(f"{where}.sees.{key}", value) for key, value in sees.items()}
     )

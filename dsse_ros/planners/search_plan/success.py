@@ -34,9 +34,8 @@ class Success:
         self._shares = np.bincount(of_person.ravel()) / len(multipliers)
         self._places = forecast.places(examples)
         self._step_s = forecast.scenario.step_duration_s
-        size = forecast.scenario.grid_size
-        area = forecast.area
-        self._area = np.ones((size, size), np.bool_) if area is None else np.array(area)
+        grid, area = forecast.scenario.grid_size, forecast.area
+        self._area = np.ones(grid.matrix, np.bool_) if area is None else np.array(area)
 
     @property
     def certain(self) -> Floats:

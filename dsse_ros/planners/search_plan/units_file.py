@@ -140,7 +140,7 @@ class UnitFields:
         frame = scenario_frame(scenario)
         check_near("base", (lat, lon), frame.origin[:2])
         east, north, _ = geodetic_to_map(frame, lat, lon, frame.origin_alt_m)
-        return float(east), flip_y(frame.side_m, float(north))
+        return float(east), flip_y(frame.extent.height, float(north))
 
     def _lateral(self, scenario: ResolvedScenario) -> LateralRange:
         """Return how it sees what it passes."""

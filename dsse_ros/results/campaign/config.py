@@ -295,5 +295,7 @@ def _case_of(value: Any, folder: Path) -> Case:
     resolved = scenario.resolve(chosen)
     if not resolved.has_persons:
         raise FieldError(f"truth must be {SIMULATED} in a campaign, got {resolved.truth!r}")
-    name = resolved.name or (path.stem if path else f"{chosen.profile}_{resolved.grid_size}")
+    columns, rows = resolved.grid_size
+    named = f"{columns}" if columns == rows else f"{columns}x{rows}"
+    name = resolved.name or (path.stem if path else f"{chosen.profile}_{named}")
     return Case(name, resolved, chosen)

@@ -196,7 +196,7 @@ def _about(case: Case) -> str:
     size, drones = scenario.grid_size, scenario.num_drones
     people = f"{scenario.person_amount} person{'s' if scenario.person_amount > 1 else ''}"
     return (
-        f"Profile {case.rules.profile}, {size} x {size} cells of {scenario.cell_size:g} m, "
+        f"Profile {case.rules.profile}, {size} cells of {scenario.cell_size:g} m, "
         f"{drones} drone{'s' if drones > 1 else ''}, {people}, limit of "
         f"{scenario.timestep_limit} steps ({duration(case.limit_s)})."
     )

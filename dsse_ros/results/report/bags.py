@@ -126,7 +126,7 @@ class MissionBag:
         return wanted
 
     def beliefs(self, record: RecordedMission, wanted: Collection[int]) -> Maps:
-        """Return the beliefs (G, G) that were published with recorded steps.
+        """Return the beliefs (R, C) that were published with recorded steps.
 
         Args:
             record: One of `missions`.
@@ -208,7 +208,7 @@ def _mission(
     rules, scenario = definition.rules, definition.scenario.resolve(definition.rules)
     if (scenario.grid_size, scenario.cell_size) != (info.frame.grid_size, info.frame.cell_size_m):
         raise ValueError(
-            f"scenario: {scenario.grid_size} cells of {scenario.cell_size:g} m a side are not the "
+            f"scenario: {scenario.grid_size} cells of {scenario.cell_size:g} m are not the "
             f"recorded {info.frame.grid_size} of {info.frame.cell_size_m:g} m"
         )
     steps = sorted(rows)

@@ -20,6 +20,7 @@ from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator, PercentFormatter
 
+from dsse_ros.base.grid_shape import GridExtent
 from dsse_ros.picture.map_axes import (
     MAX_LINED_CELLS,
     draw_cells,
@@ -201,7 +202,7 @@ def effort_figure(record: RecordedMission, theme: Theme) -> Figure:
     figure, axes = _map_chart(record, theme)
     count = effort(record)
     image = draw_cells(
-        axes, np.ma.masked_where(count == 0, count), _side_km(record),
+        axes, np.ma.masked_where(count == 0, count), _extent_km(record),
         vmin=1, vmax=max(int(count.max()), 2),
         cmap=ListedColormap(colormaps["cividis"](np.linspace(*theme.shades, 256))),
     )  # fmt: skip
@@ -220,7 +221,7 @@ def tracks_figure(record: RecordedMission, theme: Theme) -> Figure:
     for i, cells in enumerate(record.tracks(len(record.steps))):
         on_cells = record.in_cells is None
         beside = _BESIDE * ((i + 1) / (drones + 1) - 0.5) * on_cells
-        x, y = places_km(cells + (beside, -beside), record.grid_size, cell_km).T
+        x, y = places_km(cells + (beside, -beside), record.grid_size.rows, cell_km).T
         colour = drone_colour(i)
         style = STYLES[i // len(DRONE_COLOURS) % len(STYLES)]
         axes.plot(x, y, style, color=colour, linewidth=1.4, label=record.agents[i])
@@ -234,8 +235,8 @@ def tracks_figure(record: RecordedMission, theme: Theme) -> Figure:
     return figure
 
 
-def _side_km(record: RecordedMission) -> float:
-    return record.grid_size * record.scenario.cell_size / 1000.0
+def _extent_km(record: RecordedMission) -> GridExtent:
+    return GridExtent(*(m / 1000.0 for m in record.grid_size.extent(record.scenario.cell_size)))
 
 
 def _map_chart(record: RecordedMission, theme: Theme) -> tuple[Figure, Axes]:
@@ -244,46 +245,49 @@ def _map_chart(record: RecordedMission, theme: Theme) -> tuple[Figure, Axes]:
     They show the part of the grid with the tracks and the last known positions.
     """
     figure, axes = chart(theme, 5.4, 4.7)
-    side, sea, part = _side_km(record), sea_state(record.scenario, 0), _part(record)
-    west, south, shown = (cells * record.scenario.cell_size / 1000.0 for cells in part)
+    extent, sea, part = _extent_km(record), sea_state(record.scenario, 0), _part(record)
+    west, south, width, height = (cells * record.scenario.cell_size / 1000.0 for cells in part)
     axes.set_aspect("equal")
     for spine in axes.spines.values():
         spine.set_color(theme.ink)
     if record.area is not None:
-        draw_outside(axes, record.area, side, theme.land)
-    if part[2] <= MAX_LINED_CELLS:
-        draw_lines(axes, np.linspace(0, side, record.grid_size + 1), side, theme.faint)
+        draw_outside(axes, record.area, extent, theme.land)
+    if max(part[2:]) <= MAX_LINED_CELLS:
+        draw_lines(axes, record.grid_size, extent, theme.faint)
     draw_shore(axes, sea, theme)
-    draw_sightings(axes, sea, shown, theme, (west, south))
+    draw_sightings(axes, sea, GridExtent(width, height), theme, (west, south))
     # Those that are off the map; wind and current change.
-    draw_corner(axes, [row for row in corner_rows(sea, 1000.0 * side) if row.kind == "lkp"], theme)
+    whole = record.grid_size.extent(record.scenario.cell_size)
+    draw_corner(axes, [row for row in corner_rows(sea, whole) if row.kind == "lkp"], theme)
     name_axes(axes)
-    axes.set(xlim=(west, west + shown), ylim=(south, south + shown), autoscale_on=False)
+    axes.set(xlim=(west, west + width), ylim=(south, south + height), autoscale_on=False)
     return figure, axes
 
 
-def _part(record: RecordedMission) -> tuple[int, int, int]:
+def _part(record: RecordedMission) -> tuple[int, int, int, int]:
     """Return the square that holds all tracks and the last known positions on the grid.
 
-    It is the whole grid if it is most of it.
+    It ends at the edges of the grid, and is the whole grid if it is most of it.
 
     Returns:
-        Its corner and side in cells, from the south-west.
+        Its corner, width and height in cells, from the south-west.
     """
-    size, cell_m = record.grid_size, record.scenario.cell_size
+    grid, cell_m = record.grid_size, record.scenario.cell_size
     seen = [
-        (seen.x_m // cell_m, size - 1 - seen.y_m // cell_m)
+        (seen.x_m // cell_m, grid.rows - 1 - seen.y_m // cell_m)
         for seen in sea_state(record.scenario, 0).sightings
-        if 0 <= seen.x_m < size * cell_m and 0 <= seen.y_m < size * cell_m
+        if grid.holds(int(seen.x_m // cell_m), int(seen.y_m // cell_m))
     ]
     places = np.concatenate([record.cells.reshape(-1, 2), np.array(seen, int).reshape(-1, 2)])
     low, high = places.min(axis=0), places.max(axis=0)
-    side = min(int((high - low).max()) + 1 + 2 * _MARGIN, size)
-    if side > _MOST * size:
-        return 0, 0, size
-    middle = np.array([low[0] + high[0] + 1, 2 * size - low[1] - high[1] - 1]) // 2
-    west, south = np.clip(middle - side // 2, 0, size - side).tolist()
-    return west, south, side
+    side = min(int((high - low).max()) + 1 + 2 * _MARGIN, grid.longer)
+    if side > _MOST * grid.longer:
+        return 0, 0, *grid
+    middle = np.array([low[0] + high[0] + 1, 2 * grid.rows - low[1] - high[1] - 1]) // 2
+    shown = np.minimum(side, grid)
+    west, south = np.clip(middle - shown // 2, 0, np.array(grid) - shown).tolist()
+    width, height = shown.tolist()
+    return west, south, width, height
 
 
 def work_figure(record: RecordedMission, done: Work, theme: Theme) -> Figure:

@@ -16,11 +16,12 @@ from dsse_ros.world.scenario.rasters import raster_of_grid
 
 
 def write_geotiff(path: Path, frame: GridFrame, bands: Mapping[str, NDArray[np.float32]]) -> None:
-    """Write matrices (G, G) with row 0 in the north as the bands of a GeoTIFF, by their names."""
+    """Write matrices (R, C) with row 0 in the north as the bands of a GeoTIFF, by their names."""
     place = raster_of_grid(frame.grid_size, frame.cell_size_m, frame.origin)
     try:
         with rasterio.open(
-            path, "w", driver="GTiff", height=frame.grid_size, width=frame.grid_size,
+            path, "w", driver="GTiff", height=frame.grid_size.rows,
+            width=frame.grid_size.columns,
             count=len(bands), dtype="float32", compress="deflate", interleave="band", crs=place.crs,
             transform=place.transform,
         ) as raster:  # fmt: skip

@@ -29,8 +29,8 @@ class GisMap:
 
     Attributes:
         step: Steps done.
-        poc: (G, G) float32 [row, col], row 0 in the north: probability of containment.
-        pod: (G, G) float32, POD of all looks at the cell so far, see `cumulative_pod`; None in
+        poc: (R, C) float32 [row, col], row 0 in the north: probability of containment.
+        pod: (R, C) float32, POD of all looks at the cell so far, see `cumulative_pod`; None in
             metres.
     """
 

@@ -20,7 +20,7 @@ from dsse_ros.world.scenario.frames import GridFrame
 from dsse_ros.world.scenario.geodesy import cell_to_geodetic
 
 MAX_KML_SIDE = 100
-"""Cells along the side of the largest grid whose cells are in the KML, each as a polygon."""
+"""Cells along the longer side of the largest grid whose cells are in the KML, each as a polygon."""
 _SHADES = 10
 _NAMESPACES = {
     "xmlns": "http://www.opengis.net/kml/2.2",
@@ -62,7 +62,7 @@ def kml_text(mission: GisMission) -> str:
         if place.time is not None:
             _text(ET.SubElement(mark, "TimeStamp"), "when", place.time.isoformat())
         _text(ET.SubElement(mark, "Point"), "coordinates", _position(place.lon_deg, place.lat_deg))
-    if mission.frame.grid_size <= MAX_KML_SIDE:
+    if mission.frame.grid_size.longer <= MAX_KML_SIDE:
         _add_cells(document, mission.frame, mission.maps[-1])
     text = ET.tostring(root, encoding="unicode")
     return f'<?xml version="1.0" encoding="UTF-8"?>\n{text}'
@@ -143,8 +143,8 @@ def _add_cells(document: ET.Element, frame: GridFrame, layer: GisMap) -> None:
     rows, cols = np.nonzero(np.sum(list(values.values()), axis=0))
     shades = np.ceil(_SHADES * layer.poc / (float(layer.poc.max()) or 1.0)).astype(int)
     # The edges of cells lie half a cell from the centres.
-    edges = np.arange(frame.grid_size + 1) - 0.5
-    row, col = np.meshgrid(edges, edges, indexing="ij")
+    rows_at, cols_at = (np.arange(size + 1) - 0.5 for size in frame.grid_size.matrix)
+    row, col = np.meshgrid(rows_at, cols_at, indexing="ij")
     lat, lon, _ = cell_to_geodetic(frame, col, row, 0.0)
     for r, c in zip(rows.tolist(), cols.tolist(), strict=True):
         corners = [(r + 1, c), (r + 1, c + 1), (r, c + 1), (r, c), (r + 1, c)]

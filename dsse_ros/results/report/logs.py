@@ -185,7 +185,7 @@ def _places(
     expected = cell_to_map(scenario_frame(scenario), *np.moveaxis(cells[:, first:], 2, 0))
     if not np.allclose(np.moveaxis(metres[:, first:], 2, 0), expected, rtol=0, atol=_ROUNDING_M):
         raise ValueError(
-            f"scenario: {scenario.grid_size} cells of {scenario.cell_size:g} m a side do not have "
+            f"scenario: {scenario.grid_size} cells of {scenario.cell_size:g} m do not have "
             "the recorded positions"
         )
     return places

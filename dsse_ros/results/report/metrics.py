@@ -56,11 +56,11 @@ def path_lengths(record: RecordedMission) -> Floats:
 
 
 def effort(record: RecordedMission, num_steps: int | None = None) -> Ints:
-    """Return how often each cell was searched in the first recorded steps, (G, G) [row, col].
+    """Return how often each cell was searched in the first recorded steps, (R, C) [row, col].
 
     A drone that waited has not searched, if it is known which did.
     """
-    count = np.zeros((record.grid_size, record.grid_size), np.int64)
+    count = np.zeros(record.grid_size.matrix, np.int64)
     looked = record.looked_at
     if record.waited is not None:
         looked = looked[~record.waited[looked[:, 0], looked[:, 1]]]
@@ -71,14 +71,14 @@ def effort(record: RecordedMission, num_steps: int | None = None) -> Ints:
 
 
 def cumulative_pod(record: RecordedMission, num_steps: int) -> Floats:
-    """Return the POD of all looks at each cell in the first recorded steps, (G, G) [row, col].
+    """Return the POD of all looks at each cell in the first recorded steps, (R, C) [row, col].
 
     A person who stayed in the cell was found with this probability; of several persons it is the
     mean.
     """
     first = record.looked_at[:, 0] < num_steps
     _, _, col, row = record.looked_at[first].T
-    missed = np.ones((record.grid_size, record.grid_size, record.pods_of_looks.shape[1]))
+    missed = np.ones((*record.grid_size.matrix, record.pods_of_looks.shape[1]))
     np.multiply.at(missed, (row, col), 1.0 - record.pods_of_looks[first])
     pod: Floats = (1.0 - missed).mean(axis=2)
     return pod
@@ -86,7 +86,7 @@ def cumulative_pod(record: RecordedMission, num_steps: int) -> Floats:
 
 def num_cells(record: RecordedMission) -> int:
     """Return the number of cells of the search area."""
-    return record.grid_size**2 if record.area is None else int(record.area.sum())
+    return record.grid_size.cells if record.area is None else int(record.area.sum())
 
 
 def _first_searches(record: RecordedMission) -> Ints:

@@ -181,10 +181,10 @@ def _view_in_metres(record: RecordedMission, k: int) -> dict[str, Any]:
 
 
 def _waits(record: RecordedMission, num_steps: int) -> NDArray[np.int64] | None:
-    """Return in how many of the first recorded steps a drone waited in each cell, (G, G)."""
+    """Return in how many of the first recorded steps a drone waited in each cell, (R, C)."""
     if record.waited is None:
         return None
-    count = np.zeros((record.grid_size, record.grid_size), np.int64)
+    count = np.zeros(record.grid_size.matrix, np.int64)
     col, row = record.cells[:num_steps][record.waited[:num_steps]].T
     np.add.at(count, (row, col), 1)
     return count
@@ -206,7 +206,7 @@ def forecast_for(record: RecordedMission, known: TargetForecast | None) -> Targe
     Args:
         known: One that was made before; it is returned if it is for this search.
     """
-    if record.missing_steps or record.covers or record.grid_size > LARGEST_BELIEF_GRID:
+    if record.missing_steps or record.covers or record.grid_size.longer > LARGEST_BELIEF_GRID:
         return None
     if record.rules.in_metres and (record.turns is None or record.seed is None):
         return None
@@ -229,7 +229,7 @@ def follow_belief(
         record: The record; it has every step from the start.
 
     Returns:
-        (K,) POS after each step, and the belief (G, G) after each wanted one.
+        (K,) POS after each step, and the belief (R, C) after each wanted one.
 
     Raises:
         FieldError: If the record in metres is not of the mission with its seed.

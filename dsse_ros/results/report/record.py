@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dsse_ros.base.fields import FieldError
+from dsse_ros.base.grid_shape import GridShape
 from dsse_ros.mission.recording.step_inputs import FlownPaths, StepInputs, commands_in_metres
 from dsse_ros.search.environments.metres_drones import wind_of
 from dsse_ros.search.step.looks import looks_of
@@ -138,13 +139,14 @@ class RecordedMission:
         if self.courses is None or self.turns is None:
             return paths
         flies = self.acted[1:] & (np.diff(self.steps) == 1)[:, None]
-        state, side_m = np.zeros(1, MOTION_STATES), scenario.grid_size * scenario.cell_size
+        state = np.zeros(1, MOTION_STATES)
+        extent = scenario.grid_size.extent(scenario.cell_size)
         for k, n in np.argwhere(flies).tolist():
             state[0] = *ends[k, n], *self.courses[k, n]
             path, turn = paths[k + 1, n], self.turns[k + 1, n]
             path_of_action(airframes, scenario.kind_of[n], wind, state, turn, path)
             # A drone stops at the edge of the grid.
-            np.clip(path, 0.0, side_m, out=path)
+            np.clip(path, 0.0, extent, out=path)
         # A log rounds positions and headings.
         paths[:, :, -1] = ends
         return paths
@@ -172,13 +174,13 @@ class RecordedMission:
         return looked.reshape(len(looked), -1)
 
     @property
-    def grid_size(self) -> int:
-        """Cells along a side of the grid, G."""
+    def grid_size(self) -> GridShape:
+        """Columns and rows of the grid."""
         return self.scenario.grid_size
 
     @property
     def area(self) -> NDArray[np.bool_] | None:
-        """The cells to search, (G, G) bool [row, col]; None for all."""
+        """The cells to search, (R, C) bool [row, col]; None for all."""
         return self.scenario.area_mask
 
     @property
@@ -321,7 +323,7 @@ class RecordedMission:
 
 
 def _flown_over(
-    places: NDArray[np.float64], acted: NDArray[np.bool_], grid_size: int
+    places: NDArray[np.float64], acted: NDArray[np.bool_], grid: GridShape
 ) -> NDArray[np.int64]:
     """Return the cells under the straight legs between recorded steps.
 
@@ -337,10 +339,10 @@ def _flown_over(
     shares = np.linspace(0.0, 1.0, int(_OF_LEG * np.abs(legs).max(initial=1.0)) + 2)
     way = places[before, drones][:, None] + shares[:, None] * legs[:, None]
     # The far edge of the grid belongs to its cells; beyond it, vehicles are over none.
-    cells = np.floor(way + 0.5).astype(np.int64) - (way == grid_size - 0.5)
+    cells = np.floor(way + 0.5).astype(np.int64) - (way == np.array(grid) - 0.5)
     steps = np.stack([before + 1, drones], axis=1)[:, None].repeat(len(shares), axis=1)
     over = np.concatenate([steps, cells], axis=2).reshape(-1, 4)
-    return np.unique(over[((over[:, 2:] >= 0) & (over[:, 2:] < grid_size)).all(axis=1)], axis=0)
+    return np.unique(over[((over[:, 2:] >= 0) & (over[:, 2:] < grid)).all(axis=1)], axis=0)
 
 
 def places_of(
@@ -351,7 +353,7 @@ def places_of(
     Fractions lie between cells.
     """
     cell_m = scenario.cell_size
-    places = [east_m / cell_m - 0.5, scenario.grid_size - 0.5 - north_m / cell_m]
+    places = [east_m / cell_m - 0.5, scenario.grid_size.rows - 0.5 - north_m / cell_m]
     return np.stack(places, axis=-1).astype(np.float64)
 
 

@@ -187,7 +187,7 @@ class MissionReport:
         drones, persons = len(record.agents), scenario.person_amount
         search = [
             f"{drones} drone{'s' if drones > 1 else ''}",
-            f"{record.grid_size} x {record.grid_size} cells of {scenario.cell_size:g} m",
+            f"{record.grid_size} cells of {scenario.cell_size:g} m",
             f"profile {rules.profile}",
             "coverage" if rules.covers else f"{persons} person{'s' if persons > 1 else ''}",
             f"limit of {scenario.timestep_limit} steps",

@@ -65,7 +65,9 @@ class SearchPlan:
     def place(self, east: float, south: float) -> tuple[float, float]:
         """Return latitude and longitude of a point of the plan."""
         frame = self.frame
-        lat, lon, _ = map_to_geodetic(frame, float(east), flip_y(frame.side_m, float(south)), 0.0)
+        lat, lon, _ = map_to_geodetic(
+            frame, float(east), flip_y(frame.extent.height, float(south)), 0.0
+        )
         return float(lat), float(lon)
 
     def date_s(self, time_s: float) -> float:

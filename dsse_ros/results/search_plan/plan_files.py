@@ -138,24 +138,24 @@ def save_plan_picture(plan: SearchPlan, path: Path) -> None:
     """
     figure = new_figure()
     Picture(figure).draw(plan_view(plan))
-    axes, side_m = figure.axes[0], plan.frame.side_m
+    axes, height_m = figure.axes[0], plan.frame.extent.height
     labels: list[Any] = []
     for number, (name, assignment) in enumerate(zip(plan.names, plan.assignments, strict=True)):
         outline = np.concatenate([assignment.area.corners, assignment.area.corners[:1]])
-        x, y = outline[:, 0] / 1000, flip_y(side_m, outline[:, 1]) / 1000
+        x, y = outline[:, 0] / 1000, flip_y(height_m, outline[:, 1]) / 1000
         axes.plot(x, y, color=drone_colour(number), linewidth=1.6, zorder=4.5)
         label = axes.text(
             float(x[:4].mean()), float(y[:4].mean()), name, ha="center", va="center", fontsize=9,
             fontweight="bold", color=LIGHT.ink, zorder=5.6, clip_on=True,
             bbox={"facecolor": LIGHT.paper, "edgecolor": "none", "alpha": 0.75, "pad": 1.5},
         )  # fmt: skip
-        _move_apart(label, assignment, side_m, [other.get_window_extent() for other in labels])
+        _move_apart(label, assignment, height_m, [other.get_window_extent() for other in labels])
         labels.append(label)
     with whole_file(path) as part:
         figure.savefig(part)
 
 
-def _move_apart(label: Any, assignment: Assignment, side_m: float, others: list[Any]) -> None:
+def _move_apart(label: Any, assignment: Assignment, height_m: float, others: list[Any]) -> None:
     """Move a label along the long side of its area to where it overlaps no other one, if it can."""
     area = assignment.area
     axis = area.axes[0 if area.along >= area.across else 1]
@@ -163,11 +163,11 @@ def _move_apart(label: Any, assignment: Assignment, side_m: float, others: list[
     for share in (0.0, 0.2, -0.2, 0.4, -0.4, 0.3, -0.3, 0.5, -0.5):
         east, south = (at + share * long_m * way for at, way in
                        zip((area.east, area.south), axis, strict=True))  # fmt: skip
-        label.set_position((east / 1000, flip_y(side_m, south) / 1000))
+        label.set_position((east / 1000, flip_y(height_m, south) / 1000))
         box = label.get_window_extent().expanded(1.2, 1.2)
         if not any(box.overlaps(other) for other in others):
             return
-    label.set_position((area.east / 1000, flip_y(side_m, area.south) / 1000))
+    label.set_position((area.east / 1000, flip_y(height_m, area.south) / 1000))
 
 
 def _middle_row(plan: SearchPlan) -> int:

@@ -68,7 +68,7 @@ TOPICS = tuple(
 are small."""
 _MAX_EXACT_BYTES = 10_500
 """Size of a display map, at one byte per cell, up to which the exact map is read too: on grids of
-at most 100 cells a side."""
+at most 10 000 cells."""
 OF_VEHICLE = tuple(
     name.removeprefix(EACH_DRONE) for name in _SUBSCRIBED if name.startswith(EACH_DRONE)
 )

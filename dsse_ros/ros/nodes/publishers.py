@@ -218,7 +218,7 @@ class MissionPublishers:
             self._tracks[drone] = track
             points = [] if track is None else track.points.tolist()
             altitude_m = self._frame.alt_of(drone)
-            positions = [(x, flip_y(self._frame.side_m, y), altitude_m) for x, y in points]
+            positions = [(x, flip_y(self._frame.extent.height, y), altitude_m) for x, y in points]
             publisher.publish(path(self._messages.header(stamp), positions))
 
     def publish_report(self, stamp: Time) -> None:

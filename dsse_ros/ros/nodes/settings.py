@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from dsse_ros.base.fields import FieldError, Spec, check_all, field, shown, specs
+from dsse_ros.base.grid_shape import GridShape
 from dsse_ros.mission.run.command_buffer import MISSING_ACTIONS
 from dsse_ros.planners.registry import DEFAULT_PLANNER, PLANNER_NAMES
 from dsse_ros.vehicles.fleet.vehicle_time import FOLLOWED, VehicleTimeSettings
@@ -98,7 +99,7 @@ class SimSettings(VehicleTimeSettings):
     compute_pos: str = field(
         "str",
         "Whether to compute the POS; "
-        f"auto: on grids of at most {LARGEST_AUTO_GRID} cells a side, or with publish_belief.",
+        f"auto: on grids of at most {LARGEST_AUTO_GRID**2} cells, or with publish_belief.",
         "auto",
         choices=("auto", "always", "never"),
     )
@@ -141,15 +142,15 @@ class SimSettings(VehicleTimeSettings):
         if self.resume and not self.snapshot_file:
             raise FieldError("resume must be false without snapshot_file, got true")
 
-    def has_belief(self, grid_size: int, *, live: bool = False) -> bool:
+    def has_belief(self, grid: GridShape, *, live: bool = False) -> bool:
         """Return whether a belief follows a mission on a grid of this size.
 
         Args:
-            grid_size: Cells along a side.
+            grid: Its shape.
             live: Whether it is a live search.
         """
         if self.compute_pos == "auto":
-            return self.publish_belief or live or grid_size <= LARGEST_AUTO_GRID
+            return self.publish_belief or live or grid.cells <= LARGEST_AUTO_GRID**2
         return self.compute_pos == "always"
 
 

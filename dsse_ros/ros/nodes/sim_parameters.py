@@ -103,8 +103,8 @@ def _log_incident(node: AlarmNode, scenario: ResolvedScenario) -> None:
         return
     begins_s, inside, stranded = scenario.incident.grid_summary
     node.get_logger().info(
-        f"incident: the search begins at {utc(begins_s)} on {scenario.grid_size} x "
-        f"{scenario.grid_size} cells; {inside:.1%} of the particles stay there until its end, "
+        f"incident: the search begins at {utc(begins_s)} on {scenario.grid_size} "
+        f"cells; {inside:.1%} of the particles stay there until its end, "
         f"{stranded:.1%} strand"
     )
 
@@ -174,8 +174,8 @@ def _check_size(settings: SimSettings, scenario: Scenario, rules: Rules) -> None
     Raises:
         FieldError: If the grid is larger, or not allowed.
     """
-    side, _ = scenario.grid_of(rules)
-    check_cells(side, settings.max_cells)
+    grid, _ = scenario.grid_of(rules)
+    check_cells(grid, settings.max_cells)
 
 
 def grid_frame(scenario: ResolvedScenario, settings: SimSettings) -> GridFrame:

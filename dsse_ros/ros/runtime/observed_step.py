@@ -49,7 +49,7 @@ class ObservedStep:
     Attributes:
         info: What is searched, and by whom.
         report: (N,) of a `step_report_dtype`.
-        probability: (G, G) float32, read-only, row 0 north.
+        probability: (R, C) float32, read-only, row 0 north.
         stamp_ns: Stamp of its messages.
     """
 
@@ -97,7 +97,7 @@ class ObservedStep:
         flights["east"], flights["south"] = path_of(self.report)[:, -1].T
         flights["heading"], flights["speed"] = self.report["heading"], self.report["airspeed"]
         cruise = airframes_of(scenario.kinds)["cruise"][list(scenario.kind_of)]
-        return states_from(flights, scenario.grid_size * scenario.cell_size, cruise)
+        return states_from(flights, scenario.grid_size.extent(scenario.cell_size), cruise)
 
     def infos(self, drones: Sequence[int]) -> dict[str, dict[str, Any]]:
         """Return the infos of these drones, by name: those of `SearchEnv`."""
@@ -168,7 +168,7 @@ class StepInbox:
 
     Attributes:
         infos: The last `agents` of each run.
-        map: Stamp in nanoseconds and values (G, G) of the last map.
+        map: Stamp in nanoseconds and values (R, C) of the last map.
         report: Stamp in nanoseconds and entries (N,) of the last report.
     """
 
@@ -211,7 +211,7 @@ class StepInbox:
         fits = (
             len(report) == len(info.agents)
             and _num_actions(report) == len(info.actions)
-            and probability.shape == (info.frame.grid_size, info.frame.grid_size)
+            and probability.shape == info.frame.grid_size.matrix
             and (info.actions or info.definition is not None)
         )
         return ObservedStep(info, report, probability, stamp) if fits else None

@@ -32,6 +32,8 @@ _TYPES = {
     "ints": Parameter.Type.INTEGER_ARRAY,
     "cell": Parameter.Type.INTEGER_ARRAY,
     "cells": Parameter.Type.INTEGER_ARRAY,
+    "grid": Parameter.Type.INTEGER_ARRAY,
+    "extent": Parameter.Type.DOUBLE_ARRAY,
     "names": Parameter.Type.STRING_ARRAY,
     "custom": Parameter.Type.STRING,
 }

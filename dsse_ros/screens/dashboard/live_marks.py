@@ -8,14 +8,15 @@ import math
 from collections.abc import Iterable
 from typing import Any, NamedTuple
 
-from dsse_ros.world.scenario.frames import GridFrame
+from dsse_ros.screens.dashboard.map_chart import map_shares
+from dsse_ros.world.scenario.frames import GridFrame, flip_y
 from dsse_ros.world.scenario.geodesy import geodetic_to_map, map_to_geodetic
 from dsse_ros.world.scenario.live_texts import ShownContact
 
 MAX_MARKS = 200
 """Largest number of contacts on the map, the first ones of `ranked`."""
 CLICK_SHARE = 0.03
-"""How far from a contact a click on the map may be, as a share of its side."""
+"""How far from a contact a click on the map may be, as a share of its longer side."""
 
 
 class Sketch(NamedTuple):
@@ -36,25 +37,24 @@ NO_SKETCH = Sketch((), closed=False)
 def live_marks(
     frame: GridFrame, contacts: tuple[ShownContact, ...], sketch: Sketch
 ) -> dict[str, Any]:
-    """Return what the map draws, in shares of its side from the west and the north.
+    """Return what the map draws, in shares of its longer side from the west and the north.
 
     The keys are contacts (point, radius, name, state and label; the most probable one is first),
     sketch (points) and closed.
     """
-    side_m = frame.side_m
     points = [geodetic_to_map(frame, lat, lon, 0.0)[:2] for lat, lon in sketch.places]
     return {
         "contacts": [
             [
-                [contact.x_m / side_m, 1 - contact.y_m / side_m],
-                contact.radius_m / side_m,
+                [*map_shares(frame, contact.x_m, contact.y_m)],
+                contact.radius_m / max(frame.extent),
                 contact.name,
                 contact.state,
                 _label(contact),
             ]
             for contact in ranked(contacts)[:MAX_MARKS]
         ],
-        "sketch": [[x_m / side_m, 1 - y_m / side_m] for x_m, y_m in points],
+        "sketch": [[*map_shares(frame, x_m, y_m)] for x_m, y_m in points],
         "closed": sketch.closed,
     }
 
@@ -82,7 +82,7 @@ def contact_at(
         if contact.state == "open"
     }
     nearest = min(away_m, key=away_m.__getitem__, default=None)
-    return nearest if nearest and away_m[nearest] <= CLICK_SHARE * frame.side_m else None
+    return nearest if nearest and away_m[nearest] <= CLICK_SHARE * max(frame.extent) else None
 
 
 def _label(contact: ShownContact) -> str:
@@ -91,7 +91,8 @@ def _label(contact: ShownContact) -> str:
 
 
 def place_at(frame: GridFrame, east: float, south: float) -> tuple[float, float]:
-    """Return latitude and longitude of a point of the map, in shares of its side."""
-    side_m = frame.side_m
-    lat, lon, _ = map_to_geodetic(frame, east * side_m, (1 - south) * side_m, 0.0)
+    """Return latitude and longitude of a point of the map, in shares of its longer side."""
+    side_m = max(frame.extent)
+    y_m = flip_y(frame.extent.height, south * side_m)
+    lat, lon, _ = map_to_geodetic(frame, east * side_m, y_m, 0.0)
     return lat, lon

@@ -26,7 +26,7 @@ def map_png(occupancy: NDArray[np.int8]) -> bytes:
     """Return a map as PNG: blue, more opaque for likelier cells; grey for -1.
 
     Args:
-        occupancy: (G, G), -1 to 100, row 0 north. If a pixel has several cells, the highest counts.
+        occupancy: (R, C), -1 to 100, row 0 north. If a pixel has several cells, the highest counts.
     """
     levels = _shrunk(np.clip(occupancy, -1, 100))
     pixels = np.where(levels < 0, _OUTSIDE, levels).astype(np.uint8)

@@ -37,7 +37,9 @@ const ZOOM_KEYS = { "+": 1.5, "=": 1.5, "-": 1 / 1.5, _: 1 / 1.5, 0: 0 };
 const FEWEST_CELLS = 5;
 // More drones than this have their numbers only where cells are large, as in the pictures.
 const MAX_NUMBERED = 24;
-// Share of the map's side up to which a pointer that moved has clicked.
+// Smallest height of the canvas, as a share of its width.
+const LOWEST = 0.25;
+// Share of the map's width up to which a pointer that moved has clicked.
 const CLICK = 0.01;
 // Milliseconds without a change of the window after which tracks are drawn for it.
 const STILL_MS = 150;
@@ -130,10 +132,11 @@ export default {
     </div>`,
   props: { label: String },
   mounted() {
-    this.frame = { grid: 0, names: [], strips: [], vehicles: [], corner: [], live: null };
+    this.frame = { grid: [0, 0], names: [], strips: [], vehicles: [], corner: [], live: null };
     this.chart = { shore: [], sightings: [], colours: ["#000"] };
     this.edges = { marks: [[[], []], [[], []]], scale: [0, ""] };
-    // What is shown of the map: its west and north edge as shares of the side, and how often larger.
+    // What is shown of the map: its west and north edge as shares of its longer side, and how often
+    // larger.
     this.window = { west: 0, north: 0, zoom: 1 };
     this.drag = this.pressed = this.pinch = this.pending = this.moving = null;
     this.rows = [];
@@ -192,16 +195,17 @@ export default {
 
     // Pointer and keys
 
-    // Place of a pointer on the canvas, as shares of its sides.
+    // Place of a pointer on the canvas, as shares of its width.
     shareAt(event) {
       const box = this.$refs.canvas.getBoundingClientRect();
-      return [(event.clientX - box.left) / box.width, (event.clientY - box.top) / box.height];
+      return [(event.clientX - box.left) / box.width, (event.clientY - box.top) / box.width];
     },
     cellAt(event) {
-      const grid = this.frame.grid, { west, north, zoom } = this.window;
-      const [x, y] = this.shareAt(event);
-      const col = Math.floor((west + x / zoom) * grid), row = Math.floor((north + y / zoom) * grid);
-      const inside = grid && x >= 0 && y >= 0 && x < 1 && y < 1;
+      const longer = this.longer(), { west, north, zoom } = this.window;
+      const [x, y] = this.shareAt(event), [columns, rows] = this.frame.grid;
+      const col = Math.floor((west + x / zoom) * longer);
+      const row = Math.floor((north + y / zoom) * longer);
+      const inside = x >= 0 && y >= 0 && x < 1 && y < this.high() && col < columns && row < rows;
       return inside ? [col, row] : null;
     },
     onPress(event) {
@@ -215,7 +219,7 @@ export default {
     },
     pick([x, y]) {
       const { west, north, zoom } = this.window;
-      if (this.frame.grid) this.$emit("pick", { east: west + x / zoom, south: north + y / zoom });
+      if (this.longer()) this.$emit("pick", { east: west + x / zoom, south: north + y / zoom });
     },
     onPointer(event) {
       if (this.drag && event.buttons && !this.pinch && this.window.zoom > 1) {
@@ -229,7 +233,7 @@ export default {
     },
     // Where the whole map is shown, the page scrolls.
     onWheel(event) {
-      if (!this.frame.grid || (event.deltaY >= 0 && this.window.zoom === 1)) return;
+      if (!this.longer() || (event.deltaY >= 0 && this.window.zoom === 1)) return;
       event.preventDefault();
       const lines = event.deltaMode ? 30 : 1;
       this.zoomBy(Math.exp(-event.deltaY * lines * (event.ctrlKey ? 0.01 : 0.002)), this.shareAt(event));
@@ -249,10 +253,10 @@ export default {
       this.zoomBy(apart / before.apart, at);
     },
     onKey(event) {
-      if (event.ctrlKey || event.metaKey || event.altKey || !this.frame.grid) return;
+      if (event.ctrlKey || event.metaKey || event.altKey || !this.longer()) return;
       if (event.key in ZOOM_KEYS) {
         event.preventDefault();
-        this.zoomBy(ZOOM_KEYS[event.key], this.pointed ? this.shareOf(this.pointed) : [0.5, 0.5]);
+        this.zoomBy(ZOOM_KEYS[event.key], this.pointed ? this.shareOf(this.pointed) : undefined);
         return;
       }
       if (PICK_KEYS.includes(event.key) && this.pointed) {
@@ -261,41 +265,51 @@ export default {
         return;
       }
       const move = KEYS[event.key];
-      const last = this.frame.grid - 1;
       if (!move) return;
       event.preventDefault();
-      const { west, north, zoom } = this.window;
-      const far = event.shiftKey ? Math.ceil((last + 1) / zoom / 10) : 1;
-      const middle = [west, north].map((edge) => Math.floor((edge + 0.5 / zoom) * (last + 1)));
-      const from = this.pointed || middle;
-      this.point(from.map((at, i) => Math.min(Math.max(at + far * move[i], 0), last)));
+      const { west, north, zoom } = this.window, grid = this.frame.grid, longer = this.longer();
+      const far = event.shiftKey ? Math.ceil(longer / zoom / 10) : 1;
+      const middle = [west + 0.5 / zoom, north + (0.5 * this.high()) / zoom];
+      const from = this.pointed || middle.map((at) => Math.floor(at * longer));
+      this.point(from.map((at, i) => Math.min(Math.max(at + far * move[i], 0), grid[i] - 1)));
       this.follow(this.pointed);
     },
 
     // The window
 
-    // Place of a cell's centre on the canvas, as shares of its sides.
+    // Cells along the longer side of the map, in whose shares places are.
+    longer() {
+      return Math.max(...this.frame.grid);
+    },
+    // Height of the canvas as a share of its width; a map that is higher than wide leaves its east
+    // empty.
+    high() {
+      return this.longer() ? Math.max(this.frame.grid[1] / this.longer(), LOWEST) : 1;
+    },
+    // Place of a cell's centre on the canvas, as shares of its width.
     shareOf([col, row]) {
-      const { west, north, zoom } = this.window, grid = this.frame.grid;
-      return [((col + 0.5) / grid - west) * zoom, ((row + 0.5) / grid - north) * zoom];
+      const { west, north, zoom } = this.window, longer = this.longer();
+      return [((col + 0.5) / longer - west) * zoom, ((row + 0.5) / longer - north) * zoom];
     },
     // Move the map so that a cell is in sight.
     follow(cell) {
-      const { west, north, zoom } = this.window, edge = (0.5 * zoom) / this.frame.grid;
-      const [x, y] = this.shareOf(cell).map((at) => Math.min(at - edge, 0) + Math.max(at + edge - 1, 0));
+      const { west, north, zoom } = this.window, edge = (0.5 * zoom) / this.longer();
+      const ends = [1, this.high()];
+      const [x, y] = this.shareOf(cell)
+        .map((at, k) => Math.min(at - edge, 0) + Math.max(at + edge - ends[k], 0));
       if (x || y) this.show(west + x / zoom, north + y / zoom, zoom);
     },
     // Zoom about a place, by default the middle; 0 shows the whole map.
-    zoomBy(factor, [x, y] = [0.5, 0.5]) {
+    zoomBy(factor, [x, y] = [0.5, this.high() / 2]) {
       const { west, north, zoom } = this.window;
-      const most = Math.max(this.frame.grid / FEWEST_CELLS, 1);
+      const most = Math.max(this.longer() / FEWEST_CELLS, 1);
       let next = Math.min(Math.max(zoom * factor, 1), most);
       if (next < 1.01) next = 1;
       this.show(west + x / zoom - x / next, north + y / zoom - y / next, next);
     },
     show(west, north, zoom) {
-      const inside = (edge) => Math.min(Math.max(edge, 0), 1 - 1 / zoom);
-      this.window = { west: inside(west), north: inside(north), zoom };
+      const inside = (edge, end) => Math.min(Math.max(edge, 0), end - end / zoom);
+      this.window = { west: inside(west, 1), north: inside(north, this.high()), zoom };
       clearTimeout(this.moving);
       this.moving = setTimeout(() => {
         this.moving = null;
@@ -325,18 +339,19 @@ export default {
       const canvas = this.$refs.canvas;
       if (!canvas || !canvas.clientWidth) return;
       const sheet = this.sheetOf(canvas);
-      const { c, theme, side, box } = sheet;
+      const { c, theme, side, tall, box } = sheet;
       c.setTransform(1, 0, 0, 1, 0, 0);
       c.fillStyle = theme.sea;
-      c.fillRect(0, 0, side, side);
-      if (!this.frame.grid) return;
+      c.fillRect(0, 0, side, tall);
+      if (!this.longer()) return;
       const count = this.shownRows();
       // While the window moves, what was drawn for the one before moves with it.
       if (!this.moving || !this.past) this.paintPast(sheet, count);
       c.translate(-box[0], -box[1]);
       this.paintImage(sheet);
       this.paintShore(sheet);
-      if (this.frame.grid / this.window.zoom <= 60) this.paintGrid(sheet);
+      if (this.longer() / this.window.zoom <= 60) this.paintGrid(sheet);
+      this.paintEdge(sheet);
       this.showPast(sheet);
       this.paintSightings(sheet);
       if (this.frame.live) this.paintLive(sheet);
@@ -350,15 +365,20 @@ export default {
     },
     sheetOf(canvas) {
       const side = Math.round(canvas.clientWidth * (window.devicePixelRatio || 1));
-      if (canvas.width !== side) canvas.width = canvas.height = side;
+      const tall = Math.round(side * this.high());
+      canvas.style.aspectRatio = `1 / ${this.high()}`;
+      if (canvas.width !== side || canvas.height !== tall) {
+        canvas.width = side;
+        canvas.height = tall;
+      }
       const { west, north, zoom } = this.window;
       const whole = side * zoom;
       return {
         c: canvas.getContext("2d"),
         theme: THEMES[document.body.classList.contains("body--dark") ? "dark" : "light"],
         unit: side / canvas.clientWidth,
-        side, whole, cell: whole / this.frame.grid,
-        box: [Math.round(west * whole), Math.round(north * whole), side],
+        side, tall, whole, cell: whole / this.longer(),
+        box: [Math.round(west * whole), Math.round(north * whole), side, tall],
       };
     },
     // How many rows there are up to the step that is shown.
@@ -371,10 +391,19 @@ export default {
     // The place
 
     // The map or the belief.
-    paintImage({ c, whole }) {
+    paintImage({ c, cell }) {
       if (!this.image) return;
+      const [columns, rows] = this.frame.grid;
       c.imageSmoothingEnabled = false;
-      c.drawImage(this.image, 0, 0, whole, whole);
+      c.drawImage(this.image, 0, 0, columns * cell, rows * cell);
+    },
+    // Where the canvas is larger than the map, what is the map.
+    paintEdge({ c, theme, unit, cell }) {
+      const [columns, rows] = this.frame.grid;
+      if (columns === rows) return;
+      c.strokeStyle = theme.edge;
+      c.lineWidth = unit;
+      c.strokeRect(0, 0, columns * cell, rows * cell);
     },
     paintShore({ c, theme, unit, whole }) {
       const land = new Path2D();
@@ -388,16 +417,20 @@ export default {
       c.lineWidth = 1.2 * unit;
       c.stroke(land);
     },
-    paintGrid({ c, theme, whole, cell }) {
+    paintGrid({ c, theme, cell }) {
+      const [columns, rows] = this.frame.grid;
       c.strokeStyle = theme.line;
       c.lineWidth = 1;
       c.beginPath();
-      for (let i = 1; i < this.frame.grid; i++) {
+      for (let i = 1; i < columns; i++) {
         const at = Math.round(i * cell) + 0.5;
         c.moveTo(at, 0);
-        c.lineTo(at, whole);
+        c.lineTo(at, rows * cell);
+      }
+      for (let i = 1; i < rows; i++) {
+        const at = Math.round(i * cell) + 0.5;
         c.moveTo(0, at);
-        c.lineTo(whole, at);
+        c.lineTo(columns * cell, at);
       }
       c.stroke();
     },
@@ -424,12 +457,12 @@ export default {
         write(sheet, label, x + 9 * unit * to[0], y - 9 * unit * to[1], theme.lkp, 600);
       });
     },
-    // The marks in sight of longitude and latitude: shares of the sides, and labels.
+    // The marks in sight of longitude and latitude: shares of the canvas's width, and labels.
     marksInSight() {
       const { west, north, zoom } = this.window;
       return this.edges.marks.map(([shares, labels], k) => shares
         .map((share, i) => [(share - [west, north][k]) * zoom, labels[i]])
-        .filter(([at]) => at >= 0 && at <= 1));
+        .filter(([at]) => at >= 0 && at <= [1, this.high()][k]));
     },
     // Longitude below the southern edge, latitude beside the eastern one.
     nameMarks() {
@@ -437,20 +470,20 @@ export default {
       [["lons", "left"], ["lats", "top"]].forEach(([edge, start], k) => {
         this.$refs[edge].replaceChildren(...marks[k].map(([at, label]) => {
           const name = document.createElement("span");
-          name.style[start] = `clamp(2em, ${100 * at}%, 100% - 2em)`;
+          name.style[start] = `clamp(2em, ${(100 * at) / [1, this.high()][k]}%, 100% - 2em)`;
           name.textContent = label;
           return name;
         }));
       });
     },
-    paintMarks({ c, theme, unit, side }) {
+    paintMarks({ c, theme, unit, side, tall }) {
       const [lons, lats] = this.marksInSight().map((marks) => marks.map(([at]) => at * side));
       c.strokeStyle = theme.ink;
       c.lineWidth = 1.5 * unit;
       c.beginPath();
       for (const x of lons) {
-        c.moveTo(x, side);
-        c.lineTo(x, side - 6 * unit);
+        c.moveTo(x, tall);
+        c.lineTo(x, tall - 6 * unit);
       }
       for (const y of lats) {
         c.moveTo(side, y);
@@ -460,9 +493,9 @@ export default {
     },
     // A bar of a round length in the south-west corner, and north beside it.
     paintScale(sheet) {
-      const { c, theme, unit, side } = sheet;
+      const { c, theme, unit, side, tall } = sheet;
       const [length, label] = this.edges.scale;
-      const x = 12 * unit, y = side - 14 * unit;
+      const x = 12 * unit, y = tall - 14 * unit;
       const end = x + length * this.window.zoom * side, north = end + 60 * unit;
       c.textAlign = "left";
       c.textBaseline = "bottom";
@@ -606,20 +639,21 @@ export default {
       this.paintTracks(tracks, count);
       this.past.count = count;
     },
-    newLayer([west, north, side]) {
+    newLayer([west, north, side, tall]) {
       const canvas = document.createElement("canvas");
-      canvas.width = canvas.height = side;
+      canvas.width = side;
+      canvas.height = tall;
       const layer = canvas.getContext("2d");
       layer.translate(-west, -north);
       return layer;
     },
     showPast({ c, cell }) {
-      const [west, north, side] = this.past.box.map((at) => (at * cell) / this.past.cell);
+      const box = this.past.box.map((at) => (at * cell) / this.past.cell);
       for (const layer of [this.past.searched, this.past.tracks]) {
         // Strips of steps overlap.
         const isStrips = layer === this.past.searched && this.frame.strips.length;
         c.globalAlpha = isStrips ? STRIP_ALPHA : 1;
-        c.drawImage(layer.canvas, west, north, side, side);
+        c.drawImage(layer.canvas, ...box);
       }
       c.globalAlpha = 1;
     },
@@ -636,17 +670,17 @@ export default {
     // A frame inside each cell, thicker with each search of it; a shade where cells are small.
     paintSearched(sheet, count) {
       const { c, theme, cell } = sheet;
-      const times = this.past.times, grid = this.frame.grid, changed = new Set();
+      const times = this.past.times, columns = this.frame.grid[0], changed = new Set();
       for (const row of this.rows.slice(this.past.count, count)) {
         for (const [col, line] of cellsLookedAt(row, this.frame.names.length)) {
-          const key = line * grid + col;
+          const key = line * columns + col;
           times.set(key, (times.get(key) || 0) + 1);
           changed.add(key);
         }
       }
       c.strokeStyle = c.fillStyle = theme.ink;
       for (const key of changed) {
-        const x = (key % grid) * cell, y = Math.floor(key / grid) * cell;
+        const x = (key % columns) * cell, y = Math.floor(key / columns) * cell;
         this.paintSearchedCell(sheet, x, y, times.get(key));
       }
     },
@@ -726,13 +760,14 @@ export default {
     // The present
 
     paintDrones(sheet, row) {
-      const { c, theme, unit, whole, cell, box } = sheet;
+      const { c, theme, unit, cell, box } = sheet;
       const many = this.frame.names.length > MAX_NUMBERED;
       const size = Math.min(Math.max(cell * 0.42, (many ? 4 : 6) * unit), 11 * unit);
       const numbered = !many || cell >= 24 * unit;
       // A drone in a cell at the edge is drawn as a whole, unless the edge is only that of the window.
-      const inside = (at) => Math.min(Math.max(at, size), whole - size);
-      const outside = (at, k) => at < box[k] - size || at > box[k] + box[2] + size;
+      const ends = this.frame.grid.map((count) => count * cell);
+      const inside = (at, k) => Math.min(Math.max(at, size), ends[k] - size);
+      const outside = (at, k) => at < box[k] - size || at > box[k] + box[2 + k] + size;
       c.textBaseline = "middle";
       for (let i = 0; i < this.frame.names.length; i++) {
         const [x, y] = this.place(row, i, cell).map(inside);
@@ -788,7 +823,7 @@ export default {
       c.moveTo(box[0], y);
       c.lineTo(box[0] + box[2], y);
       c.moveTo(x, box[1]);
-      c.lineTo(x, box[1] + box[2]);
+      c.lineTo(x, box[1] + box[3]);
       c.stroke();
       c.setLineDash([]);
     },

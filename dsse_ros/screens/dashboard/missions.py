@@ -351,7 +351,7 @@ class ShownMission:
     def _on_exact_map(self, topic: str, message: Any, published_ns: int) -> None:
         probability = image_to_probability(message)
         info = self._infos.last
-        if info is None or info.frame.grid_size != len(probability):
+        if info is None or info.frame.grid_size.matrix != probability.shape:
             return
         occupancy, area = probability_to_occupancy(probability), info.area_mask
         if area is not None:

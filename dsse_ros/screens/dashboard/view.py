@@ -181,7 +181,13 @@ class PageView:
         """
         mission, history = self.mission, self.history
         if mission is None or history is None:
-            empty: dict[str, Any] = {"search": "", "grid": 0, "names": [], "first": 0, "rows": []}
+            empty: dict[str, Any] = {
+                "search": "",
+                "grid": [0, 0],
+                "names": [],
+                "first": 0,
+                "rows": [],
+            }
             empty |= {"shown": None, "mapped": None, "vehicles": [], "corner": [], "image": None}
             empty |= {"strips": [], "live": None}
             return None if self._is_sent(Sent()) else self._numbered(Sent(), empty)
@@ -205,7 +211,7 @@ class PageView:
         first = sent.rows if key == sent.key else 0
         frame = {
             "search": f"{history.key[0]}/{history.key[1]}",
-            "grid": info.frame.grid_size,
+            "grid": list(info.frame.grid_size),
             "names": info.agents,
             "strips": mission.strips,
             "first": first,
@@ -213,7 +219,7 @@ class PageView:
             "shown": history.steps[i],
             "mapped": None if found is None else history.step_at(found.stamp_ns),
             "vehicles": vehicles,
-            "corner": [*map(list, corner_rows(self.sea, info.frame.side_m))],
+            "corner": [*map(list, corner_rows(self.sea, info.frame.extent))],
             "edges": edges_of(info, self.window),
             "live": live,
         }
@@ -362,8 +368,8 @@ class PageView:
         seed = "" if info.seed is None else f", seed {info.seed}"
         planner = f", planner {mission.planner}" if mission.planner else ""
         drones = f"{len(info.agents)} drone" + "s" * (len(info.agents) != 1)
-        side, cell_m = info.frame.grid_size, info.frame.cell_size_m
-        grid = f"{side} × {side} cells of {cell_m:g} m"
+        (columns, rows), cell_m = info.frame.grid_size, info.frame.cell_size_m
+        grid = f"{columns} × {rows} cells of {cell_m:g} m"
         return (
             name or mission.title,
             f"rules {info.rules}{planner}{seed}, {drones}, {grid}",
@@ -376,7 +382,7 @@ class PageView:
             return ""
         return (
             "No POS: no belief follows this mission. By default there is one on grids of at most "
-            "50 cells a side; compute_pos:=always makes one on any grid."
+            "2500 cells; compute_pos:=always makes one on any grid."
         )
 
     def drones_table(self) -> str:
@@ -449,8 +455,8 @@ class PageView:
         mission, found = self.mission, self._map
         if mission is None or mission.info is None or found is None:
             return ""
-        side = mission.info.frame.grid_size
-        level = level_at(found.png, ((cell[0] + 0.5) / side, (cell[1] + 0.5) / side))
+        columns, rows = mission.info.frame.grid_size
+        level = level_at(found.png, ((cell[0] + 0.5) / columns, (cell[1] + 0.5) / rows))
         if level is None:
             return ", not searched"
         relative = f"{level} % of the most probable cell"

@@ -22,11 +22,11 @@ def smallest_area(poc: NDArray[np.floating], share: float) -> NDArray[np.bool_]:
     """Return the smallest set of cells that holds a share of a map.
 
     Args:
-        poc: (G, G) POC of each cell.
+        poc: (R, C) POC of each cell.
         share: The share of its sum, above 0 to 1.
 
     Returns:
-        (G, G) bool; no cell if there is no POC.
+        (R, C) bool; no cell if there is no POC.
     """
     flat = poc.ravel().astype(np.float64)
     order = np.argsort(-flat, kind="stable")
@@ -41,13 +41,13 @@ def outlines(frame: GridFrame, inside: NDArray[np.bool_], most: int) -> list[Rin
 
     Args:
         frame: The grid.
-        inside: (G, G) bool [row, col], row 0 in the north.
+        inside: (R, C) bool [row, col], row 0 in the north.
         most: Largest number of rings; smaller ones are left out.
     """
     # One box for each run of cells in a row.
     edges = np.diff(np.pad(inside.astype(np.int8), ((0, 0), (1, 1))), axis=1)
     (rows, starts), (_, ends) = np.nonzero(edges == 1), np.nonzero(edges == -1)
-    cell_m, norths = frame.cell_size_m, frame.grid_size - rows
+    cell_m, norths = frame.cell_size_m, frame.grid_size.rows - rows
     boxes = shapely.box(starts * cell_m, (norths - 1) * cell_m, ends * cell_m, norths * cell_m)
     parts = [part for part in shapely.get_parts(shapely.union_all(boxes)) if not part.is_empty]
     parts.sort(key=lambda part: -part.area)

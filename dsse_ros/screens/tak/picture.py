@@ -68,7 +68,7 @@ class CotPicture:
         self._contacts = contacts
 
     def put_poc(self, poc: NDArray[np.float32]) -> None:
-        """Take the POC (G, G) of each cell, row 0 in the north.
+        """Take the POC (R, C) of each cell, row 0 in the north.
 
         Raises:
             ValueError: If it is of another grid.
@@ -76,8 +76,8 @@ class CotPicture:
         if self.info is None:
             return
         frame = self.info.frame
-        if poc.shape != (frame.grid_size, frame.grid_size):
-            raise ValueError(f"the POC must be of {frame.grid_size} x {frame.grid_size} cells")
+        if poc.shape != frame.grid_size.matrix:
+            raise ValueError(f"the POC must be of {frame.grid_size} cells")
         self._areas = []
         for share in SHARES:
             rings = outlines(frame, smallest_area(poc, share), MAX_AREAS)

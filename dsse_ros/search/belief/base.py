@@ -40,7 +40,7 @@ class ForecastBase:
         constants: (1,) of `constants.CONSTANTS`.
         area, runs: The searched cells, see `sea_map.Sea`.
         first_step: Steps of the sea before a mission's first observation.
-        side: S, columns and rows of the grid with its margins.
+        padded: The grid with its margins, of S cells.
     """
 
     def __init__(self, scenario: Scenario, rules: Rules, horizon: int) -> None:
@@ -50,15 +50,15 @@ class ForecastBase:
         self.constants = constants_of(resolved, rules)
         self.area, self.runs = area_of(resolved)
         self.first_step = resolved.pre_search_steps + rules.reset_sea_steps
-        self.side = resolved.grid_size + 2 * MARGIN
+        self.padded = resolved.grid_size.padded(MARGIN)
 
     def column(self, cell: Cell) -> int:
         """Return the column of a belief for a cell (col, row)."""
-        return (cell[1] + MARGIN) * self.side + cell[0] + MARGIN
+        return (cell[1] + MARGIN) * self.padded.columns + cell[0] + MARGIN
 
     def cell(self, column: int) -> Cell:
         """Return the cell (col, row) of a column of a belief."""
-        row, col = divmod(column, self.side)
+        row, col = divmod(column, self.padded.columns)
         return col - MARGIN, row - MARGIN
 
 

@@ -68,8 +68,8 @@ class Forecast(ForecastBase):
         super().__init__(scenario, rules, horizon)
         resolved = self.scenario
         drifts = drift_samples if MOTIONS[rules.person_motion].own_drift else 1
-        g = resolved.grid_size
-        cells = self.side**2
+        longer = resolved.grid_size.longer
+        cells = self.padded.cells
         steps = self.first_step + rules.last_step(resolved.timestep_limit) + horizon + 2
         if 8 * steps * cells * (1 + CHANCES) > KEPT_BYTES:
             # Beliefs that share a forecast may be one step apart.
@@ -78,9 +78,9 @@ class Forecast(ForecastBase):
         self._world["vector_x"], self._world["vector_y"] = resolved.vector
         self._world["start_x"], self._world["start_y"] = resolved.person_initial_position
         self._drifts = np.zeros(drifts, PERSONS)
-        gauss, tails = np.zeros((2, 2 * g + 1)), np.zeros((2, g + 2))
+        gauss, tails = np.zeros((2, 2 * longer + 1)), np.zeros((2, longer + 2))
         self.sea = sea_map.Sea(gauss, tails, self.area, self.runs, motion_data(resolved, rules))
-        self._circle = np.zeros(g + 1, np.int64)
+        self._circle = np.zeros(longer + 1, np.int64)
         self.moves = MotionTables(
             np.zeros((steps, cells)), np.zeros((steps, CHANCES, cells)),
             np.zeros((steps, drifts), np.int64), np.zeros((steps, drifts), np.bool_),
@@ -147,7 +147,7 @@ class Forecast(ForecastBase):
         """
         # If persons move first, they look at the map of the previous step.
         drawn = steps if self.rules.person_first else steps - 1
-        chances = self.moves.chances[self.prepare(drawn)].reshape(self.side, self.side)
+        chances = self.moves.chances[self.prepare(drawn)].reshape(self.padded.matrix)
         inner = slice(MARGIN, -MARGIN)
         return datum_of(chances[inner, inner].astype(np.float32))
 
@@ -167,7 +167,7 @@ class Belief(BeliefBase):
 
     def __init__(self, forecast: Forecast) -> None:
         self.forecast = forecast
-        cells = forecast.side**2
+        cells = forecast.padded.cells
         self._scratch = component_motion.new_scratch(cells)
         scenario = forecast.scenario
         scattered = np.zeros(scenario.person_amount, np.bool_)
@@ -176,18 +176,18 @@ class Belief(BeliefBase):
         super().__init__(alike)
 
     def _new_mass(self, classes: int) -> Mass:
-        drifts, cells = self.forecast.moves.directions.shape[1], self.forecast.side**2
+        drifts, cells = self.forecast.moves.directions.shape[1], self.forecast.padded.cells
         return Mass(
             np.zeros((classes * drifts, cells)), np.empty((classes * drifts, BOX), np.int64),
             np.empty((classes, cells)), np.empty(classes),
         )  # fmt: skip
 
     def _sum_up(self) -> None:
-        component_kernels.sum_up(self.mass, self.forecast.side)
+        component_kernels.sum_up(self.mass, self.forecast.padded)
 
     def _components(self) -> NDArray[np.float64]:
         components = np.empty_like(self.mass.components)
-        component_kernels.unpack(self.mass, self.forecast.side, components)
+        component_kernels.unpack(self.mass, self.forecast.padded.columns, components)
         return components
 
     def reset(self) -> None:
@@ -201,13 +201,13 @@ class Belief(BeliefBase):
     def _put_persons(self) -> None:
         """Put the first person in the start cell, the others there too or scattered around it."""
         scenario, rules = self.forecast.scenario, self.forecast.rules
-        g, reach, area = scenario.grid_size, rules.person_scatter, self.forecast.area
+        grid, reach, area = scenario.grid_size, rules.person_scatter, self.forecast.area
         x0, y0 = scenario.person_initial_position
         density = np.zeros_like(self.mass.components)
         around = [
             (x, y)
-            for y in range(max(y0 - reach, 0), min(y0 + reach, g - 1) + 1)
-            for x in range(max(x0 - reach, 0), min(x0 + reach, g - 1) + 1)
+            for y in range(max(y0 - reach, 0), min(y0 + reach, grid.rows - 1) + 1)
+            for x in range(max(x0 - reach, 0), min(x0 + reach, grid.columns - 1) + 1)
             if (x, y) != (x0, y0) and (area is None or area[y, x])
         ] or [(x0, y0)]
         persons = scenario.person_amount
@@ -251,10 +251,11 @@ class Belief(BeliefBase):
         forecast, slots = self.forecast, self._slots(horizon)
         offset, *offsets = rng.random(horizon + 1)
         rows = np.empty(count, np.int64)
-        futures = Futures.empty(count, horizon, self.forecast.side**2)
+        futures = Futures.empty(count, horizon, self.forecast.padded.cells)
         future_kernels.sample(
-            self.mass, self._weights(self.missing), count, offset, rows, futures.cells[0]
-        )
+            self.mass, self.forecast.padded, self._weights(self.missing), count, offset, rows,
+            futures.cells[0],
+        )  # fmt: skip
         future_kernels.roll(
             forecast.constants, forecast.sea, forecast.moves, slots, np.array(offsets), rows,
             futures,
@@ -298,14 +299,14 @@ class Belief(BeliefBase):
         return max(1.0 - float(self.poc().sum()), 0.0)
 
     def poc(self) -> NDArray[np.float64]:
-        """Return the probability of containment of every cell, (G, G) as [y, x].
+        """Return the probability of containment of every cell, (R, C) as [y, x].
 
         It sums to 1 minus the probability that the person has walked off the grid (`v1`).
         """
-        g = self.forecast.scenario.grid_size
-        out = np.empty((g, g))
+        grid = self.forecast.scenario.grid_size
+        out = np.empty(grid.matrix)
         filter_kernels.write_cells(
             self.forecast.constants, self.mass, self.class_of, self.missing,
-            np.empty(len(self.examples) + g), out,
+            np.empty(len(self.examples) + grid.columns), out,
         )  # fmt: skip
         return out

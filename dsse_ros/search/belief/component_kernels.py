@@ -3,7 +3,7 @@
 """The compiled belief in cells: its components, and what a search leaves of them.
 
 A component is the probability of the persons of one detection class and one drift, and a `Mass` has
-all of them. Columns are the cells row by row, S = G + 2 `MARGIN` along a side. Persons who walked
+all of them. Columns are the S cells of the grid and its `MARGIN`, row by row. Persons who walked
 off the grid (`person_walks_blind`) are in its margin.
 
 Only what changes is touched: a search takes from one column, and a step of the persons moves the
@@ -21,9 +21,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dsse_ros.base.compiled.jit import expanded, inlined, kernel, part
-from dsse_ros.search.belief.motion_kernels import MARGIN, Flags, Floats, Ints, index_of
+from dsse_ros.base.grid_shape import GridShape
+from dsse_ros.search.belief.motion_kernels import MARGIN, Flags, Floats, Ints, index_of, pitch_of
 from dsse_ros.search.step.constants import Constants
-from dsse_ros.world.targets.sea_map import is_inside
+from dsse_ros.world.targets.sea_map import grid_of, is_inside
 
 NOTHING_LEFT = 1e-9
 """Remaining share of a belief below which it is impossible: nobody can be in its cells."""
@@ -43,11 +44,11 @@ class Mass(NamedTuple):
     """The probability of where the persons are, up to a factor for each detection class.
 
     Attributes:
-        components: (C K, S S) float64, row m K + k is for the persons of detection class m and
+        components: (C K, S) float64, row m K + k is for the persons of detection class m and
             drift k; see `unpack`. Of an ensemble, (C, M), the weights of its particles, see
             `particle_kernels`.
         boxes: (C K, `BOX`) int64, the box of each component; of an ensemble, (0, `BOX`).
-        cells: (C, S S) float64, the sums of the components of each class; of an ensemble, (0, 0).
+        cells: (C, S) float64, the sums of the components of each class; of an ensemble, (0, 0).
         totals: (C,) float64, the sum of each class.
     """
 
@@ -85,36 +86,36 @@ def place_of(mass: Mass, k: int, col: int, row: int) -> int:
 
 
 @part
-def put_box(box: Ints, side: int, first: int, end: int) -> None:
-    """Write the box of a square of cells in a component that has all cells in memory."""
-    box[WEST] = box[NORTH] = first
-    box[EAST] = box[SOUTH] = end
+def put_box(constants: Constants, box: Ints) -> None:
+    """Write the box of the whole grid in a component that has all cells in memory."""
+    box[WEST] = box[NORTH] = MARGIN
+    box[EAST], box[SOUTH] = MARGIN + constants.columns, MARGIN + constants.rows
     box[FIRST_COLUMN] = box[FIRST_ROW] = 0
-    box[PITCH] = side
+    box[PITCH] = pitch_of(constants)
 
 
-def sum_up(mass: Mass, side: int) -> None:
+def sum_up(mass: Mass, padded: GridShape) -> None:
     """Compute the rest of a mass from components that have all cells in memory."""
     components, boxes, cells, totals = mass
     cells[:] = components.reshape(*cells.shape[:1], -1, cells.shape[1]).sum(axis=1)
     totals[:] = cells.sum(axis=1)
-    inhabited = components.reshape(-1, side, side) > 0.0
-    for axis, first in ((1, WEST), (2, NORTH)):
+    inhabited = components.reshape(-1, *padded.matrix) > 0.0
+    for axis, first, size in ((1, WEST, padded.columns), (2, NORTH, padded.rows)):
         lines = np.asarray(inhabited.any(axis=axis))
         boxes[:, first] = lines.argmax(axis=1)
-        boxes[:, first + 1] = side - lines[:, ::-1].argmax(axis=1)
+        boxes[:, first + 1] = size - lines[:, ::-1].argmax(axis=1)
     boxes[:, FIRST_COLUMN] = boxes[:, FIRST_ROW] = 0
-    boxes[:, PITCH] = side
+    boxes[:, PITCH] = padded.columns
 
 
 @kernel
-def unpack(mass: Mass, side: int, out: Floats) -> None:
-    """Write the components cell by cell, (C K, S S) float64."""
+def unpack(mass: Mass, pitch: int, out: Floats) -> None:
+    """Write the components cell by cell, (C K, S) float64; `pitch` is that of `pitch_of`."""
     out[:] = 0.0
     for k in range(len(out)):
         box = mass.boxes[k]
         for y in range(box[NORTH], box[SOUTH]):
-            at, i = stored_at(box, box[WEST], y), y * side + box[WEST]
+            at, i = stored_at(box, box[WEST], y), y * pitch + box[WEST]
             for x in range(box[EAST] - box[WEST]):
                 out[k, i + x] = mass.components[k, at + x]
 
@@ -153,7 +154,7 @@ def apply_failed_search(
     Args:
         apart: (K,) of `MotionTables`.
     """
-    if not is_inside(constants.grid_size, x, y):
+    if not is_inside(grid_of(constants), x, y):
         return 0.0
     return remove(constants, mass, apart, pods, pods, x, y)
 
@@ -189,7 +190,7 @@ def remove(
 @part
 def detectable(constants: Constants, mass: Mass, pods: Floats, x: int, y: int) -> float:
     """Return what `apply_failed_search` would remove, 0 off the grid."""
-    if not is_inside(constants.grid_size, x, y):
+    if not is_inside(grid_of(constants), x, y):
         return 0.0
     i, share = index_of(constants, x, y), 0.0
     for m in range(len(pods)):
@@ -204,23 +205,23 @@ def close_classes(constants: Constants, mass: Mass, chances: Floats) -> None:
     If no probability is left of a class, because its persons cannot be anywhere by the rules, the
     class restarts from the present map, `chances` of `MotionTables`.
     """
-    side, drifts = constants.grid_size + 2 * MARGIN, len(mass.components) // len(mass.totals)
+    pitch, drifts = pitch_of(constants), len(mass.components) // len(mass.totals)
     for m in range(len(mass.totals)):
         total, left = total_of(mass.cells[m]), NOTHING_LEFT * mass.totals[m]
         mass.totals[m] = total
         if total < left:
             for k in range(m * drifts, (m + 1) * drifts):
-                put_box(mass.boxes[k], side, MARGIN, side - MARGIN)
+                put_box(constants, mass.boxes[k])
                 for i in range(len(chances)):
                     mass.components[k, i] = chances[i]
             total = drifts * total_of(chances)
-            scale_class(mass, side, m, 1.0 / total if total > 0.0 else 0.0)
+            scale_class(mass, pitch, m, 1.0 / total if total > 0.0 else 0.0)
         elif total > 0.0 and not FADED < total < 1.0 / FADED:
-            scale_class(mass, side, m, 1.0 / total)
+            scale_class(mass, pitch, m, 1.0 / total)
 
 
 @part
-def scale_class(mass: Mass, side: int, m: int, factor: float) -> None:
+def scale_class(mass: Mass, pitch: int, m: int, factor: float) -> None:
     """Scale the components of class m, and sum them again."""
     cells = mass.cells[m]
     drifts = len(mass.components) // len(mass.totals)
@@ -228,7 +229,7 @@ def scale_class(mass: Mass, side: int, m: int, factor: float) -> None:
     for k in range(m * drifts, (m + 1) * drifts):
         component, box = mass.components[k], mass.boxes[k]
         for y in range(box[NORTH], box[SOUTH]):
-            at, i = stored_at(box, box[WEST], y), y * side + box[WEST]
+            at, i = stored_at(box, box[WEST], y), y * pitch + box[WEST]
             for x in range(box[EAST] - box[WEST]):
                 component[at + x] *= factor
                 cells[i + x] += component[at + x]

@@ -27,6 +27,7 @@ from numpy.typing import NDArray
 
 from dsse_ros.base.compiled.jit import compiled, inlined, kernel, part
 from dsse_ros.base.compiled.prefetching import prefetch
+from dsse_ros.base.grid_shape import GridShape
 from dsse_ros.search.belief.component_kernels import (
     EAST,
     FIRST_COLUMN,
@@ -49,6 +50,7 @@ from dsse_ros.search.belief.motion_kernels import (
     index_of,
     move_probabilities,
     offset_of,
+    pitch_of,
     step_of_drift,
 )
 from dsse_ros.search.step.constants import Constants
@@ -70,8 +72,8 @@ def predict_plainly(
     """Advance components by the persons' step, cell by cell, without boxes.
 
     Args:
-        density: (C K, S S) float64, as from `unpack`.
-        after: (C K, S S) float64 out.
+        density: (C K, S) float64, as from `unpack`.
+        after: (C K, S) float64 out.
     """
     row = np.empty(ROW)
     after[:] = 0.0
@@ -117,7 +119,7 @@ def request(component: Floats, box: Ints) -> None:
 
 
 def new_scratch(cells: int) -> NDArray[np.float64]:
-    """Return memory for `predict` with S S cells.
+    """Return memory for `predict` with S cells.
 
     It begins with the cells of a frame between two empty ones; the rest is for sums of them. Its
     end is the row of `complete`.
@@ -130,12 +132,13 @@ def move_component(
     constants: Constants, sea: Sea, mass: Mass, k: int, tables: MotionTables, scratch: Floats
 ) -> None:
     """Advance component k of a belief by the persons' step: the steps 1 to 4 above."""
-    drifts, side = len(tables.directions), constants.grid_size + 2 * MARGIN
+    drifts, padded = len(tables.directions), padded_of(constants)
+    pitch = padded.columns
     component, box, cells = mass.components[k], mass.boxes[k], mass.cells[k // drifts]
     direction, negligible = tables.directions[k % drifts], NEGLIGIBLE * mass.totals[k // drifts]
-    shrink(side, component, box, WEST, cells, negligible)
-    frame = frame_of(side, box)
-    runs = box_runs(side, frame, box)
+    shrink(pitch, component, box, WEST, cells, negligible)
+    frame = frame_of(padded, box)
+    runs = box_runs(pitch, frame, box)
     table = tables.tables
     if copy_to_frame(constants, frame, runs, component, negligible, table, scratch, cells) > 0:
         complete_table(constants, sea, tables, component, negligible, box, scratch[-ROW:])
@@ -145,23 +148,29 @@ def move_component(
     # From here on the component is the inner rows of its frame: the outermost ones stay empty.
     box[FIRST_COLUMN], box[FIRST_ROW], box[PITCH] = frame.west, frame.north + 1, frame.width
     if constants.own_drift:
-        receive_with_drift(side, frame, tables.chances, scratch, component, cells, direction)
+        receive_with_drift(pitch, frame, tables.chances, scratch, component, cells, direction)
         keep_in_area(constants, sea.area, frame, box, scratch, direction, component, cells)
     else:
-        receive_by_table(side, frame, scratch, table, component, cells)
+        receive_by_table(pitch, frame, scratch, table, component, cells)
     grow(constants, box)
     # Rows now, while the cells are in the caches: before the next step they no longer are.
-    shrink(side, component, box, NORTH, cells, negligible)
+    shrink(pitch, component, box, NORTH, cells, negligible)
+
+
+@inlined
+def padded_of(constants: Constants) -> GridShape:
+    """Return the shape of the grid with its margins."""
+    return GridShape(pitch_of(constants), constants.rows + 2 * MARGIN)
 
 
 @part
 def grow(constants: Constants, box: Ints) -> None:
     """Add to a box the cells around it that persons can be in."""
-    side = constants.grid_size + 2 * MARGIN
+    padded = padded_of(constants)
     # The outermost cells are always empty, and all off the grid unless persons walk there.
     low = 1 if constants.person_walks_blind else MARGIN
-    for end in (WEST, NORTH):
-        box[end], box[end + 1] = max(box[end] - 1, low), min(box[end + 1] + 1, side - low)
+    box[WEST], box[EAST] = max(box[WEST] - 1, low), min(box[EAST] + 1, padded.columns - low)
+    box[NORTH], box[SOUTH] = max(box[NORTH] - 1, low), min(box[SOUTH] + 1, padded.rows - low)
 
 
 class Frame(NamedTuple):
@@ -171,7 +180,7 @@ class Frame(NamedTuple):
 
     Attributes:
         west, north: Its first column and row of cells.
-        width, rows: Number of columns, a multiple of `VECTOR` or S, and number of rows.
+        width, rows: Number of columns, a multiple of `VECTOR` or the pitch, and number of rows.
     """
 
     west: int
@@ -181,22 +190,22 @@ class Frame(NamedTuple):
 
 
 @part
-def frame_of(side: int, box: Ints) -> Frame:
+def frame_of(padded: GridShape, box: Ints) -> Frame:
     """Return the frame of a component with this box, before its step."""
-    west, east = max(box[WEST] - 2, 0), min(box[EAST] + 2, side)
-    north, south = max(box[NORTH] - 2, 0), min(box[SOUTH] + 2, side)
+    west, east = max(box[WEST] - 2, 0), min(box[EAST] + 2, padded.columns)
+    north, south = max(box[NORTH] - 2, 0), min(box[SOUTH] + 2, padded.rows)
     width = -(-(east - west) // VECTOR) * VECTOR
-    if 2 * width > side:
-        return Frame(0, north, side, south - north)
-    return Frame(min(west, side - width), north, width, south - north)
+    if 2 * width > padded.columns:
+        return Frame(0, north, padded.columns, south - north)
+    return Frame(min(west, padded.columns - width), north, width, south - north)
 
 
 @part
-def inner_runs(side: int, frame: Frame) -> tuple[int, int]:
+def inner_runs(pitch: int, frame: Frame) -> tuple[int, int]:
     """Return in how many runs of cells the inner rows of a frame are, and their length."""
     rows = frame.rows - 2
-    if frame.width == side:
-        return 1, rows * side
+    if frame.width == pitch:
+        return 1, rows * pitch
     return rows, frame.width
 
 
@@ -208,7 +217,7 @@ class Runs(NamedTuple):
     Attributes:
         number, length: Number of runs, and of cells in each.
         stored, pitch: Where the first run is in the component, and the cells to the next one.
-        cell: The column of a belief of the first cell; the next run is S cells further.
+        cell: The column of a belief of the first cell; the next run is a pitch further.
         framed: Where the first run is in the frame; the next one is a frame's width further.
     """
 
@@ -221,14 +230,14 @@ class Runs(NamedTuple):
 
 
 @part
-def box_runs(side: int, frame: Frame, box: Ints) -> Runs:
+def box_runs(pitch: int, frame: Frame, box: Ints) -> Runs:
     """Return the runs of a component's box."""
     rows, west = box[SOUTH] - box[NORTH], box[WEST]
     number, length = rows, box[EAST] - west
-    if frame.width == side and box[PITCH] == side:
-        number, length, west = 1, rows * side, 0
+    if frame.width == pitch and box[PITCH] == pitch:
+        number, length, west = 1, rows * pitch, 0
     return Runs(
-        number, length, stored_at(box, west, box[NORTH]), box[PITCH], box[NORTH] * side + west,
+        number, length, stored_at(box, west, box[NORTH]), box[PITCH], box[NORTH] * pitch + west,
         (box[NORTH] - frame.north) * frame.width + west - frame.west,
     )  # fmt: skip
 
@@ -251,10 +260,10 @@ def copy_to_frame(
 
     Args:
         runs: Of the box.
-        component: (S S,), the cells of the box.
-        table: (`CHANCES`, S S) of `MotionTables`.
+        component: (S,), the cells of the box.
+        table: (`CHANCES`, S) of `MotionTables`.
         before: Out: an empty cell, the frame, an empty cell.
-        cells: (S S,), the sums of the class, in and out.
+        cells: (S,), the sums of the class, in and out.
 
     Returns:
         How many of the cells that are not negligible the table lacks.
@@ -273,7 +282,7 @@ def copy_to_frame(
         else:
             unknown += copy_but_negligible(here, negligible, table[0, j : j + n], sums, out)
         i += runs.pitch
-        j += constants.grid_size + 2 * MARGIN
+        j += pitch_of(constants)
         k += frame.width
     return unknown
 
@@ -321,16 +330,16 @@ def complete_table(
     row: Floats,
 ) -> None:
     """Fill in the motion tables for the cells of a component that are not negligible."""
-    side = constants.grid_size + 2 * MARGIN
+    pitch = pitch_of(constants)
     for y in range(box[NORTH], box[SOUTH]):
         for x in range(box[WEST], box[EAST]):
             if component[stored_at(box, x, y)] > negligible:
-                complete(constants, sea, tables, y * side + x, row)
+                complete(constants, sea, tables, y * pitch + x, row)
 
 
 @part
 def receive_by_table(
-    side: int, frame: Frame, before: Floats, table: Floats, component: Floats, cells: Floats
+    pitch: int, frame: Frame, before: Floats, table: Floats, component: Floats, cells: Floats
 ) -> None:
     """Write what the inner rows of a frame receive from all cells, and add it to the sums.
 
@@ -340,16 +349,16 @@ def receive_by_table(
     Args:
         frame: Of the component.
         before: Of `copy_to_frame`.
-        table: (`CHANCES`, S S) of `MotionTables`, the probabilities of the steps 0 to 8.
+        table: (`CHANCES`, S) of `MotionTables`, the probabilities of the steps 0 to 8.
         component: The cells, out.
-        cells: (S S,), the sums of the class, in and out.
+        cells: (S,), the sums of the class, in and out.
     """
-    runs, n = inner_runs(side, frame)
-    width, to = frame.width, (frame.north + 1) * side + frame.west
+    runs, n = inner_runs(pitch, frame)
+    width, to = frame.width, (frame.north + 1) * pitch + frame.west
     for k in range(runs):
         # Where the steps 8 to 0 start: the rows a, d, g of the frame, p, q, r of the table.
         a, d, g = 1 + k * n, 1 + k * n + width, 1 + k * n + 2 * width
-        p, q, r = to - side, to, to + side
+        p, q, r = to - pitch, to, to + pitch
         add_products(
             component[k * n : k * n + n],
             cells[q : q + n],
@@ -364,7 +373,7 @@ def receive_by_table(
                 table[2, r - 1 : r - 1 + n], table[1, r : r + n], table[0, r + 1 : r + 1 + n],
             ),
         )  # fmt: skip
-        to += side
+        to += pitch
 
 
 @inlined
@@ -387,7 +396,7 @@ def add_products(out: Floats, sums: Floats, a: tuple[Floats, ...], b: tuple[Floa
 
 @part
 def receive_with_drift(
-    side: int,
+    pitch: int,
     frame: Frame,
     chances: Floats,
     scratch: Floats,
@@ -404,25 +413,25 @@ def receive_with_drift(
 
     Args:
         frame: Of the component.
-        chances: (S S,) of `MotionTables`, the map.
+        chances: (S,) of `MotionTables`, the map.
         scratch: Of `predict`; it begins with what `copy_to_frame` wrote.
         component: The cells, out.
-        cells: (S S,), the sums of the class, in and out.
+        cells: (S,), the sums of the class, in and out.
         direction: Of the drift, by number.
     """
-    runs, n = inner_runs(side, frame)
+    runs, n = inner_runs(pitch, frame)
     width, count = frame.width, frame.rows * frame.width
     drifted, rows = scratch[: count + 2], scratch[count + 2 :]
     add_three(rows[:count], drifted[:count], drifted[1 : count + 1], drifted[2 : count + 2])
     offset = (direction // 3 - 1) * width + direction % 3 - 1
-    to = (frame.north + 1) * side + frame.west
+    to = (frame.north + 1) * pitch + frame.west
     for k in range(runs):
         a, b, c, d = k * n, k * n + width, k * n + 2 * width, k * n + width + 1 - offset
         add_windows(
             component[a : a + n], cells[to : to + n], chances[to : to + n], rows[a : a + n],
             rows[b : b + n], rows[c : c + n], drifted[d : d + n],
         )  # fmt: skip
-        to += side
+        to += pitch
 
 
 @inlined
@@ -473,21 +482,22 @@ def keep_in_area(
     """Move what has drifted out of the grid or the area to the cells where the persons stay.
 
     Args:
-        area: (G, G) bool, the searched cells; None for all.
+        area: (R, C) bool, the searched cells; None for all.
         frame: Of the component.
         box: Before the step; its place in memory is that after the step.
         drifted: Of `copy_to_frame`, what drifts from each cell.
         direction: Of the drift, by number.
         component: The cells, in and out.
-        cells: (S S,), the sums of the class, in and out.
+        cells: (S,), the sums of the class, in and out.
     """
-    grid_size, dx, dy = constants.grid_size, direction % 3 - 1, direction // 3 - 1
-    west, east = max(box[WEST] - MARGIN, 0), min(box[EAST] - MARGIN, grid_size)
-    for y in range(max(box[NORTH] - MARGIN, 0), min(box[SOUTH] - MARGIN, grid_size)):
+    columns, rows = constants.columns, constants.rows
+    dx, dy = direction % 3 - 1, direction // 3 - 1
+    west, east = max(box[WEST] - MARGIN, 0), min(box[EAST] - MARGIN, columns)
+    for y in range(max(box[NORTH] - MARGIN, 0), min(box[SOUTH] - MARGIN, rows)):
         first, end = west, east
-        if area is None and 0 <= y + dy < grid_size:
+        if area is None and 0 <= y + dy < rows:
             # In this row the drift leaves the grid from the column at one edge at most.
-            first = max(west, grid_size - 1 if dx > 0 else 0)
+            first = max(west, columns - 1 if dx > 0 else 0)
             end = min(east, first + 1 if dx > 0 else -dx)
         for x in range(first, end):
             col, row = x + MARGIN, y + MARGIN
@@ -504,21 +514,21 @@ def keep_in_area(
 
 @part
 def shrink(
-    side: int, component: Floats, box: Ints, first: int, cells: Floats, negligible: float
+    pitch: int, component: Floats, box: Ints, first: int, cells: Floats, negligible: float
 ) -> None:
     """Take from a box the columns at its ends whose cells are all negligible, and empty them.
 
     Args:
-        component: (S S,), the cells of the box, in and out.
+        component: (S,), the cells of the box, in and out.
         first: `WEST` for columns, `NORTH` for rows.
-        cells: (S S,), the sums of the class, in and out.
+        cells: (S,), the sums of the class, in and out.
         negligible: Probability up to which a cell is.
     """
     for end in (first, first + 1):
         while box[WEST] < box[EAST] and box[NORTH] < box[SOUTH]:
             if not is_end_negligible(component, box, end, negligible):
                 break
-            empty_end(side, component, box, end, cells)
+            empty_end(pitch, component, box, end, cells)
 
 
 @inlined
@@ -545,7 +555,7 @@ def is_negligible(cells: Floats, negligible: float) -> bool:
 
 
 @part
-def empty_end(side: int, component: Floats, box: Ints, end: int, cells: Floats) -> None:
+def empty_end(pitch: int, component: Floats, box: Ints, end: int, cells: Floats) -> None:
     """Empty the column or row of cells at one end of a box, and take it from the box."""
     west, east, north, south = box[WEST], box[EAST], box[NORTH], box[SOUTH]
     if end == WEST:
@@ -559,6 +569,6 @@ def empty_end(side: int, component: Floats, box: Ints, end: int, cells: Floats) 
     for y in range(north, south):
         for x in range(west, east):
             at = stored_at(box, x, y)
-            cells[y * side + x] -= component[at]
+            cells[y * pitch + x] -= component[at]
             component[at] = 0.0
     box[end] += 1 if end in (WEST, NORTH) else -1

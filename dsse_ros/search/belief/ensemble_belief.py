@@ -130,7 +130,7 @@ class EnsembleForecast(ForecastBase):
 
     @cached_property
     def maps(self) -> NDArray[np.float32]:
-        """(T, G, G) float32, those that drones observe, see `CellTracks`."""
+        """(T, R, C) float32, those that drones observe, see `CellTracks`."""
         observed = self.tracks
         if not isinstance(observed, CellTracks):
             tracks = tracks_of(self.scenario, self.rules)
@@ -150,8 +150,9 @@ class EnsembleForecast(ForecastBase):
         column, where nobody looks.
         """
         # The outermost cells stay empty.
-        within = np.clip(cells, 1 - MARGIN, self.side - MARGIN - 2).astype(np.int32) + MARGIN
-        columns: NDArray[np.int32] = within[..., 1] * self.side + within[..., 0]
+        farthest = np.array(self.padded, np.int16) - MARGIN - 2
+        within = np.clip(cells, 1 - MARGIN, farthest).astype(np.int32) + MARGIN
+        columns: NDArray[np.int32] = within[..., 1] * self.padded.columns + within[..., 0]
         if self.area is not None:
             columns[~self._searched[columns]] = 0
         return columns
@@ -167,7 +168,7 @@ class EnsembleForecast(ForecastBase):
         A look finds its particles without a search through all of them.
         """
         columns = self.columns(self.cells[first : last + 1])
-        starts = np.empty((len(columns), self.side**2 + 1), np.int32)
+        starts = np.empty((len(columns), self.padded.cells + 1), np.int32)
         members = np.empty_like(columns)
         index(columns, starts, members)
         return starts, members
@@ -186,7 +187,7 @@ class EnsembleForecast(ForecastBase):
             last: Last row; None for that of the last step.
         """
         last = len(self.cells) - 1 if last is None else last
-        of_row = 4 * (self.side**2 + len(self.weights))
+        of_row = 4 * (self.padded.cells + len(self.weights))
         if of_row * len(self.cells) <= LARGEST_SORTED_BYTES:
             starts, members = (rows[first : last + 1] for rows in self._by_column)
             return BinnedParticles(starts, members, self.weights, self.appearances)
@@ -367,12 +368,11 @@ class EnsembleBelief(BeliefBase):
         return pos
 
     def poc(self) -> NDArray[np.float64]:
-        """Return the probability of containment of every cell, (G, G) as [y, x].
+        """Return the probability of containment of every cell, (R, C) as [y, x].
 
         Probability outside the grid or the area is in no cell.
         """
-        g = self.forecast.scenario.grid_size
-        out = np.empty((g, g))
+        out = np.empty(self.forecast.scenario.grid_size.matrix)
         particle_kernels.write_poc(
             self.forecast.constants, self._particles(), self.mass, self.class_of, self.missing,
             np.empty(len(self.examples)), out,
@@ -383,8 +383,8 @@ class EnsembleBelief(BeliefBase):
     def outside(self) -> float:
         """The probability of containment outside the grid and the area."""
         x, y = self._cells().astype(np.int64).T
-        g, area = self.forecast.scenario.grid_size, self.forecast.area
-        inside = (x >= 0) & (x < g) & (y >= 0) & (y < g)
+        grid, area = self.forecast.scenario.grid_size, self.forecast.area
+        inside = (x >= 0) & (x < grid.columns) & (y >= 0) & (y < grid.rows)
         if area is not None:
             inside[inside] = area[y[inside], x[inside]]
         return float(self.of_missing()[:, ~inside].sum())
@@ -408,7 +408,7 @@ class EnsembleBelief(BeliefBase):
         cells = self.forecast.cells
         steps = np.arange(self._sea_step, self._sea_step + horizon + 1)
         rows = np.minimum(steps, len(cells) - 1)
-        futures = Futures.empty(count, horizon, self.forecast.side**2)
+        futures = Futures.empty(count, horizon, self.forecast.padded.cells)
         futures.cells[:] = self.forecast.columns(cells[rows[:, None], particle])
         index(futures.cells, futures.starts, futures.members)
         futures.persons[:] = (
@@ -426,7 +426,7 @@ class EnsembleBelief(BeliefBase):
         """
         forecast, weights, now = self.forecast, self.of_missing(), self._sea_step
         ends = forecast.columns(forecast.cells[forecast.row(now + horizon)])
-        left = np.asarray(np.bincount(ends, weights.sum(axis=0), forecast.side**2), np.float64)
+        left = np.asarray(np.bincount(ends, weights.sum(axis=0), forecast.padded.cells), np.float64)
 
         def expect(looks: LooksToCome) -> Expected:
             last = forecast.row(now + int(looks.steps.max(initial=0)))

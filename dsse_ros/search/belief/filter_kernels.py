@@ -201,7 +201,7 @@ def filter_worlds(
 
 @inlined
 def add_weighted(sums: Floats, weight: float, cells: Floats) -> None:
-    """Add cells to sums, both (G,), with a weight."""
+    """Add cells to sums, both (C,), with a weight."""
     for x in range(len(sums)):
         sums[x] += weight * cells[x]
 
@@ -223,17 +223,17 @@ def write_cells(
     scratch: Floats,
     out: Floats,
 ) -> None:
-    """Write the probability of every cell, out (G, G) as [y, x].
+    """Write the probability of every cell, out (R, C) as [y, x].
 
     Args:
-        scratch: (C + G,) float64.
+        scratch: float64, one for each detection class and each column.
         out: The probabilities of the missing persons.
     """
     weights, sums = scratch[: len(mass.totals)], scratch[len(mass.totals) :]
     weigh_classes(class_of, missing, mass.totals, weights)
     last = len(weights) - 1
     sums[:] = 0.0
-    for y in range(len(sums)):
+    for y in range(len(out)):
         first = index_of(constants[0], 0, y)
         if last > 0:
             sums[:] = 0.0
@@ -252,7 +252,7 @@ def write_beliefs(
     first: int,
     last: int,
 ) -> None:
-    """Write the probability of every cell of the worlds first..last - 1, (B, G, G) as [y, x].
+    """Write the probability of every cell of the worlds first..last - 1, (B, R, C) as [y, x].
 
     `scratch` is that of `write_cells`.
     """

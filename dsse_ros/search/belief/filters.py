@@ -136,7 +136,7 @@ class GridFilter:
     def write(
         self, step: StepDone, beliefs: Beliefs, maps: NDArray[np.float32], first: int, last: int
     ) -> None:
-        """Write the probability of every cell of worlds first..last - 1 to maps (B, G, G)."""
+        """Write the probability of every cell of worlds first..last - 1 to maps (B, R, C)."""
         scratch = np.empty(len(self.examples) + maps.shape[-1])
         self._write(step.batch.constants, beliefs, self.class_of, scratch, maps, first, last)
 
@@ -218,7 +218,7 @@ class ParticleFilter:
     def write(
         self, step: StepDone, beliefs: Beliefs, maps: NDArray[np.float32], first: int, last: int
     ) -> None:
-        """Write the probability of every cell of worlds first..last - 1 to maps (B, G, G)."""
+        """Write the probability of every cell of worlds first..last - 1 to maps (B, R, C)."""
         tables = self._tables(np.empty((0, len(self.examples))), step, first, last)
         scale = np.empty(len(self.examples))
         constants, worlds, *_ = step.batch

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dsse_ros.base.compiled.jit import compiled, part
+from dsse_ros.base.grid_shape import GridShape
 from dsse_ros.search.belief.component_kernels import Mass, apply_failed_search, place_of
 from dsse_ros.search.belief.component_motion import predict
 from dsse_ros.search.belief.motion_kernels import (
@@ -21,6 +22,7 @@ from dsse_ros.search.belief.motion_kernels import (
     MotionTables,
     move_probabilities,
     offset_of,
+    pitch_of,
     tables_at,
 )
 from dsse_ros.search.belief.protocol import Expected, Futures, LooksToCome
@@ -62,7 +64,7 @@ def index(
 
     Args:
         cells: (H or more, M) as in `Futures`.
-        starts: (H, S S + 1) integers out, as there.
+        starts: (H, S + 1) integers out, as there.
         members: (H, M) integers out, as there.
     """
     for h in range(len(starts)):
@@ -72,6 +74,7 @@ def index(
 @compiled()
 def sample(
     mass: Mass,
+    padded: GridShape,
     weights: Floats,
     count: int,
     offset: float,
@@ -81,6 +84,7 @@ def sample(
     """Draw scenarios systematically: each cell gets its share of them, rounded up or down.
 
     Args:
+        padded: Of the forecast.
         weights: (C,) float64, factors with which it sums to about 1.
         count: M.
         offset: In [0, 1).
@@ -89,11 +93,11 @@ def sample(
     """
     drawn, total, last_row, last_cell = 0, 0.0, 0, 0
     components = mass.components
-    drifts, side = len(components) // len(weights), int(math.sqrt(components.shape[1]))
+    drifts = len(components) // len(weights)
     for k in range(len(components)):
-        for y in range(side):
-            for x in range(side):
-                i, at = y * side + x, place_of(mass, k, x, y)
+        for y in range(padded.rows):
+            for x in range(padded.columns):
+                i, at = y * padded.columns + x, place_of(mass, k, x, y)
                 share = components[k, at] * weights[k // drifts] if at >= 0 else 0.0
                 if share <= 0.0:
                     continue
@@ -168,8 +172,8 @@ def expect(
         looks: A `LooksToCome` with PODs (Q, C) by detection class.
         scratch: Of `component_motion.predict`.
     """
-    side, plans = constants[0].grid_size + 2 * MARGIN, len(looks.starts) - 1
-    expected = Expected(np.zeros(plans), np.zeros((plans, side * side)))
+    pitch, plans = pitch_of(constants[0]), len(looks.starts) - 1
+    expected = Expected(np.zeros(plans), np.zeros((plans, mass.cells.shape[1])))
     for v in range(plans):
         left = Mass(
             mass.components.copy(), mass.boxes.copy(), mass.cells.copy(), mass.totals.copy()
@@ -178,7 +182,7 @@ def expect(
         for h in range(len(slots)):
             moves = tables_at(tables, slots[h])
             while q < looks.starts[v + 1] and looks.steps[q] == h:
-                y, x = divmod(looks.columns[q], side)
+                y, x = divmod(looks.columns[q], pitch)
                 found = apply_failed_search(
                     constants[0], left, moves.apart, looks.pods[q], x - MARGIN, y - MARGIN
                 )  # fmt: skip

@@ -13,7 +13,7 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from dsse_ros.base.compiled.jit import expanded, kernel, part
+from dsse_ros.base.compiled.jit import expanded, inlined, kernel, part
 from dsse_ros.search.step.constants import Constants
 from dsse_ros.world.targets.motion import CHANCES, NO_STEP, SCRATCH, STAND_STILL, STEPS
 from dsse_ros.world.targets.person_kernels import (
@@ -25,6 +25,7 @@ from dsse_ros.world.targets.person_kernels import (
 from dsse_ros.world.targets.sea_map import (
     Sea,
     cell_probability,
+    grid_of,
     map_step,
     start_map,
     step_within,
@@ -51,8 +52,8 @@ class MotionTables(NamedTuple):
     """What sets the persons' moves in R steps of the sea, or in one: then there is no axis R.
 
     Attributes:
-        chances: (R, S S) float64, the probability of every cell that persons look at.
-        tables: (R, `CHANCES`, S S) float64, the probabilities of the steps from each cell, see
+        chances: (R, S) float64, the probability of every cell that persons look at.
+        tables: (R, `CHANCES`, S) float64, the probabilities of the steps from each cell, see
             `complete`; the first and the last row are negative in columns not known yet.
         directions: (R, K) int64, the direction of each drift, see `PersonMotion`, or `STAND_STILL`.
         apart: (R, K) bool, the drifts whose persons are still where they were scattered to, each in
@@ -77,24 +78,30 @@ def tables_at(tables: MotionTables, slot: int) -> MotionTables:
     )
 
 
+@inlined
+def pitch_of(constants: Constants) -> int:
+    """Return the columns of a belief from one row of cells to the next."""
+    return constants.columns + 2 * MARGIN
+
+
 @part
 def index_of(constants: Constants, x: int, y: int) -> int:
     """Return the column of a belief for a cell."""
-    return (y + MARGIN) * (constants.grid_size + 2 * MARGIN) + x + MARGIN
+    return (y + MARGIN) * pitch_of(constants) + x + MARGIN
 
 
 @part
 def offset_of(constants: Constants, step: int) -> int:
     """Return the offset from the column of a cell to that of its neighbour."""
-    return (step // 3 - 1) * (constants.grid_size + 2 * MARGIN) + step % 3 - 1
+    return (step // 3 - 1) * pitch_of(constants) + step % 3 - 1
 
 
 @part
 def is_lost(constants: Constants, i: int) -> bool:
     """Return whether a column is so far off the grid that no window reaches it."""
-    side = constants.grid_size + 2 * MARGIN
-    x, y = i % side, i // side
-    return x <= 1 or y <= 1 or x >= side - 2 or y >= side - 2
+    width, height = pitch_of(constants), constants.rows + 2 * MARGIN
+    x, y = i % width, i // width
+    return x <= 1 or y <= 1 or x >= width - 2 or y >= height - 2
 
 
 @kernel
@@ -132,17 +139,17 @@ def forecast_step(
     """Advance map and drifts by one step and write the values that set the persons' next step.
 
     Args:
-        circle: (G + 1,) int64 scratch.
+        circle: (L + 1,) int64 scratch.
         drifts: (K,) of `motion.PERSONS`.
         tables: Out, but for the table.
         still: (K,) bool in and out, the drifts that are apart before the next step.
     """
-    world, grid_size = worlds[0], constants[0].grid_size
+    world = worlds[0]
     if not constants[0].person_first:
         map_step(constants[0], world, sea, circle)
     tables.chances[:] = 0.0
-    for y in range(grid_size):
-        for x in range(grid_size):
+    for y in range(constants[0].rows):
+        for x in range(constants[0].columns):
             probability = cell_probability(constants[0], world, sea.gauss, sea.area, x, y)
             tables.chances[index_of(constants[0], x, y)] = probability
     for k in range(len(drifts)):
@@ -162,7 +169,7 @@ def step_of_drift(
     It stays within the grid and the area.
     """
     dx, dy = direction % 3 - 1, direction // 3 - 1
-    to_x, to_y = step_within(area, constants.grid_size, x, y, dx, dy)
+    to_x, to_y = step_within(area, grid_of(constants), x, y, dx, dy)
     return 3 * (to_y - y + 1) + to_x - x + 1
 
 
@@ -171,18 +178,18 @@ def transition(constants: Constants, sea: Sea, chances: Floats, i: int, row: Flo
     """Write the table column of a cell, from the persons' motion.
 
     Args:
-        chances: (S S,) of `MotionTables`.
+        chances: (S,) of `MotionTables`.
         row: (`ROW`,) float64; the first `CHANCES` are out, the rest is scratch.
     """
     if is_lost(constants, i):
         row[:CHANCES] = 0.0
         row[NO_STEP] = 1.0
         return
-    side = constants.grid_size + 2 * MARGIN
+    width = pitch_of(constants)
     window, scratch = row[CHANCES : CHANCES + STEPS], row[CHANCES + STEPS :]
     for step in range(STEPS):
         window[step] = chances[i + offset_of(constants, step)]
-    x, y = i % side - MARGIN, i // side - MARGIN
+    x, y = i % width - MARGIN, i // width - MARGIN
     step_chances(constants, sea, x, y, window, row[:CHANCES], scratch)
 
 
@@ -210,6 +217,6 @@ def move_probabilities(
     for number in range(STEPS):
         row[number] = table[number, i]
     if table[STEPS, i] > 0.0:
-        side = constants.grid_size + 2 * MARGIN
-        x, y = i % side - MARGIN, i // side - MARGIN
+        width = pitch_of(constants)
+        x, y = i % width - MARGIN, i // width - MARGIN
         row[step_of_drift(constants, sea.area, x, y, direction)] += table[STEPS, i]

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dsse_ros.base.compiled.jit import compiled, expanded, kernel, part
+from dsse_ros.base.grid_shape import GridShape
 from dsse_ros.search.belief.component_kernels import (
     FADED,
     NOTHING_LEFT,
@@ -39,14 +40,14 @@ from dsse_ros.search.belief.search_outcomes import (
 )
 from dsse_ros.search.step.constants import Constants
 from dsse_ros.search.step.recipe import acts_at
-from dsse_ros.world.targets.sea_map import is_inside
+from dsse_ros.world.targets.sea_map import grid_of, is_inside
 
 
 class BinnedParticles(NamedTuple):
     """The particles of an ensemble by step of the sea, or at one: then there is no axis T.
 
     Attributes:
-        starts: (T, S S + 1) int32; after the last step nothing moves.
+        starts: (T, S + 1) int32; after the last step nothing moves.
         members: (T, M) int32; those in column i are members[starts[i] : starts[i + 1]], in
             increasing order. Those outside the area are in column 0.
         prior: (M,) float64, the weights of the ensemble, which sum to 1.
@@ -96,7 +97,7 @@ def learn_look(
     or outside the area has no effect.
     """
     x, y, pods = looks.seen[q, 0], looks.seen[q, 1], looks.pods[looks.rows[q]]
-    if not is_inside(constants.grid_size, x, y):
+    if not is_inside(grid_of(constants), x, y):
         return
     numbers, weights = persons.numbers, mass.components
     classes = len(weights)
@@ -171,15 +172,15 @@ def write_poc(
     scale: Floats,
     out: Floats,
 ) -> None:
-    """Write the missing persons' probability of every cell, out (G, G) as [y, x].
+    """Write the missing persons' probability of every cell, out (R, C) as [y, x].
 
     Args:
         scale: (C,) float64 scratch.
         out: Out.
     """
     weigh_classes(class_of, missing, mass.totals, scale)
-    for y in range(constants[0].grid_size):
-        for x in range(constants[0].grid_size):
+    for y in range(constants[0].rows):
+        for x in range(constants[0].columns):
             here = 0.0
             for k in those_in(particles, index_of(constants[0], x, y)):
                 for m in range(len(scale)):
@@ -250,7 +251,7 @@ def write_particles(
     first: int,
     last: int,
 ) -> None:
-    """Write the probability of every cell of the worlds first..last - 1, (B, G, G) as [y, x].
+    """Write the probability of every cell of the worlds first..last - 1, (B, R, C) as [y, x].
 
     `worlds` are (B,) of `entities.WORLDS`; the other arguments are those of `filter_particles` and
     `write_poc`.
@@ -262,10 +263,10 @@ def write_particles(
 
 
 @expanded
-def seen_by(particles: BinnedParticles, grid_size: int, column: int) -> NDArray[np.int32]:
+def seen_by(particles: BinnedParticles, grid: GridShape, column: int) -> NDArray[np.int32]:
     """Return the particles that a look at a column sees; it sees none off the grid."""
-    side = grid_size + 2 * MARGIN
-    inside = is_inside(grid_size, column % side - MARGIN, column // side - MARGIN)
+    pitch = grid.columns + 2 * MARGIN
+    inside = is_inside(grid, column % pitch - MARGIN, column // pitch - MARGIN)
     return particles.members[particles.starts[column] : particles.starts[column + inside]]
 
 
@@ -278,7 +279,7 @@ def expect_particles(
     looks: LooksToCome,
     first: int,
     gamma: float,
-    grid_size: int,
+    grid: GridShape,
 ) -> Expected:
     """Return what plans are expected to find, exactly for the particles; see `TargetBelief`.
 
@@ -286,11 +287,11 @@ def expect_particles(
         particles: By step of the sea.
         weights: (C, M) float64, of the missing persons.
         ends: (M,) int32, columns of the particles after the last step.
-        left: (S S,) float64, the weights there without a look.
+        left: (S,) float64, the weights there without a look.
         looks: A `LooksToCome` with PODs (Q, A C) by appearance and detection class.
         first: Step of the sea now.
         gamma: Discount per step.
-        grid_size: G.
+        grid: Its shape.
     """
     plans = len(looks.starts) - 1
     expected = Expected(np.zeros(plans), np.empty((plans, len(left))))
@@ -301,7 +302,7 @@ def expect_particles(
         of_plan = range(looks.starts[v], looks.starts[v + 1])
         for q in of_plan:
             now, worth = particles_at(particles, first + looks.steps[q]), discounts[looks.steps[q]]
-            for k in seen_by(now, grid_size, looks.columns[q]):
+            for k in seen_by(now, grid, looks.columns[q]):
                 first_pod = particles.appearances[k] * len(kept)
                 for m in range(len(kept)):
                     taken = kept[m, k] * looks.pods[q, first_pod + m]
@@ -310,7 +311,7 @@ def expect_particles(
                     expected.finds[v] += worth * taken
         for q in of_plan:
             now = particles_at(particles, first + looks.steps[q])
-            for k in seen_by(now, grid_size, looks.columns[q]):
+            for k in seen_by(now, grid, looks.columns[q]):
                 for m in range(len(kept)):
                     kept[m, k] = weights[m, k]
     return expected

@@ -108,9 +108,9 @@ def seen_of(places: ParticlePositions, num_drones: int) -> PassedParticles:
 
 
 @inlined
-def cell_within(constants: Constants, places: ParticlePositions, metres: float) -> int:
-    """Return the cell at a coordinate, or the nearest one of the grid."""
-    return min(max(int(math.floor(metres / places.cell_m)), 0), constants.grid_size - 1)
+def cell_within(size: int, places: ParticlePositions, metres: float) -> int:
+    """Return the column or row at a coordinate, or the nearest of the `size` of the grid."""
+    return min(max(int(math.floor(metres / places.cell_m)), 0), size - 1)
 
 
 @part
@@ -136,12 +136,12 @@ def list_passed(
     before, after = places.positions[row], places.positions[min(row + 1, last)]
     x, wide = middle_and_reach(path, 0, reach + places.moved[row] + ROUNDING_M)
     y, high = middle_and_reach(path, 1, reach + places.moved[row] + ROUNDING_M)
-    west = cell_within(constants, places, x - wide)
-    east = cell_within(constants, places, x + wide)
+    west = cell_within(constants.columns, places, x - wide)
+    east = cell_within(constants.columns, places, x + wide)
     particles, count = particles_at(places.particles, row), 0
-    for line in range(
-        cell_within(constants, places, y - high), cell_within(constants, places, y + high) + 1
-    ):
+    north = cell_within(constants.rows, places, y - high)
+    south = cell_within(constants.rows, places, y + high)
+    for line in range(north, south + 1):
         first = particles.starts[index_of(constants, west, line)]
         end = particles.starts[index_of(constants, east, line) + 1]
         for i in particles.members[first:end]:
@@ -197,7 +197,7 @@ def multiply_missed(
             not where it stays.
         steps: (K,) float64, when it is there, in steps of the sea.
         places: The particles.
-        area: (G, G) bool, the searched cells.
+        area: (R, C) bool, the searched cells.
         step_s: Time of a step.
         looked: (2,) bool, scratch; the first one is whether it looked right before the first point.
         out: (C, M) float64 by class, in and out.
@@ -225,7 +225,7 @@ def multiply_missed(
             if min(y0, y1) > y + high or max(y0, y1) < y - high:
                 continue
             col, row = math.floor(x0 / places.cell_m), math.floor(y0 / places.cell_m)
-            if not (0 <= col < len(area) and 0 <= row < len(area)) or not area[row, col]:
+            if not (0 <= col < area.shape[1] and 0 <= row < len(area)) or not area[row, col]:
                 continue
             for m in range(len(out)):
                 out[m, i] *= missed(

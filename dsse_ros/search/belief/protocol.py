@@ -10,6 +10,7 @@ from typing import NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from dsse_ros.base.grid_shape import GridShape
 from dsse_ros.search.step.looks import Looked
 from dsse_ros.world.scenario.actions import Cell
 from dsse_ros.world.scenario.rules import Rules
@@ -22,7 +23,7 @@ class Futures(NamedTuple):
     Attributes:
         cells: (H + 1, M) int64, columns of each of M futures, the present one first.
         persons: (M,) int64, number of a person with the POD of the person in each future.
-        starts: (H, S S + 1) int64, see `members`.
+        starts: (H, S + 1) int64, see `members`.
         members: (H, M) uint32: the futures in column i at step h are, in increasing order,
             members[h, starts[h, i] : starts[h, i + 1]].
     """
@@ -62,7 +63,7 @@ class Expected(NamedTuple):
 
     Attributes:
         finds: (V,) float64, discounted numbers of finds, as shares of the missing persons.
-        left: (V, S S) float64, final distributions of the persons not found.
+        left: (V, S) float64, final distributions of the persons not found.
     """
 
     finds: NDArray[np.float64]
@@ -81,7 +82,7 @@ class TargetForecast(Protocol):
     """Advance knowledge of the persons, the same in every mission of a scenario.
 
     Steps of the sea count from the start of its drift; the first `first_step` of them precede the
-    mission. A column is a cell of the grid with its margins, S along a side.
+    mission. A column is a cell of the grid with its margins, of S cells.
     """
 
     scenario: ResolvedScenario
@@ -89,7 +90,7 @@ class TargetForecast(Protocol):
     area: NDArray[np.bool_] | None
     horizon: int
     first_step: int
-    side: int
+    padded: GridShape
 
     @property
     def of_pos(self) -> TargetForecast:
@@ -143,7 +144,7 @@ class TargetBelief(Protocol):
         ...
 
     def poc(self) -> NDArray[np.float64]:
-        """Return the probability of containment of every cell, (G, G) as [y, x]."""
+        """Return the probability of containment of every cell, (R, C) as [y, x]."""
         ...
 
     def advance(self) -> None:

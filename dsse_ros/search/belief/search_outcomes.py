@@ -35,7 +35,7 @@ from dsse_ros.search.belief.component_kernels import Mass, place_of, remove
 from dsse_ros.search.belief.look_kernels import LooksDone
 from dsse_ros.search.belief.motion_kernels import MARGIN, Flags, Floats, Ints
 from dsse_ros.search.step.constants import Constants
-from dsse_ros.world.targets.sea_map import is_inside
+from dsse_ros.world.targets.sea_map import grid_of, is_inside
 
 TOTAL, APART, MIXED, KEPT_APART, KEPT_MIXED, TAKEN_APART, TAKEN_MIXED, ELSEWHERE = range(8)
 """Numbers of a class:
@@ -92,7 +92,7 @@ def learn_outcome(
         apart: (K,) of `MotionTables`.
     """
     x, y, pods = looks.seen[q, 0], looks.seen[q, 1], looks.pods[looks.rows[q]]
-    if not is_inside(constants.grid_size, x, y):
+    if not is_inside(grid_of(constants), x, y):
         return
     numbers, drifts = persons.numbers, len(apart)
     for m in range(len(pods)):

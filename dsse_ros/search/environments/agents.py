@@ -20,7 +20,7 @@ class Observation(NamedTuple):
 
     Attributes:
         position: (2,) integers, the drone's cell (x, y).
-        probability: (G, G) float32, the probability of cell [y, x].
+        probability: (R, C) float32, the probability of cell [y, x].
     """
 
     position: NDArray[np.integer[Any]]

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from numba.core import event
 
+from dsse_ros.base.grid_shape import GridShape
 from dsse_ros.search.environments.parallel_env import SearchEnv
 from dsse_ros.search.environments.world_beliefs import WorldBeliefs
 from dsse_ros.search.step.constants import NO_ACTION
@@ -87,21 +88,21 @@ def prepared_env(
     scenario: Scenario,
     rules: Rules,
     *,
-    has_belief: Callable[[int], bool] = lambda grid_size: False,
+    has_belief: Callable[[GridShape], bool] = lambda grid: False,
 ) -> SearchEnv:
     """Return an environment with its reset, step and paths compiled, or loaded from the cache.
 
     Args:
         scenario: Of the environment.
         rules: Of the environment.
-        has_belief: Called with the size of the grid; returns whether to prepare a belief too.
+        has_belief: Called with the shape of the grid; returns whether to prepare a belief too.
 
     Raises:
         FieldError: If the scenario does not fit the rules.
     """
     # Refuse bad input before the slow compilation.
-    grid_size = scenario.resolve(rules).grid_size
-    with_belief = not rules.covers and has_belief(grid_size)
+    grid = scenario.resolve(rules).grid_size
+    with_belief = not rules.covers and has_belief(grid)
     env = SearchEnv(scenario, rules)
     env.reset(seed=0)
     hold = np.full(env.world.num_drones, NO_ACTION, np.int8)

@@ -27,7 +27,7 @@ _SUM_TOLERANCE = 1e-9
 
 
 def poc_of(scenario: ResolvedScenario, rules: Rules) -> NDArray[np.float64]:
-    """Return the probability of containment to cover, (G, G) as [y, x].
+    """Return the probability of containment to cover, (R, C) as [y, x].
 
     It is the scenario's `probability_matrix`. Without one, it is the `belief.Belief` after the
     persons have moved for `reset_sea_steps` and `pre_search_minutes`. It is 0 outside the area,
@@ -64,8 +64,8 @@ class Coverage:
         num_worlds: B.
 
     Attributes:
-        poc: (G, G) float64, see `poc_of`.
-        left: (B, G, G) float64, the rest of `poc`; a visit removes the probability of its cell.
+        poc: (R, C) float64, see `poc_of`.
+        left: (B, R, C) float64, the rest of `poc`; a visit removes the probability of its cell.
         records: (B,) of `coverage_kernels.COVERAGE`.
 
     Raises:

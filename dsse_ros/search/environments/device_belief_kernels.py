@@ -41,8 +41,8 @@ class DeviceMass(NamedTuple):
     """The beliefs of B worlds, up to a factor for each.
 
     Attributes:
-        layers: (B, K, S S) float64, see `component_kernels`; a row for each drift.
-        cells: (B, S S) float64, the sums of the layers.
+        layers: (B, K, S) float64, see `component_kernels`; a row for each drift.
+        cells: (B, S) float64, the sums of the layers.
         totals: (B,) float64, the sums of the cells.
         pos: (B,) float64, the POS of all searches of each mission.
     """
@@ -57,11 +57,11 @@ class DeviceTables(NamedTuple):
     """Tables for all missions of a scenario: T steps of the sea.
 
     Attributes:
-        start: (K, S S) float64, the belief at a mission's first observation.
-        chances: (T, S S) float64, of `MotionTables`.
-        tables: (T, `CHANCES`, S S) float64, of `MotionTables`, without gaps.
+        start: (K, S) float64, the belief at a mission's first observation.
+        chances: (T, S) float64, of `MotionTables`.
+        tables: (T, `CHANCES`, S) float64, of `MotionTables`, without gaps.
         directions: (T, K) int64, of `MotionTables`.
-        sources: (9, S S) int16: for each direction of a drift and each cell a bit for each step by
+        sources: (9, S) int16: for each direction of a drift and each cell a bit for each step by
             which the drift brings persons there; (1, 0) if persons have no drift of their own.
         pods: (L,) float64, POD of each look.
         first_step: (1,) int64, steps of the sea before a mission's first observation.
@@ -118,19 +118,20 @@ def sum_of_block(values, shared):
 
 
 @cuda.jit(device=True)
-def learn(mass, tables, looks, one_find, side, b, shared):
+def learn(mass, tables, looks, one_find, pitch, b, shared):
     """Update the belief of world b with its looks, see `filter_kernels.learn_of_one`."""
     thread, threads = cuda.threadIdx.x, cuda.blockDim.x
-    layers, cells, size = mass.layers[b], mass.cells[b], side - 2 * MARGIN
+    layers, cells = mass.layers[b], mass.cells[b]
+    columns, rows = pitch - 2 * MARGIN, len(cells) // pitch - 2 * MARGIN
     total = mass.totals[b]
     failed, number, slot = looks.counts[b, 0], looks.counts[b, 1], looks.counts[b, 2]
     for turn in range(2):
         taken = 0.0
         for q in range(failed if turn == 1 else 0, number if turn == 1 else failed):
             x, y, pod = looks.seen[b, q, 0], looks.seen[b, q, 1], tables.pods[looks.rows[b, q]]
-            if x < 0 or y < 0 or x >= size or y >= size:
+            if x < 0 or y < 0 or x >= columns or y >= rows:
                 continue
-            i = (y + MARGIN) * side + x + MARGIN
+            i = (y + MARGIN) * pitch + x + MARGIN
             if turn == 1 and one_find:
                 if thread == 0:
                     mass.pos[b] += (1.0 - mass.pos[b]) * cells[i] * pod / total
@@ -158,26 +159,26 @@ def learn(mass, tables, looks, one_find, side, b, shared):
 
 
 @cuda.jit(device=True)
-def move_layer(layer, cells, table, negligible, side, shared):
+def move_layer(layer, cells, table, negligible, pitch, shared):
     """Advance a layer by the persons' step, see `component_motion.predict`.
 
     Args:
-        layer: (S S,) float64.
-        cells: (S S,) float64.
-        table: (`CHANCES`, S S) float64.
+        layer: (S,) float64.
+        cells: (S,) float64.
+        table: (`CHANCES`, S) float64.
         negligible: Probability up to which a cell counts as empty.
-        side: S.
-        shared: (S S,) float64.
+        pitch: Columns from one row of cells to the next.
+        shared: (S,) float64.
     """
     thread, threads = cuda.threadIdx.x, cuda.blockDim.x
     for i in range(thread, len(layer), threads):
         shared[i] = layer[i] if layer[i] > negligible else 0.0
     cuda.syncthreads()
     # The outermost cells are always empty.
-    for i in range(thread + side + 1, len(layer) - side - 1, threads):
+    for i in range(thread + pitch + 1, len(layer) - pitch - 1, threads):
         after = 0.0
         for step in range(STEPS):
-            start = i - (step // 3 - 1) * side - step % 3 + 1
+            start = i - (step // 3 - 1) * pitch - step % 3 + 1
             after += shared[start] * table[step, start]
         cells[i] += after - layer[i]
         layer[i] = after
@@ -185,7 +186,7 @@ def move_layer(layer, cells, table, negligible, side, shared):
 
 
 @cuda.jit(device=True)
-def move_drifting(layer, cells, chances, added, sources, negligible, side, shared):
+def move_drifting(layer, cells, chances, added, sources, negligible, pitch, shared):
     """Advance a layer of persons with own drifts by the step of `drawn_cell`.
 
     A cell's probability, divided by that of its window, goes to each cell of the window by the
@@ -193,25 +194,25 @@ def move_drifting(layer, cells, chances, added, sources, negligible, side, share
     quotients instead of nine tables.
 
     Args:
-        layer: (S S,) float64.
-        cells: (S S,) float64.
-        chances: (S S,) float64.
-        added: (S S,) float64, the addition by own drift.
-        sources: (S S,) int16 of the layer's direction.
+        layer: (S,) float64.
+        cells: (S,) float64.
+        chances: (S,) float64.
+        added: (S,) float64, the addition by own drift.
+        sources: (S,) int16 of the layer's direction.
         negligible: Probability up to which a cell counts as empty.
-        side: S.
-        shared: (S S,) float64.
+        pitch: Columns from one row of cells to the next.
+        shared: (S,) float64.
     """
     thread, threads = cuda.threadIdx.x, cuda.blockDim.x
     for i in range(thread, len(layer), threads):
         shared[i] = layer[i] * added[i] if layer[i] > negligible else 0.0
     cuda.syncthreads()
     # The outermost cells are always empty.
-    for i in range(thread + side + 1, len(layer) - side - 1, threads):
+    for i in range(thread + pitch + 1, len(layer) - pitch - 1, threads):
         window = drifted = 0.0
         of_drift = sources[i]
         for step in range(STEPS):
-            share = shared[i - (step // 3 - 1) * side - step % 3 + 1]
+            share = shared[i - (step // 3 - 1) * pitch - step % 3 + 1]
             window += share
             if of_drift >> step & 1:
                 drifted += share
@@ -222,7 +223,7 @@ def move_drifting(layer, cells, chances, added, sources, negligible, side, share
 
 
 @device_kernel
-def follow(done, mass, tables, looks, steps, side, one_find, own_drift):
+def follow(done, mass, tables, looks, steps, pitch, one_find, own_drift):
     """Update the beliefs of B worlds after a step, see `filter_kernels.filter_worlds`.
 
     Args:
@@ -231,7 +232,7 @@ def follow(done, mass, tables, looks, steps, side, one_find, own_drift):
         tables: A `DeviceTables`.
         looks: A `DeviceLooks`: scratch.
         steps: (B,) bool, the worlds that stepped; the others stay as they are.
-        side: S.
+        pitch: Columns from one row of cells to the next.
         one_find: Whether a search finds at most one person.
         own_drift: Whether persons have drifts of their own.
     """
@@ -253,7 +254,7 @@ def follow(done, mass, tables, looks, steps, side, one_find, own_drift):
     if thread == 0:
         list_step(done, tables.first_step, looks, b)
     cuda.syncthreads()
-    learn(mass, tables, looks, one_find, side, b, shared)
+    learn(mass, tables, looks, one_find, pitch, b, shared)
     slot, negligible = looks.counts[b, 2], NEGLIGIBLE * mass.totals[b]
     chances, table = tables.chances[slot], tables.tables[slot]
     for k in range(len(layers)):
@@ -263,10 +264,10 @@ def follow(done, mass, tables, looks, steps, side, one_find, own_drift):
         if own_drift:
             move_drifting(
                 layers[k], cells, chances, table[STEPS], tables.sources[direction], negligible,
-                side, shared,
+                pitch, shared,
             )  # fmt: skip
         else:
-            move_layer(layers[k], cells, table, negligible, side, shared)
+            move_layer(layers[k], cells, table, negligible, pitch, shared)
 
 
 @device_kernel
@@ -275,13 +276,13 @@ def write_beliefs(mass, out):
 
     Args:
         mass: A `DeviceMass`.
-        out: ((B, G, G) float32 out as [y, x],).
+        out: ((B, R, C) float32 out as [y, x],).
     """
-    b, size = cuda.blockIdx.x, out[0].shape[1]
+    b, (_, rows, columns) = cuda.blockIdx.x, out[0].shape
     cells, total = mass.cells[b], mass.totals[b]
-    for i in range(cuda.threadIdx.x, size * size, cuda.blockDim.x):
-        y, x = i // size, i % size
-        here = cells[(y + MARGIN) * (size + 2 * MARGIN) + x + MARGIN] / total
+    for i in range(cuda.threadIdx.x, rows * columns, cuda.blockDim.x):
+        y, x = i // columns, i % columns
+        here = cells[(y + MARGIN) * (columns + 2 * MARGIN) + x + MARGIN] / total
         # Rounding may put a sum of shares below 0 or above 1.
         out[0][b, y, x] = min(max(here, 0.0), 1.0)
 
@@ -306,8 +307,8 @@ def complete_steps(constants, sea, steps, row):
 def write_sources(constants, area, out):
     """Write the sources of the cells, see `DeviceTables`; `out` is all 0."""
     for direction in range(len(out)):
-        for y in range(constants[0].grid_size):
-            for x in range(constants[0].grid_size):
+        for y in range(constants[0].rows):
+            for x in range(constants[0].columns):
                 step = step_of_drift(constants[0], area, x, y, direction)
                 to = index_of(constants[0], x, y) + offset_of(constants[0], step)
                 out[direction, to] |= 1 << step

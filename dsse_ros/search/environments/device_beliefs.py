@@ -94,14 +94,14 @@ class DeviceBeliefs:
             return
         forecast = Forecast(scenario, world.rules, drift_samples=DRIFT_SAMPLES)
         last = forecast.first_step + world.rules.last_step(scenario.timestep_limit)
-        shared = 8 * forecast.side**2
+        shared = 8 * forecast.padded.cells
         if len(forecast.moves.directions) <= last or shared > SHARED_BYTES:
             raise FieldError(
                 "grid_size must be smaller, or the steps fewer, with observe belief and device "
                 f"cuda, got {scenario.grid_size} and {scenario.timestep_limit}"
             )
         self._scenario = scenario
-        self._side = forecast.side
+        self._padded = forecast.padded
         self.tables = self._make_tables(forecast, last)
 
     def _make_tables(self, forecast: Forecast, last: int) -> DeviceTables:
@@ -110,7 +110,7 @@ class DeviceBeliefs:
             forecast.constants, forecast.sea, forecast.moves, np.empty(ROW)
         )
         own_drift = bool(forecast.constants["own_drift"][0])
-        sources = np.zeros((STEPS, forecast.side**2) if own_drift else (1, 0), np.int16)
+        sources = np.zeros((STEPS, forecast.padded.cells) if own_drift else (1, 0), np.int16)
         if own_drift:
             device_belief_kernels.write_sources(forecast.constants, forecast.area, sources)
         arrays = DeviceTables(
@@ -129,14 +129,14 @@ class DeviceBeliefs:
         actions = worlds.actions if faults is None else faults.applied
         done = StepDone(worlds.batch, actions, worlds.before.alive, worlds.before.done)
         threads = device_belief_kernels.THREADS
-        shared = 8 * max(self._side**2, threads)
+        shared = 8 * max(self._padded.cells, threads)
         device_belief_kernels.follow[worlds.num_worlds, threads, 0, shared](
-            done, self._mass, self.tables, self._looks, steps, self._side,
+            done, self._mass, self.tables, self._looks, steps, self._padded.columns,
             bool(rules.one_find_per_search), self.tables.sources.size > 0,
         )  # fmt: skip
 
     def write(self, out: DeviceArray) -> None:
-        """Write the probability of every cell to (B, G, G) float32, as [y, x]."""
+        """Write the probability of every cell to (B, R, C) float32, as [y, x]."""
         threads = device_belief_kernels.THREADS
         device_belief_kernels.write_beliefs[self._worlds.num_worlds, threads](self._mass, (out,))
 

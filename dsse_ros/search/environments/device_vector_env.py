@@ -67,9 +67,9 @@ class DeviceMaps:
         return out
 
     def dense(self) -> DeviceArray:
-        """Return the whole maps (B, G, G) float32 as [y, x]."""
-        size = self._worlds.template.grid_size
-        out = cuda.device_array((self._worlds.num_worlds, size, size), np.float32)
+        """Return the whole maps (B, R, C) float32 as [y, x]."""
+        shape = self._worlds.num_worlds, *self._worlds.template.grid_size.matrix
+        out = cuda.device_array(shape, np.float32)
         self._worlds.write_maps(out)
         return out
 
@@ -127,8 +127,8 @@ class DeviceVectorEnv(VectorEnv):
         self.beliefs = DeviceBeliefs(self.worlds) if of_belief else None
         self._space = space_of(self.world)
         self._lazy_maps = DeviceMaps(self.worlds)
-        g = self.world.grid_size
-        self._dense = DeviceRecycler((self.num_envs, g, g), np.float32, overwrite=not copy)
+        shape = self.num_envs, *self.world.grid_size.matrix
+        self._dense = DeviceRecycler(shape, np.float32, overwrite=not copy)
         self._valid = cuda.to_device(np.ones(self.num_envs, np.bool_))
         self._was_reset = False
 

@@ -179,7 +179,7 @@ class DeviceWorlds:
         return report, infos
 
     def write_maps(self, out: DeviceArray) -> None:
-        """Write the maps of all worlds to (B, G, G) float32, as [y, x]."""
+        """Write the maps of all worlds to (B, R, C) float32, as [y, x]."""
         block = device_kernels.map_block(self.template.grid_size)
         device_kernels.write_maps[self.num_worlds, block](self.batch, (out,))
 
@@ -260,14 +260,14 @@ class DeviceWorlds:
     def _make_scratch(self) -> Scratch:
         """Return the scratch memory of B threads: only what the rules need."""
         world, rules = self.template, self.template.rules
-        g, cells = world.grid_size, (2 * rules.person_scatter + 1) ** 2
+        grid, cells = world.grid_size, (2 * rules.person_scatter + 1) ** 2
 
         def zeros(count: int, kind: DTypeLike) -> DeviceArray:
             return cuda.to_device(np.zeros((self.num_worlds, count), kind, ORDER))
 
         return Scratch(
-            zeros(g * g + 1 if rules.collisions else 1, np.uint16),
-            zeros(g + 1 if rules.circle else 1, np.int64),
+            zeros(grid.cells + 1 if rules.collisions else 1, np.uint16),
+            zeros(grid.longer + 1 if rules.circle else 1, np.int64),
             zeros(cells, np.int64),
             cuda.to_device(np.zeros(0)),
         )

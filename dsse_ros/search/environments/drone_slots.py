@@ -90,13 +90,13 @@ def searched_probability(step: Transition) -> NDArray[np.float64]:
     particles it is of those observed, and POS of others, see `cell_tracks.Draw`.
     """
     env, probability = step.env, step.before["probability"]
-    grid, looks = probability.shape[-1], env.world.looks
+    grid, looks = env.world.grid_size, env.world.looks
     worlds, drones = step.actions.shape
     of_all = looks._replace(kind=np.tile(looks.kind, worlds))
     slots, rows, looked = of_all.at(step.actions.ravel(), step.cells.reshape(-1, 2))
     seen = ((looked >= 0) & (looked < grid)).all(axis=1)
     slots, looked, pods = slots[seen], looked[seen], looks.pods[rows[seen]].mean(axis=1)
-    place = (slots // drones * grid + looked[:, 1]) * grid + looked[:, 0]
+    place = (slots // drones * grid.rows + looked[:, 1]) * grid.columns + looked[:, 0]
     places, of_place = np.unique(place, return_inverse=True)
     missed, all_pods = np.ones(len(places)), np.bincount(of_place, pods, len(places))
     np.multiply.at(missed, of_place, 1.0 - pods)

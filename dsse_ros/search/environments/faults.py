@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dsse_ros.base.compiled.overloads import Specialized
+from dsse_ros.base.grid_shape import GridShape
 from dsse_ros.search.environments.snapshot import Snapshot, SnapshotError
 from dsse_ros.search.environments.ways_home import ways_home
 from dsse_ros.search.step import fault_kernels
@@ -116,6 +117,7 @@ class Faults:
         self.is_noisy = scenario.position_noise > 0
         self._actions = rules.action_set
         self._shares = abilities["share"][:, : len(rules.actions)].tolist()
+        self._grid = scenario.grid_size
         self._homes: list[tuple[int, int]] = []
 
     @classmethod
@@ -145,8 +147,8 @@ class Faults:
         homes: list[tuple[int, int]] = [(x, y) for x, y in batch.entities.start_cells[0].tolist()]
         if self.has_battery and homes != self._homes:
             self._homes = homes
-            area, size = batch.sea.area, int(batch.constants["grid_size"][0])
-            ways = ways_home(self._actions, area, size, homes, self._shares)
+            area = batch.sea.area
+            ways = ways_home(self._actions, area, self._grid, homes, self._shares)
             self.arrays = self.arrays._replace(home_steps=ways.steps, home_actions=ways.actions)
 
     def reset(self, batch: Batch, which: NDArray[np.bool_]) -> None:
@@ -154,7 +156,7 @@ class Faults:
         self.place(batch)
         fault_kernels.start_conditions(batch, self.arrays, which, 0, len(which))
 
-    def check(self, snapshot: Snapshot, grid_size: int) -> None:
+    def check(self, snapshot: Snapshot, grid: GridShape) -> None:
         """Raise if a snapshot of this shape would make the kernels read beyond their arrays.
 
         Raises:
@@ -166,7 +168,7 @@ class Faults:
             raise SnapshotError("the snapshot is damaged: the status of a drone is unknown")
         if not ((heading >= NO_ACTION) & (heading < len(self._actions))).all():
             raise SnapshotError("the snapshot is damaged: the heading of a drone is not an action")
-        if not ((starts >= 0) & (starts < grid_size)).all():
+        if not ((starts >= 0) & (starts < grid)).all():
             raise SnapshotError("the snapshot is damaged: the start of a drone is off the grid")
 
     def restore(self, batch: Batch) -> None:

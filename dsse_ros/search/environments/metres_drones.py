@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dsse_ros.base.fields import FieldError, shown
+from dsse_ros.base.grid_shape import GridShape
 from dsse_ros.search.environments.snapshot import SnapshotError
 from dsse_ros.search.environments.world_ensemble import WorldEnsemble
 from dsse_ros.search.step.metres_detection import detectors_of
@@ -149,14 +150,14 @@ class MetresDrones:
         cells: NDArray[np.float64] = places / self._cell_m - 0.5
         return cells
 
-    def check(self, states: NDArray[np.void], grid_size: int) -> None:
+    def check(self, states: NDArray[np.void], grid: GridShape) -> None:
         """Check the states in a snapshot, an array of the same shape.
 
         Raises:
             SnapshotError: If they are not finite, or those of drones are not on the grid.
         """
-        places = np.stack([states["east"], states["south"]])
-        inside = (places >= 0.0) & (places <= grid_size * self._cell_m)
+        places = np.stack([states["east"], states["south"]], axis=-1)
+        inside = (places >= 0.0) & (places <= grid.extent(self._cell_m))
         if self._of_vehicles:
             inside = np.isfinite(places)
         rest = np.isfinite(states["heading"]) & (states["speed"] >= 0.0)

@@ -38,16 +38,15 @@ class MissionHistory:
         self._paths: list[NDArray[np.float64]] = []
         self._looked: list[NDArray[np.bool_]] = [np.zeros((world.num_drones, 0), bool)]
         self._doing = np.full(world.num_drones, NO_ACTION)
-        side = world.grid_size
-        self.searches, self.waits = np.zeros((2, side, side), np.int32)
-        self._likely = np.ones((side, side), bool)
+        self.searches, self.waits = np.zeros((2, *world.grid_size.matrix), np.int32)
+        self._likely = np.ones(world.grid_size.matrix, bool)
 
     def before_step(self, actions: NDArray[np.int8], probability: NDArray[np.float32]) -> None:
         """Record the drones' actions before the step.
 
         Args:
             actions: (N,) int8, the actions of the step.
-            probability: (G, G), what the drones observe before it.
+            probability: (R, C), what the drones observe before it.
         """
         world = self._world
         if world.coverage is None:
@@ -109,7 +108,7 @@ def view_of(
 
     Args:
         world: The world.
-        probability: (G, G) float32, its map, or the belief.
+        probability: (R, C) float32, its map, or the belief.
         past: Its past.
         pos: Cumulative probability of success, None if the probability is not a belief.
     """

@@ -41,7 +41,7 @@ class SearchEnv(Rebound, AgentSpaces, ParallelEnv[str, AgentObservation, int]):
     """A drone swarm searching for persons at sea (PettingZoo parallel API).
 
     An observation is a plain tuple with the parts of an `Observation`, from the space
-    `Tuple(MultiDiscrete([G, G]), Box(0, 1, (G, G), float32))`: the agent's cell (x, y) and the map
+    `Tuple(MultiDiscrete([C, R]), Box(0, 1, (R, C), float32))`: the agent's cell (x, y) and the map
     [y, x], one read-only array that all agents share. Actions are numbers of `rules.actions`.
     `infos[agent]` has `Found`, whether every person has been found, `action_mask` (A,) int8, 0
     where a move would leave the grid or the area, and, with several persons,
@@ -101,17 +101,18 @@ class SearchEnv(Rebound, AgentSpaces, ParallelEnv[str, AgentObservation, int]):
         self._belief_map: NDArray[np.float32] | None = None
         self._note_belief()
         self.scenario = self.world.scenario
-        g = self.world.grid_size
         self.possible_agents = [f"drone{i}" for i in range(self.world.num_drones)]
         self.agents: list[str] = []
         # All agents share one space, because its bounds are as large as the map.
-        self.observation_spaces = dict.fromkeys(self.possible_agents, observation_space(g, rules))
+        self.observation_spaces = dict.fromkeys(
+            self.possible_agents, observation_space(self.world.grid_size, rules)
+        )
         self.action_spaces = {agent: action_space(rules) for agent in self.possible_agents}
         # The share of the time used exceeds 1 in the steps after the limit.
         limit = self.world.scenario.timestep_limit
         used = (rules.last_step(limit) + 1) / limit
         most = max(self.world.num_drones, self.scenario.person_amount, used)
-        self.state_space = spaces.Box(0.0, float(most), (4, g, g))
+        self.state_space = spaces.Box(0.0, float(most), (4, *self.world.grid_size.matrix))
         self._live: list[int] = []
         self._no_flags: dict[str, bool] = {}
         self._history: MissionHistory | None = None
@@ -264,7 +265,7 @@ class SearchEnv(Rebound, AgentSpaces, ParallelEnv[str, AgentObservation, int]):
 
     @property
     def probability(self) -> NDArray[np.float32]:
-        """The map or belief of the last observation, (G, G) as [y, x], read-only."""
+        """The map or belief of the last observation, (R, C) as [y, x], read-only."""
         probability = self.world.maps[0] if self._belief_map is None else self._belief_map
         probability.setflags(write=False)
         return probability
@@ -274,7 +275,7 @@ class SearchEnv(Rebound, AgentSpaces, ParallelEnv[str, AgentObservation, int]):
         return self.world.action_masks()[0]
 
     def state(self) -> NDArray[np.float32]:
-        """Return the global state (4, G, G) float32, hidden parts included.
+        """Return the global state (4, R, C) float32, hidden parts included.
 
         Planes: probability, drones in flight, persons not found yet, share of the time used.
 
@@ -288,7 +289,9 @@ class SearchEnv(Rebound, AgentSpaces, ParallelEnv[str, AgentObservation, int]):
         state[0] = self.probability
         for plane, things in ((1, drones[drones["alive"]]), (2, persons[~persons["found"]])):
             x, y = things["x"], things["y"]
-            inside = (x >= 0) & (x < world.grid_size) & (y >= 0) & (y < world.grid_size)
+            inside = (
+                (x >= 0) & (x < world.grid_size.columns) & (y >= 0) & (y < world.grid_size.rows)
+            )
             np.add.at(state[plane], (y[inside], x[inside]), 1)
         state[3] = world.worlds["t"][0] / self.scenario.timestep_limit
         return state

@@ -18,6 +18,7 @@ from gymnasium import spaces
 from numpy.typing import NDArray
 
 from dsse_ros.base.fields import FieldError, shown
+from dsse_ros.base.grid_shape import GridExtent, GridShape
 from dsse_ros.search.environments.metres_drones import MetresDrones
 from dsse_ros.search.environments.world import Rebound, World
 from dsse_ros.search.step.constants import NO_ACTION
@@ -27,7 +28,8 @@ FEW_ACTIONS = 4096
 """Up to this many actions, checking each byte is faster than NumPy's reductions."""
 
 STATE = ("east", "south", "heading_east", "heading_north", "speed")
-"""The state of a drone in metres, as it observes it: its position as a share of the grid's side,
+"""The state of a drone in metres, as it observes it: its position as shares of the grid's width and
+height,
 its heading as a unit vector, and its airspeed as a share of that of cruise."""
 STRAIGHT_ON = (0.0, 1.0)
 """The action of a drone in metres without a command."""
@@ -189,10 +191,12 @@ class CellSpace(Space):
     def of_one_world(self) -> tuple[spaces.Dict, spaces.Space[Any]]:
         """See `Space`."""
         world, margin = self._world, self._world.rules.margin
-        edge = world.grid_size - 1 + margin
+        highest = [[size - 1 + margin for size in world.grid_size]] * world.num_drones
         return (
             spaces.Dict(
-                positions=spaces.Box(-margin, edge, (world.num_drones, 2), np.int64),
+                positions=spaces.Box(
+                    np.full((world.num_drones, 2), -margin), np.array(highest), dtype=np.int64
+                ),
                 probability=map_space(world.grid_size),
             ),
             spaces.MultiDiscrete([len(self._of_agents)] * world.num_drones),
@@ -270,15 +274,15 @@ def space_of(world: World) -> Space:
     return MetresSpace(world) if world.rules.in_metres else CellSpace(world)
 
 
-def observation_space(grid_size: int, rules: Rules) -> spaces.Tuple:  # type: ignore[type-arg]
-    """Return the observation space of a drone: of its cell or state, and of the map (G, G)."""
+def observation_space(grid: GridShape, rules: Rules) -> spaces.Tuple:  # type: ignore[type-arg]
+    """Return the observation space of a drone: of its cell or state, and of the map (R, C)."""
     place: spaces.Space[Any]
     if rules.in_metres:
         place = state_space(rules)
     else:
-        span, first = [grid_size + 2 * rules.margin] * 2, [-rules.margin] * 2
+        span, first = list(grid.padded(rules.margin)), [-rules.margin] * 2
         place = spaces.MultiDiscrete(span, start=first)
-    return spaces.Tuple((place, map_space(grid_size)))
+    return spaces.Tuple((place, map_space(grid)))
 
 
 def action_space(rules: Rules) -> spaces.Space[Any]:
@@ -288,9 +292,9 @@ def action_space(rules: Rules) -> spaces.Space[Any]:
     return spaces.Discrete(len(rules.actions))
 
 
-def map_space(grid_size: int) -> spaces.Box:
-    """Return the space of the map (G, G)."""
-    return spaces.Box(0.0, 1.0, (grid_size, grid_size), np.float32)
+def map_space(grid: GridShape) -> spaces.Box:
+    """Return the space of the map (R, C)."""
+    return spaces.Box(0.0, 1.0, grid.matrix, np.float32)
 
 
 def state_space(rules: Rules) -> spaces.Box:
@@ -309,23 +313,23 @@ def _repeated(space: Any, count: int) -> spaces.Box:
 def states_of(world: World) -> NDArray[np.float32]:
     """Return the states (B, N, 5) float32 of the drones of B worlds in metres, see `STATE`."""
     assert world.metres is not None
-    side_m = world.grid_size * world.scenario.cell_size
+    extent = world.grid_size.extent(world.scenario.cell_size)
     cruise = world.metres.airframes["cruise"][world.looks.kind]
-    return states_from(world.metres.states, side_m, cruise)
+    return states_from(world.metres.states, extent, cruise)
 
 
 def states_from(
-    states: NDArray[np.void], side_m: float, cruise: NDArray[np.float64]
+    states: NDArray[np.void], extent: GridExtent, cruise: NDArray[np.float64]
 ) -> NDArray[np.float32]:
     """Return the observed states (..., N, 5) float32 of N drones, see `STATE`.
 
     Args:
         states: (..., N) of `metres_paths.MOTION_STATES`.
-        side_m: Side of the grid.
+        extent: Of the grid.
         cruise: (N,) their airspeeds of cruise, m/s.
     """
     columns = (
-        states["east"] / side_m, states["south"] / side_m, np.sin(states["heading"]),
+        states["east"] / extent.width, states["south"] / extent.height, np.sin(states["heading"]),
         np.cos(states["heading"]), states["speed"] / cruise,
     )  # fmt: skip
     observed: NDArray[np.float32] = np.stack(columns, axis=-1).astype(np.float32)

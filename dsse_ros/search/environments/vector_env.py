@@ -82,10 +82,10 @@ class LazyMaps:
         return flat.reshape(shape)
 
     def dense(self) -> NDArray[np.float32]:
-        """Return the whole maps (B, G, G) float32 as [y, x]."""
-        g, batch = self._world.grid_size, self._world.num_worlds
-        y, x = (np.broadcast_to(a.ravel(), (batch, g * g)) for a in np.indices((g, g)))
-        return self._world.cells(x, y).reshape(batch, g, g)
+        """Return the whole maps (B, R, C) float32 as [y, x]."""
+        grid, batch = self._world.grid_size, self._world.num_worlds
+        y, x = (np.broadcast_to(a.ravel(), (batch, grid.cells)) for a in np.indices(grid.matrix))
+        return self._world.cells(x, y).reshape(batch, *grid.matrix)
 
 
 class VectorEnv:
@@ -94,7 +94,7 @@ class VectorEnv:
     The step after the end of a world's mission resets that world, whatever its actions, with reward
     0 and no flag (Gymnasium's `AutoresetMode.NEXT_STEP`); its generator continues.
 
-    Observations are `{"positions": (B, N, 2) int64 as (x, y), "probability": (B, G, G) float32 as
+    Observations are `{"positions": (B, N, 2) int64 as (x, y), "probability": (B, R, C) float32 as
     [y, x]}`; in the lazy mode `probability` is a `LazyMaps`. Infos are `{"Found": (B,) bool every
     person found, "step": (B,) int64 steps done, "over": (B,) bool the search has ended,
     "action_mask": (B, N, A) int8, 0 where a move would leave the grid or the area}`. As in
@@ -112,7 +112,8 @@ class VectorEnv:
     With `observe="belief"`, `probability` is each world's posterior after its searches
     (`belief.Belief`), in the cells that the drones observed, and infos have `pos` (B,) float64, the
     cumulative probability of success of the mission's searches there. Beliefs take
-    8 B C K (G + 4)^2 bytes, with C different `person_pod_multipliers` and K = 1, or 64 if each
+    8 B C K S bytes, with S cells of the grid and six more rows and columns, C different
+    `person_pod_multipliers` and K = 1, or 64 if each
     person has its own drift (`v2`). Beliefs of an ensemble take 8 B C M bytes, with M `particles`.
 
     In the coverage task `probability` is the probability left to cover, `Found` is whether all is
@@ -159,7 +160,6 @@ class VectorEnv:
         self.scenario = self.world.scenario
         self._space = space_of(self.world)
         self._beliefs = observed_beliefs(self.world) if of_belief else None
-        g = self.world.grid_size
         self.lazy = lazy
         self._lazy = LazyMaps(self.world) if lazy else None
         self._was_reset = False
@@ -168,7 +168,12 @@ class VectorEnv:
         self._maps, *self._report = (
             Recycler(size, dtype, overwrite=not copy)
             for size, dtype in (
-                ((self.num_envs, g, g) if of_belief else self.world.maps.shape, np.float32),
+                (
+                    (self.num_envs, *self.world.grid_size.matrix)
+                    if of_belief
+                    else self.world.maps.shape,
+                    np.float32,
+                ),
                 ((*shape, 2), np.int64),
                 (shape, np.float64),
                 (shape, np.bool_),

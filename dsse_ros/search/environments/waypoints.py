@@ -22,8 +22,9 @@ from dsse_ros.world.scenario.swarm import number_of
 class Waypoints(BaseParallelWrapper[str, Any, Any]):
     """A `SearchEnv` in metres with positions as actions: a drone flies there until the next one.
 
-    It is (2,), shares of the grid's side from the west and from the north, 0 to 1. A drone that can
-    slow down is there at the end of a step at the earliest; one with a turn radius flies at cruise.
+    It is (2,), shares of the grid's width from the west and of its height from the north, 0 to 1.
+    A drone that can slow down is there at the end of a step at the earliest; one with a turn radius
+    flies at cruise.
 
     Args:
         env: The environment.
@@ -54,7 +55,7 @@ class Waypoints(BaseParallelWrapper[str, Any, Any]):
         world = self._env.world
         assert world.metres is not None
         airframes, wind = world.metres.airframes[world.looks.kind], world.metres.wind
-        side_m = world.grid_size * world.scenario.cell_size
+        extent = world.grid_size.extent(world.scenario.cell_size)
         goals = np.zeros((world.num_drones, 2))
         if not isinstance(actions, Mapping):
             raise FieldError(f"actions must be two numbers per live agent, got {shown(actions)}")
@@ -63,7 +64,7 @@ class Waypoints(BaseParallelWrapper[str, Any, Any]):
                 agent, actions, low=0.0, names="east and south"
             )
         chosen = steer(
-            airframes, wind, side_m, world.metres.states[0], goals * side_m, True,
+            airframes, wind, extent, world.metres.states[0], goals * extent, True,
             np.empty((world.metres.paths.shape[2], 2)),
         )  # fmt: skip
         shares = {}

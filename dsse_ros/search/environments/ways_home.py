@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from dsse_ros.base.compiled.breadth_first import find_routes
 from dsse_ros.base.fields import FieldError
+from dsse_ros.base.grid_shape import GridShape
 from dsse_ros.world.scenario.actions import DIAGONAL, ActionSet, Cell
 
 MAX_BYTES = 1 << 30
@@ -26,8 +27,8 @@ class WaysHome(NamedTuple):
     """The route of each drone to its home from each cell.
 
     Attributes:
-        steps: (N, G, G) int32, steps of the route from cell [y, x]; -1 if there is none.
-        actions: (N, G, G) int8, first action of the route; -1 at home.
+        steps: (N, R, C) int32, steps of the route from cell [y, x]; -1 if there is none.
+        actions: (N, R, C) int8, first action of the route; -1 at home.
     """
 
     steps: NDArray[np.int32]
@@ -37,7 +38,7 @@ class WaysHome(NamedTuple):
 def ways_home(
     actions: ActionSet,
     area: NDArray[np.bool_] | None,
-    grid_size: int,
+    grid: GridShape,
     homes: Sequence[Cell],
     ratios: Sequence[Sequence[float]],
 ) -> WaysHome:
@@ -45,8 +46,8 @@ def ways_home(
 
     Args:
         actions: The actions of the rules.
-        area: (G, G) bool [row, col], the searched cells; None for all.
-        grid_size: G.
+        area: (R, C) bool [row, col], the searched cells; None for all.
+        grid: Its shape.
         homes: Cell (col, row) of each drone's home.
         ratios: For each drone and action, the share of the move that one step covers; 0 for an
             action that the drone cannot do.
@@ -54,18 +55,18 @@ def ways_home(
     Raises:
         FieldError: If the tables would be too large, or a straight move is missing.
     """
-    if 5 * len(homes) * grid_size**2 > MAX_BYTES:
+    if 5 * len(homes) * grid.cells > MAX_BYTES:
         raise FieldError(
             f"drones x cells must be at most {MAX_BYTES // 5} with battery_move, got {len(homes)} "
-            f"drones on {grid_size} x {grid_size} cells"
+            f"drones on {grid} cells"
         )
     try:
         actions.with_moves()
     except ValueError as error:
         raise FieldError(f"battery_move: {error}") from None
-    steps = np.empty((len(homes), grid_size, grid_size), np.int32)
+    steps = np.empty((len(homes), *grid.matrix), np.int32)
     numbers = np.empty(steps.shape, np.int8)
-    cells = np.ones((grid_size, grid_size), np.bool_) if area is None else area.copy()
+    cells = np.ones(grid.matrix, np.bool_) if area is None else area.copy()
     for home, of_drone, of_home, next_actions in zip(homes, ratios, steps, numbers, strict=True):
         table = np.array(_moves(actions, of_drone), np.int64)
         find_routes(cells, table, np.array(of_drone, float), *home, of_home, next_actions)

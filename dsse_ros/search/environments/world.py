@@ -82,6 +82,7 @@ class World(Rebound):
         threads: Number of threads that share the worlds.
 
     Attributes:
+        grid_size: The shape of the grid.
         worlds, drones, persons: The state, structured arrays (B,), (B, N), (B, P) of
             `entities.WORLDS`, `entities.DRONES` and `motion.PERSONS`; without a truth (B, 0).
         starts: (B, N, 2) int64, cells of the drones at reset as (x, y).
@@ -93,7 +94,7 @@ class World(Rebound):
         ensemble: The persons' ensemble; None if they move step by step.
         metres: The drones in metres; None if drones move from cell to cell.
         viewpoints: From where vehicles looked on cells; None if drones look in their own cells.
-        maps: (B, G, G) float32, the probability of cell [row, col].
+        maps: (B, R, C) float32, the probability of cell [row, col].
         rewards: (B, N) float64, rewards of the last step, a view on `drones`.
         terminated, truncated: (B, N) bool, flags since the last reset, views on `drones`; when
             drones end together, each has one of them at the end.
@@ -129,13 +130,12 @@ class World(Rebound):
         persons = resolved.person_amount if resolved.has_persons and not rules.covers else 0
         self.persons = np.zeros((num_worlds, persons), PERSONS)
         self.starts = np.zeros((num_worlds, self.num_drones, 2), np.int64)
-        side = self.grid_size if write_maps else 0
-        self._map_shape = (num_worlds, side, side)
+        self._map_shape = (num_worlds, *(self.grid_size.matrix if write_maps else (0, 0)))
         self.maps = np.zeros(self._map_shape, np.float32)
         # With a constant spread, all worlds share one table.
         tables = num_worlds if resolved.dispersion_inc else 1
-        self.gauss = np.zeros((tables, 2, 2 * self.grid_size + 1))
-        self.tails = np.zeros((tables, 2, self.grid_size + 2))
+        self.gauss = np.zeros((tables, 2, 2 * self.grid_size.longer + 1))
+        self.tails = np.zeros((tables, 2, self.grid_size.longer + 2))
         self.area, self.runs = area_of(resolved)
         self._pod_multipliers = resolved.person_pod_multipliers
         self.ensemble = WorldEnsemble.of_scenario(resolved, rules, num_worlds)
@@ -370,13 +370,13 @@ class World(Rebound):
                 on_stepped(first, last)
 
     def _make_scratch(self) -> Scratch:
-        g = self.grid_size
-        scattered = min(2 * self.rules.person_scatter + 1, g) ** 2
+        grid, around = self.grid_size, 2 * self.rules.person_scatter + 1
+        scattered = min(around, grid.columns) * min(around, grid.rows)
         return Scratch(
-            occupied=np.zeros(g * g + 1, np.uint16),
-            circle=np.zeros(g + 1, np.int64),
+            occupied=np.zeros(grid.cells + 1, np.uint16),
+            circle=np.zeros(grid.longer + 1, np.int64),
             cells=np.zeros(scattered, np.int64),
-            span=np.zeros(g),
+            span=np.zeros(grid.columns),
         )
 
     def _refresh(self, maps: NDArray[np.float32]) -> None:
@@ -407,14 +407,14 @@ class World(Rebound):
         return out
 
     def map_of(self, world: int) -> NDArray[np.float32]:
-        """Return the map (G, G) of one world, even if `maps` is not written."""
+        """Return the map (R, C) of one world, even if `maps` is not written."""
         if self.coverage is not None:
             return self.coverage.left[world].astype(np.float32)
         sea = self.batch.sea._replace(
             gauss=np.empty((1, *self.gauss.shape[1:])), tails=np.empty((1, *self.tails.shape[1:]))
         )
         batch = self.batch._replace(worlds=self.worlds[[world]], sea=sea)
-        maps = np.empty((1, self.grid_size, self.grid_size), np.float32)
+        maps = np.empty((1, *self.grid_size.matrix), np.float32)
         kernels.refresh_worlds(batch, self._make_scratch(), maps)
         return maps[0]
 
@@ -498,14 +498,14 @@ class World(Rebound):
 
         The checksum alone does not prevent that: it is not a signature.
         """
-        edge, worlds = self.grid_size - 1, arrays["worlds"]
-        things = self.grid_size**2 if self.coverage is not None else self.scenario.person_amount
+        worlds = arrays["worlds"]
+        things = self.grid_size.cells if self.coverage is not None else self.scenario.person_amount
         if self.metres is not None:
             self.metres.check(arrays["motion_states"], self.grid_size)
         if self.viewpoints is not None:
             self.viewpoints.check(arrays["viewpoints"])
-        cells = ("datum_x", "datum_y", "circle_x", "circle_y", "start_x", "start_y")
-        highest = dict.fromkeys(cells, edge)
+        highest = dict.fromkeys(("datum_x", "circle_x", "start_x"), self.grid_size.columns - 1)
+        highest |= dict.fromkeys(("datum_y", "circle_y", "start_y"), self.grid_size.rows - 1)
         highest |= {"num_active": self.num_drones, "num_missing": things}
         highest |= {"t": 2**40, "map_steps": 2**30}
         for name, high in highest.items():

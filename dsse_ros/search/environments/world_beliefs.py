@@ -166,7 +166,7 @@ class WorldBeliefs:
         """Write the probability of containment of every cell of worlds first..last - 1.
 
         Args:
-            maps: (B, G, G) float32 out, as [y, x], by default new memory.
+            maps: (B, R, C) float32 out, as [y, x], by default new memory.
             first: Number of the first world.
             last: Number of the last world, plus one.
 
@@ -175,7 +175,7 @@ class WorldBeliefs:
         """
         world, last = self._world, self._world.num_worlds if last is None else last
         if maps is None:
-            maps = np.empty((world.num_worlds, world.grid_size, world.grid_size), np.float32)
+            maps = np.empty((world.num_worlds, *world.grid_size.matrix), np.float32)
         belief_filter, beliefs = self._filtered[_PUBLISHED]
         belief_filter.write(self._step_done(), beliefs, maps, first, last)
         return maps

@@ -112,12 +112,12 @@ def cells_of_maps(
     """Return the values of cells, (B, K), 0 off the grid.
 
     Args:
-        maps: (M, G, G) as [y, x].
+        maps: (M, R, C) as [y, x].
         index: (B,), the map of each row of cells.
         x: (B, K) columns.
         y: (B, K) rows.
     """
-    size = maps.shape[1]
-    inside = (x >= 0) & (x < size) & (y >= 0) & (y < size)
+    _, rows, columns = maps.shape
+    inside = (x >= 0) & (x < columns) & (y >= 0) & (y < rows)
     found = maps[index[:, np.newaxis], np.where(inside, y, 0), np.where(inside, x, 0)]
     return np.where(inside, found, maps.dtype.type(0))

@@ -3,7 +3,7 @@
 """Encodings of observations, with their spaces, for PettingZoo's and the batch interface.
 
 An encoding is two functions. `encode` takes the cells of all drones (..., N, 2) as (x, y) and the
-map (..., G, G) as [y, x]. It returns each drone's observation (..., N, ...), or a tuple of that and
+map (..., R, C) as [y, x]. It returns each drone's observation (..., N, ...), or a tuple of that and
 the map, which all drones share. The leading axes are B in a batch and none in one mission. `space`
 returns the space of one drone; if the rules let drones fly on outside, cells can be off the grid by
 a margin. Shapes and values equal those of the wrappers of DSSE 1.1.9, whose drones stay on the
@@ -23,6 +23,7 @@ from pettingzoo import ParallelEnv
 from pettingzoo.utils.wrappers import BaseParallelWrapper
 
 from dsse_ros.base.fields import FieldError, Spec, shown
+from dsse_ros.base.grid_shape import GridShape
 from dsse_ros.world.scenario.env_options import check_mapping
 
 Array = NDArray[Any]
@@ -33,12 +34,12 @@ class Encoding(NamedTuple):
 
     Attributes:
         encode: encode(positions, probability), see the module.
-        space: space(num_drones, grid_size, margin) of one drone's observation, for cells up to
-            `Rules.margin` off the grid.
+        space: space(num_drones, grid, margin) of one drone's observation, for a `GridShape` and
+            cells up to `Rules.margin` off the grid.
     """
 
     encode: Callable[[Array, Array], Any]
-    space: Callable[[int, int, int], spaces.Space[Any]]
+    space: Callable[[int, GridShape, int], spaces.Space[Any]]
 
 
 def own_first(positions: Array) -> Array:
@@ -73,10 +74,13 @@ def with_all_positions(positions: Array, probability: Array) -> tuple[Array, Arr
 
 
 def flattened(positions: Array, probability: Array) -> Array:
-    """Return (..., N, 2N + G * G) float64: the cells of `own_first` over G - 1, and the map."""
-    count, grid = positions.shape[-2], probability.shape[-1]
-    flat = probability.reshape(*probability.shape[:-2], grid * grid)
-    shares = _own_first_flat(positions) / max(grid - 1, 1)
+    """Return (..., N, 2N + R * C) float64: the cells of `own_first` as shares, and the map.
+
+    They are shares of the last column and the last row.
+    """
+    count, grid = positions.shape[-2], GridShape.of(probability)
+    flat = probability.reshape(*probability.shape[:-2], grid.cells)
+    shares = _own_first_flat(positions / _edges(grid))
     return np.concatenate([shares, _for_each(count, flat, 1)], axis=-1)
 
 
@@ -86,48 +90,55 @@ def most_probable_cells(positions: Array, probability: Array, *, count: int) -> 
     The most probable cell is first; among equal ones, the one further south, then further east. A
     grid with fewer cells returns all of them.
     """
-    drones, grid = positions.shape[-2], probability.shape[-1]
-    flat = probability.reshape(*probability.shape[:-2], grid * grid)
+    drones, grid = positions.shape[-2], GridShape.of(probability)
+    flat = probability.reshape(*probability.shape[:-2], grid.cells)
     best = np.argsort(flat, axis=-1, kind="stable")[..., : -count - 1 : -1]
-    cells = np.stack([best % grid, best // grid], axis=-1)
+    cells = np.stack([best % grid.columns, best // grid.columns], axis=-1)
     cells = cells.reshape(*cells.shape[:-2], -1)
     own = _own_first_flat(positions.astype(np.int64))
     return np.concatenate([own, _for_each(drones, cells, 1)], axis=-1)
 
 
 def encoded_in_matrix(positions: Array, probability: Array) -> Array:
-    """Return (..., N, G, G) float32: the map with -1 in others' cells, and 2 added in its own.
+    """Return (..., N, R, C) float32: the map with -1 in others' cells, and 2 added in its own.
 
     Drones are written in order, so a later drone in the same cell hides the drone itself. Drones
     off the grid are left out.
     """
-    drones, grid = positions.shape[-2], probability.shape[-1]
+    drones, grid = positions.shape[-2], GridShape.of(probability)
     out = _for_each(drones, probability, 2).astype(np.float32)
-    flat = out.reshape(-1, drones, grid, grid)
+    flat = out.reshape(-1, drones, *grid.matrix)
     for world, cells in zip(flat, positions.reshape(-1, drones, 2).tolist(), strict=True):
         for i, (x, y) in enumerate(cells):
-            if 0 <= x < grid and 0 <= y < grid:
+            if grid.holds(x, y):
                 own = world[i, y, x] + 2
                 world[:, y, x] = -1
                 world[i, y, x] = own
     return out
 
 
-def _cells_space(count: int, grid: int, margin: int) -> spaces.Box:
-    return spaces.Box(-margin, grid, (2 * count,), np.int64)
+def _edges(grid: GridShape) -> Array:
+    """Return the last column and row, (2,), at least 1."""
+    return np.maximum(np.array(grid) - 1, 1)
 
 
-def _flattened_space(drones: int, grid: int, margin: int) -> spaces.Box:
-    edge = max(grid - 1, 1)
-    low, high = np.zeros(2 * drones + grid * grid), np.ones(2 * drones + grid * grid)
-    low[: 2 * drones], high[: 2 * drones] = -margin / edge, max((grid - 1 + margin) / edge, 1.0)
+def _cells_space(count: int, grid: GridShape, margin: int) -> spaces.Box:
+    high = np.tile(np.array(grid), count)
+    return spaces.Box(np.full_like(high, -margin), high, dtype=np.int64)
+
+
+def _flattened_space(drones: int, grid: GridShape, margin: int) -> spaces.Box:
+    edges, size = _edges(grid), 2 * drones + grid.cells
+    low, high = np.zeros(size), np.ones(size)
+    low[: 2 * drones] = np.tile(-margin / edges, drones)
+    high[: 2 * drones] = np.tile(np.maximum((np.array(grid) - 1 + margin) / edges, 1.0), drones)
     return spaces.Box(low, high, dtype=np.float64)
 
 
 ALL_POSITIONS = Encoding(
     with_all_positions,
     lambda drones, grid, margin: spaces.Tuple(
-        (_cells_space(drones, grid, margin), spaces.Box(0, 1, (grid, grid), np.float32))
+        (_cells_space(drones, grid, margin), spaces.Box(0, 1, grid.matrix, np.float32))
     ),
 )
 """The cells of all drones, and the map."""
@@ -136,7 +147,7 @@ FLATTENED = Encoding(flattened, _flattened_space)
 """One vector: the cells of all drones from 0 to 1, and the map."""
 
 IN_MATRIX = Encoding(
-    encoded_in_matrix, lambda _, grid, margin: spaces.Box(-1, 3, (grid, grid), np.float32)
+    encoded_in_matrix, lambda _, grid, margin: spaces.Box(-1, 3, grid.matrix, np.float32)
 )
 """The map alone, with the drones drawn into it."""
 
@@ -152,7 +163,7 @@ def top_cells(count: int = 10) -> Encoding:
     count = Spec("int", "", low=1).check("count", count)
     return Encoding(
         partial(most_probable_cells, count=count),
-        lambda drones, grid, margin: _cells_space(drones + min(count, grid * grid), grid, margin),
+        lambda drones, grid, margin: _cells_space(drones + min(count, grid.cells), grid, margin),
     )
 
 
@@ -176,14 +187,14 @@ class SeenDiscount:
 
     @property
     def last_seen(self) -> Array:
-        """(..., G, G) float64, the step in which each cell was flown over last, -inf for never."""
+        """(..., R, C) float64, the step in which each cell was flown over last, -inf for never."""
         return self._last_seen[..., 1:-1, 1:-1]
 
     def reset(self, probability: Array) -> None:
-        """Forget all visits; later maps (..., G, G) have the shape of this one."""
-        *batch, grid, _ = probability.shape
+        """Forget all visits; later maps (..., R, C) have the shape of this one."""
+        *batch, rows, columns = probability.shape
         # The table has a margin for drones just outside the grid.
-        self._last_seen = np.full((*batch, grid + 2, grid + 2), self._never)
+        self._last_seen = np.full((*batch, rows + 2, columns + 2), self._never)
 
     def see(self, positions: Array, steps: Array | int) -> None:
         """Record the cells (..., N, 2) after that many steps.
@@ -191,15 +202,14 @@ class SeenDiscount:
         Forget the visits recorded at this step or later, which belong to an earlier mission; at
         step 0 these are all.
         """
-        side = self._last_seen.shape[-1]
-        seen = self._last_seen.reshape(-1, side, side)
+        seen = self._last_seen.reshape(-1, *self._last_seen.shape[-2:])
         cells = positions.reshape(len(seen), -1, 2) + 1
         step = np.broadcast_to(steps, len(seen))
         seen[seen >= step[:, None, None]] = self._never
         seen[np.arange(len(seen))[:, None], cells[..., 1], cells[..., 0]] = step[:, None]
 
     def discount(self, probability: Array, steps: Array | int) -> Array:
-        """Return the lowered maps (..., G, G) after that many steps; unchanged at step 0."""
+        """Return the lowered maps (..., R, C) after that many steps; unchanged at step 0."""
         now = np.asarray(steps)
         factor = now[..., None, None] - self.last_seen
         factor /= self.n_steps
@@ -272,7 +282,9 @@ class EncodedObservations(_ChangedObservations):
         self._search: Any = env.unwrapped
         self._number = {agent: i for i, agent in enumerate(env.possible_agents)}
         space = encoding.space(
-            len(env.possible_agents), len(self._search.probability), self._search.rules.margin
+            len(env.possible_agents),
+            GridShape.of(self._search.probability),
+            self._search.rules.margin,
         )
         self.observation_spaces = dict.fromkeys(env.possible_agents, space)
 

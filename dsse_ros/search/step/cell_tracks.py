@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dsse_ros.base.fields import FieldError
+from dsse_ros.base.grid_shape import GridShape
 from dsse_ros.search.step.ensemble_kernels import FAR
 from dsse_ros.search.step.metres_detection import FARTHEST_M
 from dsse_ros.world.scenario.rules import Rules
@@ -80,7 +81,7 @@ class CellTracks(CellParticles):
         truth: (T, M', 2) int16, cells (x, y) of the tracks that persons follow, drawn with another
             seed; a view of (M', T, 2), see `SeaEnsemble`.
         cumulative: (M',) float64, cumulative sums of the tracks' weights.
-        maps: (T, G, G) float32 as [y, x], the probability of each cell by the particles. They leave
+        maps: (T, R, C) float32 as [y, x], the probability of each cell by the particles. They leave
             out probability outside the grid or the area and are not scaled to sum to 1.
         truth_m: (T, M', 2) float32, the positions of `truth` in metres, a view of (M', T, 2); only
             with space metres.
@@ -196,9 +197,9 @@ def check_memory(scenario: ResolvedScenario, rules: Rules) -> None:
     model = TARGET_MODELS[rules.person_motion]
     if not isinstance(model, Ensemble):
         return
-    rows, g = last_step_of(scenario, rules) + 1, scenario.grid_size
+    rows, grid = last_step_of(scenario, rules) + 1, scenario.grid_size
     counts = model.count(scenario.followed), model.count(scenario)
-    of_tracks, of_map = (12 if rules.in_metres else 4) * sum(counts), 4 * g * g
+    of_tracks, of_map = (12 if rules.in_metres else 4) * sum(counts), 4 * grid.cells
     needed = rows * (of_tracks + of_map)
     if needed <= LARGEST_BYTES:
         return
@@ -214,13 +215,13 @@ def check_memory(scenario: ResolvedScenario, rules: Rules) -> None:
     raise FieldError(
         f"tracks and maps of person_motion {rules.person_motion} must be at most "
         f"{LARGEST_BYTES >> 20} MiB, got {max(counts)} particles, {rows - 1} steps and a grid of "
-        f"{g}, {needed >> 20} MiB; state {f'at most {fits}' if fits else 'less of all three'}, or "
-        f"larger cells"
+        f"{grid}, {needed >> 20} MiB; state "
+        f"{f'at most {fits}' if fits else 'less of all three'}, or larger cells"
     )
 
 
 def _made(model: Ensemble, scenario: ResolvedScenario, rules: Rules) -> CellTracks:
-    steps, g = last_step_of(scenario, rules), scenario.grid_size
+    steps, grid = last_step_of(scenario, rules), scenario.grid_size
     followed = scenario.followed if scenario.has_persons else scenario
     with ThreadPoolExecutor(1) as beside:
         drawing = None
@@ -228,9 +229,9 @@ def _made(model: Ensemble, scenario: ResolvedScenario, rules: Rules) -> CellTrac
             drawing = beside.submit(_drawn, model, followed, rules, Draw.TRUTH)
         belief = _drawn(model, scenario, rules, Draw.BELIEF)
         truth = belief if drawing is None else drawing.result()
-    maps = np.empty((steps + 1, g, g), np.float32)
+    maps = np.empty((steps + 1, *grid.matrix), np.float32)
     for step in range(steps + 1):
-        maps[step] = poc_of_cells(belief.cells[step], belief.weights, g, scenario.area_mask)
+        maps[step] = poc_of_cells(belief.cells[step], belief.weights, grid, scenario.area_mask)
     return CellTracks(
         **_of_particles(scenario, belief), truth=_by_track(truth.cells),
         cumulative=np.cumsum(truth.weights), maps=maps,
@@ -293,7 +294,7 @@ def particle_positions(
     flipped = np.empty((steps + 1, len(drawn.weights), 2), np.float32)
     for step, positions in enumerate(drawn.positions):
         flipped[step] = positions
-        flipped[step, :, 1] = scenario.grid_size * scenario.cell_size - positions[:, 1]
+        flipped[step, :, 1] = scenario.grid_size.rows * scenario.cell_size - positions[:, 1]
     return flipped
 
 
@@ -352,22 +353,22 @@ def _appearances(
 def poc_of_cells(
     cells: NDArray[np.int16],
     weights: NDArray[np.float64],
-    grid_size: int,
+    grid: GridShape,
     area: NDArray[np.bool_] | None,
 ) -> NDArray[np.float64]:
-    """Return the weight in each cell, (G, G) float64 as [y, x], 0 outside the area.
+    """Return the weight in each cell, (R, C) float64 as [y, x], 0 outside the area.
 
     Args:
         cells: (M, 2) cells (x, y).
         weights: (M,) float64.
-        grid_size: G.
-        area: (G, G) bool, the searched cells; None for all.
+        grid: Its shape.
+        area: (R, C) bool, the searched cells; None for all.
     """
     x, y = cells[:, 0].astype(np.int64), cells[:, 1].astype(np.int64)
-    inside = (x >= 0) & (x < grid_size) & (y >= 0) & (y < grid_size)
-    column = (y * grid_size + x)[inside]
-    poc = np.bincount(column, weights[inside], grid_size**2).astype(np.float64)
-    poc = poc.reshape(grid_size, grid_size)
+    inside = (x >= 0) & (x < grid.columns) & (y >= 0) & (y < grid.rows)
+    column = (y * grid.columns + x)[inside]
+    poc = np.bincount(column, weights[inside], grid.cells).astype(np.float64)
+    poc = poc.reshape(grid.matrix)
     if area is not None:
         poc[~area] = 0.0
     return poc

@@ -27,7 +27,8 @@ class Constants:
     """The scenario, the rules and the options of the batch in the kernels' format."""
 
     # Fields of the scenario
-    grid_size: int
+    columns: int
+    rows: int
     timestep_limit: int
     probability_of_detection: float
     sigma_x: float
@@ -114,6 +115,7 @@ def constants_of(
         auto_reset: See `Constants`.
     """
     values = {
+        **scenario.grid_size._asdict(),
         "num_actions": len(rules.action_set),
         "search_action": rules.action_set.search,
         "dx": _moves(rules, 0),

@@ -37,8 +37,8 @@ class CoverageTask(NamedTuple):
     """The coverage task of B worlds, or of one: then `left` has no first axis B, and B is 1.
 
     Attributes:
-        poc: (G, G) float64 as [y, x], the probability of each cell at the start.
-        left: (B, G, G) float64, the rest of it; a cell is to be covered while this is not 0.
+        poc: (R, C) float64 as [y, x], the probability of each cell at the start.
+        left: (B, R, C) float64, the rest of it; a cell is to be covered while this is not 0.
         records: (B,) of `COVERAGE`.
     """
 
@@ -95,7 +95,7 @@ def cover(world: WorldRecord, coverage: CoverageTask | None, x: int, y: int, pod
 
 @part
 def write_left(coverage: CoverageTask, out: Map) -> None:
-    """Write the remaining probability, (G, G) float32 as [y, x]."""
+    """Write the remaining probability, (R, C) float32 as [y, x]."""
     left = coverage.left
     for y in range(out.shape[0]):
         for x in range(out.shape[1]):

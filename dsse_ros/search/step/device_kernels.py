@@ -16,6 +16,7 @@ from numba import cuda, types
 from numpy.typing import NDArray
 
 from dsse_ros.base.compiled.jit import inlined, kernel
+from dsse_ros.base.grid_shape import GridShape
 from dsse_ros.search.step.constants import NO_ACTION, Constants
 from dsse_ros.search.step.coverage_kernels import CoverageTask
 from dsse_ros.search.step.ensemble_kernels import SeaEnsemble, probability_in
@@ -23,7 +24,12 @@ from dsse_ros.search.step.entities import Actions, Area, Maps, Records, WorldRec
 from dsse_ros.search.step.fault_kernels import FaultArrays, after_step, before_step, restrict_masks
 from dsse_ros.search.step.kernels import extensions_of, report_worlds, sea_of, step_worlds
 from dsse_ros.search.step.world_state import Batch, Report, Scratch
-from dsse_ros.world.targets.sea_map import is_inside, weighted_probability
+from dsse_ros.world.targets.sea_map import (
+    grid_of,
+    is_inside,
+    middle_of,
+    weighted_probability,
+)
 
 THREADS = 64
 """Threads of a block with a thread for each world."""
@@ -32,9 +38,9 @@ MAP_THREADS = 256
 """Threads of a block for each world."""
 
 
-def map_block(size: int) -> tuple[int, int]:
-    """Return the threads of a block along the columns and rows of a map with G cells a side."""
-    columns = min(size, MAP_THREADS)
+def map_block(grid: GridShape) -> tuple[int, int]:
+    """Return the threads of a block along the columns and rows of a map."""
+    columns = min(grid.columns, MAP_THREADS)
     return columns, MAP_THREADS // columns
 
 
@@ -289,7 +295,7 @@ def exponential(batch: Batch, b: int, axis: int, place: int) -> float:
     """Return the exponential of `Sea.gauss` of a column (axis 0) or a row (1) of world b."""
     world = batch.worlds[b]
     datum = world.datum_x if axis == 0 else world.datum_y
-    return sea_of(batch.sea, b).gauss[axis, batch.constants[0].grid_size + place - datum]
+    return sea_of(batch.sea, b).gauss[axis, middle_of(batch.constants[0]) + place - datum]
 
 
 @kernel
@@ -323,7 +329,7 @@ def shown_in(
 @kernel
 def observed(batch: Batch, b: int, x: int, y: int) -> float:
     """Return what the map of world b shows in the cell (x, y), 0 outside the grid and the area."""
-    if not is_inside(batch.constants[0].grid_size, x, y):
+    if not is_inside(grid_of(batch.constants[0]), x, y):
         return 0.0
     across, along = exponential(batch, b, 0, x), exponential(batch, b, 1, y)
     return shown(batch, b, x, y, across, along)
@@ -337,12 +343,12 @@ def write_maps(batch: Batch, out: tuple[Maps]) -> None:
 
     Args:
         batch: A `world_state.Batch`.
-        out: ((B, G, G) float32 out as [y, x],).
+        out: ((B, R, C) float32 out as [y, x],).
     """
-    b, size = cuda.blockIdx.x, out[0].shape[1]
-    for x in range(cuda.threadIdx.x, size, cuda.blockDim.x):
+    b, (_, rows, columns) = cuda.blockIdx.x, out[0].shape
+    for x in range(cuda.threadIdx.x, columns, cuda.blockDim.x):
         across = exponential(batch, b, 0, x)
-        for y in range(cuda.threadIdx.y, size, cuda.blockDim.y):
+        for y in range(cuda.threadIdx.y, rows, cuda.blockDim.y):
             out[0][b, y, x] = shown(batch, b, x, y, across, exponential(batch, b, 1, y))
 
 

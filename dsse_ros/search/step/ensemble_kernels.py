@@ -17,7 +17,7 @@ from dsse_ros.base.compiled.draws import draw_unit
 from dsse_ros.base.compiled.jit import inlined, part
 from dsse_ros.search.step.constants import Constants
 from dsse_ros.search.step.entities import Area, Map, Records, WorldRecord
-from dsse_ros.world.targets.sea_map import drift, is_inside
+from dsse_ros.world.targets.sea_map import drift, grid_of, is_inside
 
 FAR = 30000
 """Limit for the distance of cells from the grid's corner, so that they fit into 16 bits. It is off
@@ -32,7 +32,7 @@ class SeaEnsemble(NamedTuple):
             nobody is found off the grid or outside the area. The steps of a track are neighbours
             in memory, because a world reads one track.
         cumulative: (M,) float64, cumulative probabilities of these tracks.
-        maps: (T, G, G) float32 as [y, x], the probability of each cell by another draw from the
+        maps: (T, R, C) float32 as [y, x], the probability of each cell by another draw from the
             same model; probability outside the grid and the area is in no cell.
         track: (B, P) int64, number of the track that each person follows.
         appearances: (M,) int8, number of the appearance of the object on each track.
@@ -113,14 +113,14 @@ def probability_in(
     constants: Constants, world: WorldRecord, ensemble: SeaEnsemble, x: int, y: int
 ) -> float:
     """Return the probability of the cell (x, y), 0 outside the grid and the area."""
-    if not is_inside(constants.grid_size, x, y):
+    if not is_inside(grid_of(constants), x, y):
         return 0.0
     return np.float64(ensemble.maps[step_of(world, ensemble), y, x])
 
 
 @inlined
 def write_present(world: WorldRecord, ensemble: SeaEnsemble, out: Map) -> None:
-    """Write the map (G, G) float32, out[y, x]."""
+    """Write the map (R, C) float32, out[y, x]."""
     step = step_of(world, ensemble)
     for j in range(out.shape[0]):
         for i in range(out.shape[1]):

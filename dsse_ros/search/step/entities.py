@@ -2,9 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """Worlds, drones and persons, for compiled functions.
 
-In the shapes B is the number of worlds, N of drones, P of persons, A of actions, G of cells along a
-side, K of kinds of drones, L of looks. x is the column and grows to the east, y is the row and
-grows to the south. A function of one world gets its element of each array with an axis B.
+In the shapes B is the number of worlds, N of drones, P of persons, A of actions, R of rows and C of
+columns of the grid, K of kinds of drones, L of looks. x is the column and grows to the east, y is
+the row and grows to the south. A function of one world gets its element of each array with an
+axis B.
 """
 
 from __future__ import annotations
@@ -19,9 +20,9 @@ from dsse_ros.base.compiled.records import UInt64, dtype_of
 Records: TypeAlias = NDArray[np.void]
 Actions: TypeAlias = NDArray[np.int8]  # (N,) or (B, N); a number that is not an action does nothing
 Masks: TypeAlias = NDArray[np.int8]  # (B, N, A), 0 for moves out of the grid or the area
-Maps: TypeAlias = NDArray[np.float32]  # (B, G, G) as [y, x]
-Map: TypeAlias = NDArray[np.float32]  # (G, G) as [y, x]
-Area: TypeAlias = NDArray[np.bool_] | None  # (G, G) as [y, x], the searched cells; None for all
+Maps: TypeAlias = NDArray[np.float32]  # (B, R, C) as [y, x]
+Map: TypeAlias = NDArray[np.float32]  # (R, C) as [y, x]
+Area: TypeAlias = NDArray[np.bool_] | None  # (R, C) as [y, x], the searched cells; None for all
 
 
 class WorldRecord:

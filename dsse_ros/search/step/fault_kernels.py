@@ -27,7 +27,7 @@ from dsse_ros.search.step.recipe import cell_after
 from dsse_ros.search.step.world_state import Batch
 from dsse_ros.world.scenario.battery_fields import FULL
 from dsse_ros.world.scenario.fault_fields import MAX_DELAY
-from dsse_ros.world.targets.sea_map import is_inside
+from dsse_ros.world.targets.sea_map import grid_of, is_inside
 
 STATUSES = ("searching", "stuck", "identifying", "returning", "home", "lost", "under_way")
 """Drone status codes; the index is the number."""
@@ -109,8 +109,8 @@ class FaultArrays(NamedTuple):
         abilities: (N,) of `ABILITIES`.
         conditions: (B, N) of `CONDITIONS`.
         losses: (N,) int64, step in which each drone is lost; 0 for never.
-        home_steps: (N, G, G) int32 of `ways_home.WaysHome`; (N, 0, 0) without batteries.
-        home_actions: (N, G, G) int8 of `ways_home.WaysHome`; (N, 0, 0) without batteries.
+        home_steps: (N, R, C) int32 of `ways_home.WaysHome`; (N, 0, 0) without batteries.
+        home_actions: (N, R, C) int8 of `ways_home.WaysHome`; (N, 0, 0) without batteries.
         applied: (B, N) int8, actions that the drones did in the last step.
     """
 
@@ -130,8 +130,8 @@ class DroneRecords(NamedTuple):
         drone: Of `entities.DRONES`.
         condition: Of `CONDITIONS`.
         ability: Of `ABILITIES`.
-        home_steps: (G, G) int32, of `FaultArrays`.
-        home_actions: (G, G) int8, of `FaultArrays`.
+        home_steps: (R, C) int32, of `FaultArrays`.
+        home_actions: (R, C) int8, of `FaultArrays`.
     """
 
     drone: Drone
@@ -341,7 +341,7 @@ def decide(
     if may_stick and draw_unit(world) < faults.stuck_rate:
         condition.status = STUCK
         condition.until = world.t + faults.stuck_steps
-    inside = is_inside(constants.grid_size, drone.x, drone.y)
+    inside = is_inside(grid_of(constants), drone.x, drone.y)
     if has_action_in_progress(records):
         action = np.int64(condition.heading)
     stays = condition.status == STUCK or condition.status == IDENTIFYING
@@ -441,16 +441,16 @@ def report_position(
     drone, condition = records.drone, records.condition
     condition.seen_x, condition.seen_y = drone.x, drone.y
     is_noisy = faults.position_noise > 0.0 and drone.alive
-    if is_noisy and is_inside(constants.grid_size, drone.x, drone.y):
+    if is_noisy and is_inside(grid_of(constants), drone.x, drone.y):
         # Box and Muller; 1 - u is never 0.
         reach = faults.position_noise * sqrt(-2.0 * log(1.0 - draw_unit(world)))
         turn = 2.0 * pi * draw_unit(world)
-        edge = constants.grid_size - 1
+        edge_x, edge_y = constants.columns - 1, constants.rows - 1
         # Cut the error to the size of the grid: the cast of a larger one is undefined.
-        error_x = math.floor(min(max(reach * cos(turn) + 0.5, -edge), edge))
-        error_y = math.floor(min(max(reach * sin(turn) + 0.5, -edge), edge))
-        condition.seen_x = min(max(drone.x + error_x, 0), edge)
-        condition.seen_y = min(max(drone.y + error_y, 0), edge)
+        error_x = math.floor(min(max(reach * cos(turn) + 0.5, -edge_x), edge_x))
+        error_y = math.floor(min(max(reach * sin(turn) + 0.5, -edge_y), edge_y))
+        condition.seen_x = min(max(drone.x + error_x, 0), edge_x)
+        condition.seen_y = min(max(drone.y + error_y, 0), edge_y)
 
 
 @part
@@ -490,7 +490,7 @@ def update_condition(
 ) -> None:
     """Update the condition of a drone still in the mission after a step."""
     drone, condition, ability = records.drone, records.condition, records.ability
-    inside = is_inside(constants.grid_size, drone.x, drone.y)
+    inside = is_inside(grid_of(constants), drone.x, drone.y)
     is_over = world.t >= condition.until
     if condition.status == HOME:
         if faults.relief_steps > 0 and is_over and is_vacant(constants, drones, n):
@@ -565,7 +565,7 @@ def restrict_mask(
         mask[:] = 0
         mask[condition.heading] = 1
         return
-    to_home = faults.battery and is_inside(constants.grid_size, drone.x, drone.y)
+    to_home = faults.battery and is_inside(grid_of(constants), drone.x, drone.y)
     steered = condition.status == HOME or condition.status == RETURNING
     if faults.battery and not to_home:
         steered = False

@@ -34,11 +34,11 @@ STREAMED_BYTES = 1 << 25
 
 @part
 def is_streamed(maps: Maps | None) -> bool:
-    """Return whether maps (B, G, G) are large and aligned enough to be written past the caches."""
+    """Return whether maps (B, R, C) are large and aligned enough to be written past the caches."""
     if maps is None:
         return False
     large = maps.size * maps.itemsize > STREAMED_BYTES
-    return large and maps.shape[1] % LANES == 0 and maps.ctypes.data % ALIGNMENT == 0
+    return large and maps.shape[2] % LANES == 0 and maps.ctypes.data % ALIGNMENT == 0
 
 
 @inlined
@@ -128,7 +128,7 @@ def step_worlds(
         batch: The worlds.
         scratch: Of the thread.
         actions: (B, N) int8; a number that is not an action does nothing.
-        maps: (B, G, G) float32 out as [y, x], C-contiguous; (B, 0, 0) or None to write none.
+        maps: (B, R, C) float32 out as [y, x], C-contiguous; (B, 0, 0) or None to write none.
         first: Number of the first world.
         last: Number of the last world, plus one.
     """

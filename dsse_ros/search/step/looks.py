@@ -112,7 +112,7 @@ NEGLIGIBLE = 1e-6
 
 
 def likely_cells(probability: NDArray[np.floating[Any]]) -> NDArray[np.bool_]:
-    """Return the cells (G, G) in which somebody may be, by a map (G, G)."""
+    """Return the cells (R, C) in which somebody may be, by a map (R, C)."""
     return np.asarray(probability > NEGLIGIBLE * probability.max())
 
 
@@ -130,7 +130,7 @@ def waits(
         searching: (N,), which drones search.
         drones: (Q,), the drone of each look at a cell of the grid.
         cells: (Q, 2), the cells (col, row).
-        likely: (G, G) [row, col], see `likely_cells`.
+        likely: (R, C) [row, col], see `likely_cells`.
     """
     useful = np.bincount(drones[likely[cells[:, 1], cells[:, 0]]], minlength=len(searching))
     return np.asarray(searching & (useful == 0))

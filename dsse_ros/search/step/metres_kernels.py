@@ -26,7 +26,7 @@ from dsse_ros.search.step.metres_paths import (
     share_of,
     write_path,
 )
-from dsse_ros.world.targets.sea_map import Sea, is_open
+from dsse_ros.world.targets.sea_map import Sea, grid_of, is_open
 
 FARTHEST_CELL = 2.0**15 - 1
 """Greatest column or row, as logs and reports have them, of a vehicle off the grid."""
@@ -124,16 +124,17 @@ def fly(constants: Constants, entities: Entities, metres: MetresArrays, n: int) 
         looked[0] = looked[last]
         for k in range(last):
             looked[k + 1] = True
-    side, inside = constants.grid_size * metres.cell_m, True
+    width, height = constants.columns * metres.cell_m, constants.rows * metres.cell_m
+    inside = True
     for k in range(len(path)):
         east, south = path[k, 0], path[k, 1]
-        if not (0.0 <= east <= side and 0.0 <= south <= side):
+        if not (0.0 <= east <= width and 0.0 <= south <= height):
             inside = False
             if not by_vehicle:
-                path[k, 0], path[k, 1] = min(max(east, 0.0), side), min(max(south, 0.0), side)
+                path[k, 0], path[k, 1] = min(max(east, 0.0), width), min(max(south, 0.0), height)
     state.east, state.south = path[-1, 0], path[-1, 1]
-    drone.x = cell_at(state.east, metres.cell_m, side)
-    drone.y = cell_at(state.south, metres.cell_m, side)
+    drone.x = cell_at(state.east, metres.cell_m, width)
+    drone.y = cell_at(state.south, metres.cell_m, height)
     return inside
 
 
@@ -177,7 +178,7 @@ def detect_in_passing(
     for p in range(len(entities.persons)):
         person = entities.persons[p]
         gone = person.found and not constants.found_persons_stay
-        if gone or not is_open(sea.area, constants.grid_size, person.x, person.y):
+        if gone or not is_open(sea.area, grid_of(constants), person.x, person.y):
             continue
         track = metres.truth[ensemble.track[p]]
         detector = detectors[ensemble.appearances[ensemble.track[p]]]

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dsse_ros.base.compiled.jit import compiled, inlined, kernel, part
+from dsse_ros.base.grid_shape import GridExtent
 from dsse_ros.search.step.entities import Records
 from dsse_ros.search.step.metres_paths import (
     MOTION_STATES,
@@ -40,14 +41,14 @@ def copy_state(state: MotionState, to: MotionState) -> None:
 
 
 @inlined
-def to_edge(side: float, x: float, y: float) -> float:
+def to_edge(extent: GridExtent, x: float, y: float) -> float:
     """Return how far a position is from the edge of the grid, negative beyond it."""
-    return min(min(x, y), side - max(x, y))
+    return min(min(x, y), min(extent.width - x, extent.height - y))
 
 
 @part
 def room_after(
-    airframe: Airframe, wind: Wind, side: float, state: MotionState, path: Path
+    airframe: Airframe, wind: Wind, extent: GridExtent, state: MotionState, path: Path
 ) -> float:
     """Return how much room a path leaves to stay on the grid; -inf if it leaves it.
 
@@ -57,25 +58,25 @@ def room_after(
     Args:
         airframe: One of `AIRFRAMES`.
         wind: A `Wind`.
-        side: Side of the grid.
+        extent: Of the grid.
         state: One of `MOTION_STATES`, after the path.
         path: (K + 1, 2) float64.
     """
     for k in range(1, len(path)):
-        if to_edge(side, path[k, 0], path[k, 1]) < 0.0:
+        if to_edge(extent, path[k, 0], path[k, 1]) < 0.0:
             return -np.inf
-    room = to_edge(side, state.east, state.south)
+    room = to_edge(extent, state.east, state.south)
     if airframe.radius > 0.0:
         drift = math.hypot(wind.east, wind.south) / airframe.cruise
         if room < 2 * airframe.radius * (1.0 + math.pi * drift) + LEAST_ROOM_M:
-            right = room_of_turn(airframe, wind, side, state, 1.0)
-            room = min(room, max(right, room_of_turn(airframe, wind, side, state, -1.0)))
+            right = room_of_turn(airframe, wind, extent, state, 1.0)
+            room = min(room, max(right, room_of_turn(airframe, wind, extent, state, -1.0)))
     elif airframe.acceleration > 0.0:
         stop_s = state.speed / airframe.acceleration
         east, south = math.sin(state.heading), -math.cos(state.heading)
         x = state.east + stop_s * (state.speed / 2 * east + wind.east)
         y = state.south + stop_s * (state.speed / 2 * south + wind.south)
-        room = min(room, to_edge(side, x, y))
+        room = min(room, to_edge(extent, x, y))
     else:
         room += LEAST_ROOM_M
     return room
@@ -83,29 +84,30 @@ def room_after(
 
 @part
 def room_of_turn(
-    airframe: Airframe, wind: Wind, side: float, state: MotionState, way: float
+    airframe: Airframe, wind: Wind, extent: GridExtent, state: MotionState, way: float
 ) -> float:
     """Return the distance to the edge of a turn to the middle; -inf if it takes several steps.
 
     Args:
         airframe: One of `AIRFRAMES`, with a radius.
         wind: A `Wind`.
-        side: Side of the grid.
+        extent: Of the grid.
         state: One of `MOTION_STATES`.
         way: 1 to the right, -1 to the left.
     """
     radius, sin, cos = airframe.radius, math.sin(state.heading), math.cos(state.heading)
-    turn = tangent_turn(radius, state.heading, side / 2 - state.east, side / 2 - state.south, way)
+    east, south = extent.width / 2 - state.east, extent.height / 2 - state.south
+    turn = tangent_turn(radius, state.heading, east, south, way)
     if turn > math.pi:
         return -np.inf
     x, y = state.east + way * radius * cos, state.south + way * radius * sin
-    room = to_edge(side, state.east, state.south)
+    room = to_edge(extent, state.east, state.south)
     for k in range(1, ROUND_POINTS + 1):
         angle = turn * k / ROUND_POINTS
         after, time_s = state.heading + way * angle, radius * angle / airframe.cruise
         east = x - way * radius * math.cos(after) + wind.east * time_s
         south = y - way * radius * math.sin(after) + wind.south * time_s
-        room = min(room, to_edge(side, east, south))
+        room = min(room, to_edge(extent, east, south))
     return room
 
 
@@ -175,7 +177,7 @@ def aim(
 def steer(
     airframes: Records,
     wind: Wind,
-    side: float,
+    extent: GridExtent,
     states: Records,
     goals: NDArray[np.float64],
     in_time: bool,
@@ -189,7 +191,7 @@ def steer(
     Args:
         airframes: (N,) of `AIRFRAMES`.
         wind: A `Wind`.
-        side: Side of the grid.
+        extent: Of the grid.
         states: (N,) of `MOTION_STATES`.
         goals: (N, 2) float64, positions.
         in_time: See `aim`.
@@ -200,8 +202,8 @@ def steer(
         airframe, state = airframes[n], states[n]
         turn, speed = aim(airframe, wind, state, goals[n, 0], goals[n, 1], in_time)
         actions[n, 0], actions[n, 1] = turn, speed
-        if room_of(airframe, wind, side, state, actions[n], flown, path) < LEAST_ROOM_M:
-            avoid(airframe, wind, side, state, actions[n], flown, path)
+        if room_of(airframe, wind, extent, state, actions[n], flown, path) < LEAST_ROOM_M:
+            avoid(airframe, wind, extent, state, actions[n], flown, path)
     return actions
 
 
@@ -209,7 +211,7 @@ def steer(
 def room_of(
     airframe: Airframe,
     wind: Wind,
-    side: float,
+    extent: GridExtent,
     state: MotionState,
     action: NDArray[np.float64],
     flown: Records,
@@ -218,14 +220,14 @@ def room_of(
     """Return the room that a turn and an airspeed leave, see `room_after`."""
     copy_state(state, flown[0])
     write_path(airframe, wind, flown[0], action[0], action[1], path)
-    return room_after(airframe, wind, side, flown[0], path)
+    return room_after(airframe, wind, extent, flown[0], path)
 
 
 @part
 def avoid(
     airframe: Airframe,
     wind: Wind,
-    side: float,
+    extent: GridExtent,
     state: MotionState,
     action: NDArray[np.float64],
     flown: Records,
@@ -248,11 +250,13 @@ def avoid(
             if airframe.radius > 0.0 and abs(turn) > most:
                 continue
             action[0], action[1] = turn if airframe.radius > 0.0 else wrapped(turn), speed
-            room = room_of(airframe, wind, side, state, action, flown, path)
+            room = room_of(airframe, wind, extent, state, action, flown, path)
             if room >= LEAST_ROOM_M:
                 return
             if room > best:
                 best, turn_of_best, speed_of_best = room, action[0], speed
     action[0], action[1] = turn_of_best, speed_of_best
     if best == -np.inf:
-        action[0], action[1] = aim(airframe, wind, state, side / 2, side / 2, False)
+        action[0], action[1] = aim(
+            airframe, wind, state, extent.width / 2, extent.height / 2, False
+        )

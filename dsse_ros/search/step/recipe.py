@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from dsse_ros.base.compiled.draws import draw_unit
 from dsse_ros.base.compiled.jit import inlined, part
 from dsse_ros.base.compiled.records import Int
+from dsse_ros.base.grid_shape import GridShape
 from dsse_ros.search.step.constants import Constants
 from dsse_ros.search.step.coverage_kernels import (
     CoverageTask,
@@ -51,6 +52,7 @@ from dsse_ros.world.targets.person_kernels import draw_own_drift, persons_step, 
 from dsse_ros.world.targets.sea_map import (
     Sea,
     cell_probability,
+    grid_of,
     is_inside,
     is_open,
     map_step,
@@ -68,7 +70,8 @@ class ActionConstants(NamedTuple):
     constant.
     """
 
-    grid_size: int
+    columns: int
+    rows: int
     dx: NDArray[np.int64]
     dy: NDArray[np.int64]
     num_actions: int
@@ -85,7 +88,8 @@ class ActionConstants(NamedTuple):
 def action_constants_of(constants: Constants) -> ActionConstants:
     """Return the constants of a drone's action."""
     return ActionConstants(
-        grid_size=constants.grid_size,
+        columns=constants.columns,
+        rows=constants.rows,
         dx=constants.dx,
         dy=constants.dy,
         num_actions=constants.num_actions,
@@ -153,7 +157,7 @@ def step_world(
         drone.episode_return += reward
         eventful |= drone.found or drone.terminated or drone.truncated
         if acting.collisions and can_collide(acting, drone):
-            shared |= occupy(acting.grid_size, drone, scratch.occupied, stamp)
+            shared |= occupy(grid_of(acting), drone, scratch.occupied, stamp)
     world.t += 1
     if coverage is None:
         advance_sea(constants, world, sea, entities.persons, scratch.circle, extensions.ensemble)
@@ -207,7 +211,7 @@ def move(
         return SEARCHED, 0.0
     x, y, inside = cell_after(acting, sea.area, drone.x, drone.y, action)
     # Drones may fly on outside the grid, but not outside the area within it.
-    if inside or (acting.leave_flies_on and not is_inside(acting.grid_size, x, y)):
+    if inside or (acting.leave_flies_on and not is_inside(grid_of(acting), x, y)):
         drone.x, drone.y = x, y
     drone.terminated = (acting.leave_terminates or acting.leave_flies_on) and not inside
     if not inside:
@@ -238,7 +242,7 @@ def cell_after(
 ) -> tuple[int, int, bool]:
     """Return the cell in which an action from (x, y) ends, and whether it may be entered."""
     to_x, to_y = x + constants.dx[action], y + constants.dy[action]
-    return to_x, to_y, is_open(area, constants.grid_size, to_x, to_y)
+    return to_x, to_y, is_open(area, grid_of(constants), to_x, to_y)
 
 
 @inlined
@@ -304,7 +308,7 @@ def detect(
             gone = person.found and not constants.found_persons_stay
             if gone or person.x != x or person.y != y:
                 continue
-            if not is_open(sea.area, constants.grid_size, x, y) and not world.done:
+            if not is_open(sea.area, grid_of(constants), x, y) and not world.done:
                 break
             chance = entities.look_pods[k, pod_column(ensemble, len(entities.persons), p)]
             if chance >= 1.0 or draw_unit(world) < chance:
@@ -326,8 +330,8 @@ def probability_seen(state: WorldState, view: Viewpoint, first: int, last: int) 
         x, y = view.x + entities.look_offsets[k, 0], view.y + entities.look_offsets[k, 1]
         if constants.leave_flies_on:
             # For a drone outside to the west or north, a negative index selects the cell.
-            x = x + constants.grid_size if x < 0 else x
-            y = y + constants.grid_size if y < 0 else y
+            x = x + constants.columns if x < 0 else x
+            y = y + constants.rows if y < 0 else y
         probability += probability_of(constants, world, sea, x, y, extensions.ensemble)
     return probability
 
@@ -430,7 +434,7 @@ def apply_collisions(
     reward = reward_of(constants, world, None, COLLIDED, 0.0)
     for n in range(len(drones)):
         drone = drones[n]
-        if can_collide(constants, drone) and has_collided(constants.grid_size, drones, n, occupied):
+        if can_collide(constants, drone) and has_collided(grid_of(constants), drones, n, occupied):
             drone.reward = reward
             drone.terminated = True
 
@@ -447,28 +451,28 @@ def next_stamp(occupied: NDArray[np.uint16]) -> int:
 
 
 @part
-def occupy(grid_size: int, drone: Drone, occupied: NDArray[np.uint16], stamp: int) -> bool:
+def occupy(grid: GridShape, drone: Drone, occupied: NDArray[np.uint16], stamp: int) -> bool:
     """Mark the cell of a drone; return whether the drone may share it.
 
-    The last element of `occupied` (G * G + 1,) uint16 is the stamp of this world's step, an even
+    The last element of `occupied` (R C + 1,) uint16 is the stamp of this world's step, an even
     number. A cell with one drone is marked with the stamp, a cell with more drones with the next
     number. Smaller numbers are from earlier steps.
     """
-    if not is_inside(grid_size, drone.x, drone.y):
+    if not is_inside(grid, drone.x, drone.y):
         return True
     # Numba does not check an unsigned index for negative values.
-    cell = np.uint64(drone.y * grid_size + drone.x)
+    cell = np.uint64(drone.y * grid.columns + drone.x)
     shared = occupied[cell] >= stamp
     occupied[cell] = stamp + shared
     return shared
 
 
 @part
-def has_collided(grid_size: int, drones: Records, n: int, occupied: NDArray[np.uint16]) -> bool:
+def has_collided(grid: GridShape, drones: Records, n: int, occupied: NDArray[np.uint16]) -> bool:
     """Return whether drone n shares its cell; only those on the grid are in `occupied`."""
     drone = drones[n]
-    if is_inside(grid_size, drone.x, drone.y):
-        return occupied[drone.y * grid_size + drone.x] > occupied[grid_size * grid_size]
+    if is_inside(grid, drone.x, drone.y):
+        return occupied[drone.y * grid.columns + drone.x] > occupied[grid.columns * grid.rows]
     collided = False
     for m in range(len(drones)):
         collided = collided or (m != n and drones[m].x == drone.x and drones[m].y == drone.y)

@@ -37,10 +37,10 @@ class Scratch(NamedTuple):
     """Memory of a thread.
 
     Attributes:
-        occupied: (G * G + 1,) uint16, see `recipe.apply_collisions`.
-        circle: (G + 1,) int64, see `update_circle`.
+        occupied: (R C + 1,) uint16, see `recipe.apply_collisions`.
+        circle: (L + 1,) int64, see `update_circle`.
         cells: (K,) int64, the cells over which persons are scattered.
-        span: (G,) float64.
+        span: (C,) float64.
     """
 
     occupied: NDArray[np.uint16]

@@ -138,8 +138,8 @@ def check_mission(
 def check_search(fence: Fence) -> str | None:
     """Return why the search area does not lie in the circle of the fence."""
     frame, center = fence.frame, fence.center
-    side_m = frame.side_m
-    for x_m, y_m in itertools.product((0.0, side_m), repeat=2):
+    width_m, height_m = frame.extent
+    for x_m, y_m in itertools.product((0.0, width_m), (0.0, height_m)):
         lat_deg, lon_deg, _ = map_to_geodetic(frame, x_m, y_m, 0.0)
         if center and not (on_near_side(frame, *center) and _in_circle(lat_deg, lon_deg, fence)):
             return (
@@ -187,8 +187,8 @@ def check_horizontal(lat_deg: float, lon_deg: float, fence: Fence) -> Rejected |
     else:
         where = f"{margin_m:g} m of the search area"
         x_m, y_m, _ = geodetic_to_map(frame, lat_deg, lon_deg, frame.origin_alt_m)
-        side_m = frame.side_m
-        if near and all(-margin_m <= value <= side_m + margin_m for value in (x_m, y_m)):
+        within = zip((x_m, y_m), frame.extent, strict=True)
+        if near and all(-margin_m <= value <= side_m + margin_m for value, side_m in within):
             return None
     return Rejected(
         "outside_fence", f"place must be within {where}, got {_shown(lat_deg, lon_deg)}"

@@ -140,6 +140,6 @@ def layered(frame: GridFrame, settings: BridgeSettings, vehicles: int) -> list[G
 
 
 def _middle(frame: GridFrame) -> tuple[float, float]:
-    half_m = frame.side_m / 2
-    lat_deg, lon_deg, _ = map_to_geodetic(frame, half_m, half_m, 0.0)
+    width_m, height_m = frame.extent
+    lat_deg, lon_deg, _ = map_to_geodetic(frame, width_m / 2, height_m / 2, 0.0)
     return lat_deg, lon_deg

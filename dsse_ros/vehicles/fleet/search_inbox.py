@@ -276,7 +276,7 @@ def _legs(stamp_ns: int, report: NDArray[Any], search: int, frame: GridFrame) ->
     if "path" in (report.dtype.names or ()):
         collided = [False] * len(cells)
         # Paths begin at the north-west corner, the map frame at the south-west one.
-        ways = [_way_of((0.0, frame.side_m) + path * (1, -1)) for path in path_of(report)]
+        ways = [_way_of((0.0, frame.extent.height) + path * (1, -1)) for path in path_of(report)]
     return [
         VehicleLeg(stamp_ns, cell, bool(searched[i]), bool(over[i]), collided[i], ways[i])
         for i, cell in enumerate(cells)

@@ -9,6 +9,7 @@ from collections.abc import Collection, Iterable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from dsse_ros.base.grid_shape import GridShape
 from dsse_ros.world.scenario.shortest_paths import ShortestPaths
 from dsse_ros.world.searchers.searcher import Searcher
 from dsse_ros.world.sensors.sensor import SEARCH
@@ -41,7 +42,7 @@ class ActionSet:
 
     Args:
         names: Names of the actions; the index is the action number.
-        area: (G, G) bool [row, col], the cells that moves may enter; None for the whole grid.
+        area: (R, C) bool [row, col], the cells that moves may enter; None for the whole grid.
         able: Names of the actions that a drone can do besides `search`, see `of_kind`; None for
             all.
 
@@ -98,14 +99,14 @@ class ActionSet:
         """Return the actions of the rules restricted to an area."""
         return ActionSet(self.names, area)
 
-    def of_kind(self, kind: Searcher, grid_size: int) -> ActionSet:
+    def of_kind(self, kind: Searcher, grid: GridShape) -> ActionSet:
         """Return these actions without those that a kind of drone cannot do.
 
         Routes go without their moves.
 
         Args:
             kind: The kind of drone.
-            grid_size: G.
+            grid: Its shape.
         """
         able = [name for name in self.names if kind.can_do(name)]
         if len(able) == len(self.names):
@@ -113,7 +114,7 @@ class ActionSet:
         area = self.area
         if area is None and not {*STRAIGHT} <= {*able}:
             # Distances have a closed form only if a drone can fly in all directions.
-            area = np.ones((grid_size, grid_size), np.bool_)
+            area = np.ones(grid.matrix, np.bool_)
         return ActionSet(self.names, area, able)
 
     def with_moves(self) -> ActionSet:
@@ -163,30 +164,32 @@ class ActionSet:
         d_col, d_row = abs(start[0] - end[0]), abs(start[1] - end[1])
         return max(d_col, d_row) if self.diagonal else d_col + d_row
 
-    def distances(self, cell: Cell, size: int, *, as_if_open: bool = False) -> NDArray[np.int32]:
-        """Return the `distance` from a cell to each cell of a size x size grid.
+    def distances(
+        self, cell: Cell, grid: GridShape, *, as_if_open: bool = False
+    ) -> NDArray[np.int32]:
+        """Return the `distance` from a cell to each cell of a grid.
 
         Args:
             cell: The cell.
-            size: G.
+            grid: Its shape.
             as_if_open: Whether to measure as if nothing but the rules limited the moves.
 
         Returns:
-            (G, G) [row, col].
+            (R, C) [row, col].
         """
         if self._paths is not None and not as_if_open:
             return self._paths.distances_from(cell)
-        line = np.arange(size, dtype=np.int32)
-        across, down = abs(line - cell[0])[np.newaxis], abs(line - cell[1])[:, np.newaxis]
+        cols, rows = (np.arange(size, dtype=np.int32) for size in grid)
+        across, down = abs(cols - cell[0])[np.newaxis], abs(rows - cell[1])[:, np.newaxis]
         return np.maximum(across, down) if self.diagonal else across + down
 
-    def neighbours(self, cell: Cell, size: int) -> list[Cell]:
-        """Return the cells one move away, within a size x size grid and the area."""
+    def neighbours(self, cell: Cell, grid: GridShape) -> list[Cell]:
+        """Return the cells one move away, within a grid and the area."""
         col, row = cell
         cells = [
             (col + d_col, row + d_row)
             for d_col, d_row in self.steps
-            if 0 <= col + d_col < size and 0 <= row + d_row < size
+            if grid.holds(col + d_col, row + d_row)
         ]
         return cells if self.area is None else [(x, y) for x, y in cells if self.area[y, x]]
 
@@ -204,7 +207,7 @@ class ActionSet:
         """Return the cells to which moves lead from a cell on the grid.
 
         Returns:
-            (G, G) bool [row, col], none for a cell outside the area; None for the whole grid.
+            (R, C) bool [row, col], none for a cell outside the area; None for the whole grid.
         """
         return None if self._paths is None else self._paths.distances_from(cell) >= 0
 
@@ -221,7 +224,7 @@ def connected_components(
         cells: Cell of each drone, on the grid.
 
     Returns:
-        For each component, the indices of its drones and its cells (G, G) bool [row, col], None for
+        For each component, the indices of its drones and its cells (R, C) bool [row, col], None for
         the whole grid.
     """
     components: list[tuple[list[int], NDArray[np.bool_] | None]] = []

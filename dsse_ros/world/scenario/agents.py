@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from dsse_ros.base.grid_shape import GridShape
 from dsse_ros.base.json_reader import read_json
 from dsse_ros.world.scenario.definition import SearchDefinition
 from dsse_ros.world.scenario.frames import GridFrame
@@ -72,14 +73,14 @@ class AgentsInfo:
 
     @property
     def area_mask(self) -> NDArray[np.bool_] | None:
-        """The cells that are searched, (G, G) bool [row, col]; None for all."""
+        """The cells that are searched, (R, C) bool [row, col]; None for all."""
         if self.area is None:
             return None
         return np.array([[cell == "1" for cell in row] for row in self.area])
 
 
 def area_rows(mask: NDArray[np.bool_] | None) -> tuple[str, ...] | None:
-    """Return the `area` of `AgentsInfo` with this mask (G, G) bool; None for None."""
+    """Return the `area` of `AgentsInfo` with this mask (R, C) bool; None for None."""
     if mask is None:
         return None
     return tuple("".join("1" if cell else "0" for cell in row) for row in mask.tolist())
@@ -121,14 +122,14 @@ def _of_incident(scenario: Scenario) -> dict[str, Any]:
     return {"sea": shown}
 
 
-def definition_from(keys: Keys, num_drones: int | None, grid_size: int | None) -> SearchDefinition:
+def definition_from(keys: Keys, num_drones: int | None, grid: GridShape | None) -> SearchDefinition:
     """Return the rules and the scenario that a message or a file states.
 
     Args:
         keys: What is stated.
         num_drones: How many drones the message or file has, None if it does not state that.
-        grid_size: Of its grid, None if it does not state one: what is derived of a scenario takes
-            memory by both.
+        grid: Shape of its grid, None if it does not state one: what is derived of a scenario
+            takes memory by both.
 
     Raises:
         ValueError: If a value is not allowed or a field is missing, or of another search.
@@ -145,14 +146,14 @@ def definition_from(keys: Keys, num_drones: int | None, grid_size: int | None) -
     try:
         rules = profile("paper", **parts["rules"])
         scenario = Scenario.from_dict(parts["scenario"])
-        side, _ = scenario.grid_of(rules)
+        shape, _ = scenario.grid_of(rules)
         drones = scenario.num_drones or len(scenario.drones_positions or [0])
         for name, stated, value in (
-            ("grid_size", side, grid_size),
+            ("grid_size", shape, grid),
             ("num_drones", drones, num_drones),
         ):
             if value is not None and stated != value:
-                raise ValueError(f"{name} must be {value}, as in agents, got {stated}")
+                raise ValueError(f"{name} must be {value!s}, as in agents, got {stated!s}")
         return SearchDefinition(rules, scenario.resolve(rules))
     except (TypeError, ValueError) as error:
         raise ValueError(f"{keys.where}: {error}") from None
@@ -175,8 +176,7 @@ def agents_from_json(text: str, *, with_definition: bool = True) -> AgentsInfo:
     if agents != tuple(f"drone{i}" for i in range(len(agents))):
         keys.refuse("agents", "drone0, drone1, ...")
     if with_definition and keys.value("definition") is not None:
-        grid_size = keys.integer("grid_size", 1, MAX_SIDE)
-        definition = definition_from(keys.inner("definition"), len(agents), grid_size)
+        definition = definition_from(keys.inner("definition"), len(agents), _grid_of(keys))
     return AgentsInfo(
         agents=agents,
         actions=keys.names("actions", may_be_none=_in_metres(keys)),
@@ -210,7 +210,7 @@ def _frame_of(keys: Keys, definition: SearchDefinition | None) -> GridFrame:
     """
     origin = keys.inner("origin")
     values: dict[str, Any] = {
-        "grid_size": keys.integer("grid_size", 1, MAX_SIDE),
+        "grid_size": _grid_of(keys),
         "map_frame": keys.text("map_frame"),
         "frame_prefix": keys.text("frame_prefix", may_be_empty=True),
         "alts_m": () if definition is None else altitudes_of(definition.scenario),
@@ -221,6 +221,14 @@ def _frame_of(keys: Keys, definition: SearchDefinition | None) -> GridFrame:
         return GridFrame(**values)
     except ValueError as error:
         raise ValueError(f"agents: {error}") from None
+
+
+def _grid_of(keys: Keys) -> GridShape:
+    """Return the shape of the grid, [columns, rows]."""
+    sizes = keys.entries("grid_size", 2)
+    if not all(type(size) is int and 1 <= size <= MAX_SIDE for size in sizes):
+        keys.refuse("grid_size", f"two whole numbers [columns, rows] from 1 to {MAX_SIDE}")
+    return GridShape(*sizes)
 
 
 def _decision_time_s(keys: Keys) -> float | None:
@@ -256,8 +264,10 @@ def _area_of(keys: Keys) -> tuple[str, ...] | None:
     """
     if keys.value("area") is None:
         return None
-    size = keys.integer("grid_size", 1, MAX_SIDE)
-    rows = keys.entries("area", size)
-    if not all(isinstance(row, str) and len(row) == size and not row.strip("01") for row in rows):
-        keys.refuse("area", f"{size} texts of {size} digits 0 and 1")
+    columns, height = _grid_of(keys)
+    rows = keys.entries("area", height)
+    if not all(
+        isinstance(row, str) and len(row) == columns and not row.strip("01") for row in rows
+    ):
+        keys.refuse("area", f"{height} texts of {columns} digits 0 and 1")
     return tuple(rows)

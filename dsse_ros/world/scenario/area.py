@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import json
 import logging
+import math
 import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
@@ -23,8 +24,10 @@ from numpy.typing import NDArray
 from dsse_ros.base.defects import reason_of
 from dsse_ros.base.extras import pip_install
 from dsse_ros.base.fields import FieldError, shown
+from dsse_ros.base.grid_shape import GridShape
 from dsse_ros.base.json_reader import read_json
 from dsse_ros.world.scenario.frames import cell_centre
+from dsse_ros.world.scenario.limits import MAX_SIDE
 from dsse_ros.world.scenario.outline_faults import fault_of
 from dsse_ros.world.scenario.outlines import BY_GDAL, outlines_of, read_by_gdal
 from dsse_ros.world.scenario.positions import position
@@ -154,16 +157,47 @@ class Area:
         return contains
 
 
+def grid_around(area: Area, cell_m: float, alt_m: float) -> tuple[GridShape, Origin]:
+    """Return the shape and the south-west corner of the smallest grid around an area.
+
+    Args:
+        area: The area.
+        cell_m: Side of a cell.
+        alt_m: Height of the corner above the ellipsoid.
+
+    Raises:
+        FieldError: If it has too many cells along a side.
+    """
+    from dsse_ros.world.scenario.geodesy import mean_lon, surface_to_geodetic
+    from dsse_ros.world.scenario.incident_grid import metres_from
+
+    points = np.array([point for polygon in area.polygons for point in polygon[0]])
+    middle = float(points[:, 0].mean()), mean_lon(points[:, 1]), alt_m
+    ends = [(float(v.min()), float(v.max())) for v in metres_from(middle, *points.T)]
+    # North at the corner is another than in the middle: it takes no cell more for that.
+    grid = GridShape(*(max(math.ceil((high - low) / cell_m - 0.01), 1) for low, high in ends))
+    if grid.longer > MAX_SIDE:
+        raise FieldError(
+            f"area must be at most {MAX_SIDE} cells of {cell_m:g} m along each axis with fit_grid, "
+            f"got {grid}"
+        )
+    corner = [
+        (low + high - side) / 2 for (low, high), side in zip(ends, grid.extent(cell_m), strict=True)
+    ]
+    lat, lon = surface_to_geodetic(middle, *corner)
+    return grid, (float(lat), float(lon), alt_m)
+
+
 @lru_cache(maxsize=4)
 def area_mask(
-    area: Area | None, land: bool, grid_size: int, cell_size_m: float, origin: Origin
+    area: Area | None, land: bool, grid: GridShape, cell_size_m: float, origin: Origin
 ) -> NDArray[np.bool_] | None:
-    """Return the searched cells of a grid, (G, G) bool [row, col], read-only; None for all.
+    """Return the searched cells of a grid, (R, C) bool [row, col], read-only; None for all.
 
     Args:
         area: Area of the searched cells; None for no limit.
         land: Whether to leave out cells on land.
-        grid_size: G.
+        grid: Its shape.
         cell_size_m: Side of a cell.
         origin: The grid's south-west corner.
 
@@ -172,12 +206,12 @@ def area_mask(
     """
     if area is None and not land:
         return None
-    mask = np.ones((grid_size, grid_size), np.bool_)
+    mask = np.ones(grid.matrix, np.bool_)
     if area is not None:
         contains = area.prepared()
         south, north, west, east = 90.0, -90.0, 180.0, -180.0
-        for rows in _blocks(grid_size):
-            lat, lon = _centres(grid_size, cell_size_m, origin, rows)
+        for rows in _blocks(grid):
+            lat, lon = _centres(grid, cell_size_m, origin, rows)
             mask[rows] = contains(lat, lon)
             south, north = min(south, lat.min()), max(north, lat.max())
             west, east = min(west, lon.min()), max(east, lon.max())
@@ -188,8 +222,8 @@ def area_mask(
             )
     if land:
         is_land = _land_mask()
-        for rows in _blocks(grid_size):
-            mask[rows] &= ~is_land(*_centres(grid_size, cell_size_m, origin, rows))
+        for rows in _blocks(grid):
+            mask[rows] &= ~is_land(*_centres(grid, cell_size_m, origin, rows))
         if not mask.any():
             where = "the grid" if area is None else "the area"
             raise FieldError(f"land must be false where {where} has no cell at sea, got true")
@@ -199,26 +233,26 @@ def area_mask(
     return mask
 
 
-def _blocks(grid_size: int) -> Iterator[slice]:
+def _blocks(grid: GridShape) -> Iterator[slice]:
     """Yield the rows of a grid in blocks: positions of all cells can take gigabytes."""
-    count = max(_BLOCK_CELLS // grid_size, 1)
-    for first in range(0, grid_size, count):
-        yield slice(first, min(first + count, grid_size))
+    count = max(_BLOCK_CELLS // grid.columns, 1)
+    for first in range(0, grid.rows, count):
+        yield slice(first, min(first + count, grid.rows))
 
 
 def _centres(
-    grid_size: int, cell_size_m: float, origin: Origin, rows: slice
+    grid: GridShape, cell_size_m: float, origin: Origin, rows: slice
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return latitude and longitude of the cell centres in some rows, (R, G) each."""
+    """Return latitude and longitude of the cell centres in some rows, (R, C) each."""
     from dsse_ros.world.scenario.geodesy import surface_to_geodetic
 
-    row, col = np.meshgrid(np.arange(rows.start, rows.stop), np.arange(grid_size), indexing="ij")
-    lat, lon = surface_to_geodetic(origin, *cell_centre(grid_size, cell_size_m, col, row))
+    row, col = np.meshgrid(np.arange(rows.start, rows.stop), np.arange(grid.columns), indexing="ij")
+    lat, lon = surface_to_geodetic(origin, *cell_centre(grid, cell_size_m, col, row))
     return lat, lon
 
 
 def runs_of(mask: NDArray[np.bool_]) -> NDArray[np.int64]:
-    """Return the cells of a mask (G, G) as runs along the rows, (R, 3): row, first, last column."""
+    """Return the cells of a mask (R, C) as runs along the rows, (R, 3): row, first, last column."""
     edges = np.diff(mask.astype(np.int8), axis=1, prepend=0, append=0)
     rows, first = np.nonzero(edges == 1)
     _, end = np.nonzero(edges == -1)

@@ -8,20 +8,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dsse_ros.base.fields import FieldError, shown
+from dsse_ros.base.grid_shape import GridShape
 
 
 def check_cell(
-    name: str, cell: tuple[int, int], grid_size: int, mask: NDArray[np.bool_] | None = None
+    name: str, cell: tuple[int, int], grid: GridShape, mask: NDArray[np.bool_] | None = None
 ) -> None:
-    """Raise unless the cell (col, row) is on the grid and, with a mask (G, G), in the area.
+    """Raise unless the cell (col, row) is on the grid and, with a mask (R, C), in the area.
 
     Raises:
         FieldError: If the cell is outside.
     """
-    if not all(0 <= c < grid_size for c in cell):
-        raise FieldError(
-            f"{name} must have col and row from 0 to {grid_size - 1}, got {list(cell)}"
-        )
+    if not grid.holds(*cell):
+        col, row = (f"from 0 to {size - 1}" for size in grid)
+        wanted = f"col and row {col}" if col == row else f"col {col} and row {row}"
+        raise FieldError(f"{name} must have {wanted}, got {list(cell)}")
     if mask is not None and not mask[cell[1], cell[0]]:
         raise FieldError(
             f"{name} must be one of the {int(mask.sum())} cells of the area, got {list(cell)}"
@@ -30,7 +31,7 @@ def check_cell(
 
 def check_positions(
     positions: tuple[tuple[int, int], ...],
-    grid_size: int,
+    grid: GridShape,
     count: int | None,
     mask: NDArray[np.bool_] | None,
     apart: bool,
@@ -47,7 +48,7 @@ def check_positions(
             f"{len(positions)}"
         )
     for cell in positions:
-        check_cell("drones_positions", cell, grid_size, mask)
+        check_cell("drones_positions", cell, grid, mask)
     if apart and len(set(positions)) != len(positions):
         raise FieldError(f"drones_positions must be different cells, got {shown(list(positions))}")
 
@@ -68,7 +69,7 @@ def check_multipliers(multipliers: tuple[float, ...] | None, person_amount: int)
 def check_scatter(
     amount: int,
     cell: tuple[int, int],
-    grid_size: int,
+    grid: GridShape,
     scatter: int,
     mask: NDArray[np.bool_] | None = None,
 ) -> None:
@@ -77,7 +78,10 @@ def check_scatter(
     Raises:
         FieldError: If there are more persons than cells.
     """
-    cols, rows = (range(max(c - scatter, 0), min(c + scatter + 1, grid_size)) for c in cell)
+    cols, rows = (
+        range(max(c - scatter, 0), min(c + scatter + 1, size))
+        for c, size in zip(cell, grid, strict=True)
+    )
     room = len(cols) * len(rows)
     if mask is not None:
         room = int(mask[rows.start : rows.stop, cols.start : cols.stop].sum())

@@ -14,6 +14,7 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from dsse_ros.base.grid_shape import GridExtent, GridShape
 from dsse_ros.world.scenario.limits import CELL_SIZE_M
 
 F = TypeVar("F", float, NDArray[Any])
@@ -25,7 +26,7 @@ class GridFrame:
     """Where the grid lies on the Earth and how high the drones fly.
 
     Attributes:
-        grid_size: Cells along a side, G.
+        grid_size: Columns and rows of the grid, or one number for a square.
         cell_size_m: Side of a cell.
         origin_lat_deg: WGS84 latitude of the grid's south-west corner.
         origin_lon_deg: WGS84 longitude of the grid's south-west corner.
@@ -40,7 +41,7 @@ class GridFrame:
         ValueError: If a value is not allowed.
     """
 
-    grid_size: int
+    grid_size: GridShape
     cell_size_m: float
     origin_lat_deg: float
     origin_lon_deg: float
@@ -52,12 +53,16 @@ class GridFrame:
 
     def __post_init__(self) -> None:
         # Messages take Python numbers only; NumPy's would be corrupted silently.
-        object.__setattr__(self, "grid_size", int(self.grid_size))
+        grid: Any = self.grid_size
+        grid = (
+            GridShape(*map(int, grid)) if isinstance(grid, tuple) else GridShape.square(int(grid))
+        )
+        object.__setattr__(self, "grid_size", grid)
         for name in ("cell_size_m", "origin_lat_deg", "origin_lon_deg", "origin_alt_m", "alt_m"):
             object.__setattr__(self, name, float(getattr(self, name)))
         object.__setattr__(self, "alts_m", tuple(float(alt_m) for alt_m in self.alts_m))
-        if self.grid_size < 1:
-            raise ValueError(f"grid_size must be at least 1, got {self.grid_size!r}")
+        if min(grid) < 1:
+            raise ValueError(f"grid_size must be at least 1, got {list(grid)}")
         smallest, largest = CELL_SIZE_M
         if not smallest <= self.cell_size_m <= largest:
             raise ValueError(
@@ -75,9 +80,9 @@ class GridFrame:
             raise ValueError("map_frame must be a name, got ''")
 
     @property
-    def side_m(self) -> float:
-        """Length of a side of the grid."""
-        return self.grid_size * self.cell_size_m
+    def extent(self) -> GridExtent:
+        """The width and height of the grid in metres."""
+        return self.grid_size.extent(self.cell_size_m)
 
     @property
     def origin(self) -> tuple[float, float, float]:
@@ -99,16 +104,16 @@ class GridFrame:
         return self.alts_m[drone] if self.alts_m else self.alt_m
 
 
-def cell_centre(grid_size: int, cell_size_m: float, col: Any, row: Any) -> tuple[Any, Any]:
+def cell_centre(grid: GridShape, cell_size_m: float, col: Any, row: Any) -> tuple[Any, Any]:
     """Return the centre of a cell in metres from the grid's south-west corner, x east and y north.
 
     Args:
-        grid_size: Cells along a side, G.
+        grid: Its shape.
         cell_size_m: Side of a cell.
         col: Column; a fraction lies between cells. A number or an array.
         row: Row, 0 in the north; a number or an array of the same shape.
     """
-    return (col + 0.5) * cell_size_m, (grid_size - 1 - row + 0.5) * cell_size_m
+    return (col + 0.5) * cell_size_m, (grid.rows - 1 - row + 0.5) * cell_size_m
 
 
 def cell_to_map(frame: GridFrame, col: F, row: F) -> tuple[F, F]:
@@ -131,7 +136,7 @@ def map_to_places(frame: GridFrame, x_m: F, y_m: F) -> tuple[F, F]:
         y_m: Metres to the north, likewise and of the same shape.
     """
     cell_m = frame.cell_size_m
-    return x_m / cell_m - 0.5, frame.grid_size - 0.5 - y_m / cell_m
+    return x_m / cell_m - 0.5, frame.grid_size.rows - 0.5 - y_m / cell_m
 
 
 def flip_y(height_m: float, y_m: F) -> F:
@@ -174,6 +179,7 @@ def map_to_cell(frame: GridFrame, x_m: float, y_m: float) -> tuple[int, int] | N
     """
     east = x_m / frame.cell_size_m
     north = y_m / frame.cell_size_m
-    if not (0 <= east < frame.grid_size and 0 <= north < frame.grid_size):
+    columns, rows = frame.grid_size
+    if not (0 <= east < columns and 0 <= north < rows):
         return None
-    return int(east), frame.grid_size - 1 - int(north)
+    return int(east), rows - 1 - int(north)

@@ -13,6 +13,7 @@ import pymap3d
 from numpy.typing import NDArray
 
 from dsse_ros.base.fields import FieldError
+from dsse_ros.base.grid_shape import GridExtent, GridShape
 from dsse_ros.world.scenario.frames import flip_y
 from dsse_ros.world.scenario.geodesy import mean_lon, surface_to_geodetic, through_ecef
 from dsse_ros.world.scenario.incident import LONGEST_SEARCH_S, GridSummary, Incident
@@ -37,7 +38,7 @@ class IncidentGrid(NamedTuple):
 
     Attributes:
         origin: Latitude, longitude and height of the grid's south-west corner.
-        grid_size: Cells along a side, G.
+        grid: Its shape.
         datum: Cell (col, row) of the particles' mean position at this time.
         vector: Their mean drift per step, to the east and to the south, in cells.
         sigma: Their spread along x and y at this time, in cells.
@@ -45,7 +46,7 @@ class IncidentGrid(NamedTuple):
     """
 
     origin: Origin
-    grid_size: int
+    grid: GridShape
     datum: tuple[int, int]
     vector: tuple[float, float]
     sigma: tuple[float, float]
@@ -54,7 +55,8 @@ class IncidentGrid(NamedTuple):
 
 @while_alive
 def lay_grid(
-    incident: Incident, *, cell_m: float, alt_m: float, grid_size: int | None, steps: int,
+    incident: Incident, *, cell_m: float, alt_m: float, grid: GridShape | None, fits: bool,
+    steps: int,
     step_s: float, speed_mps: float, seed: int,
 ) -> IncidentGrid:  # fmt: skip
     """Return the grid around the positions that the particles of an incident reach.
@@ -63,7 +65,8 @@ def lay_grid(
         incident: The incident.
         cell_m: Side of a cell.
         alt_m: Height of the sea above the ellipsoid.
-        grid_size: G; None for as many cells as hold the particles.
+        grid: Its shape; None for as many cells as hold the particles.
+        fits: Whether it then has as many along each axis as hold them, or is a square.
         steps: Steps of the search.
         step_s: Duration of a step.
         speed_mps: Airspeed of the slowest drone, in transit from the base.
@@ -81,24 +84,24 @@ def lay_grid(
         tracks = incident.tracks(times, PARTICLES, rng)
         centre = float(tracks.lats_deg[0].mean()), mean_lon(tracks.lons_deg[0]), alt_m
         x, y = metres_from(centre, tracks.lats_deg, tracks.lons_deg)
-        corner, size, inside = _square(x, y, cell_m, grid_size)
-        if size > MAX_SIDE:
+        corner, size, inside = _around(x, y, cell_m, grid, fits)
+        if size.longer > MAX_SIDE:
             raise FieldError(
                 f"incident must have particles within {MAX_SIDE} cells of {cell_m:g} m, got "
-                f"{size}; state a grid_size, or search from a greater altitude or earlier"
+                f"{size.longer}; state a grid_size, or search from a greater altitude or earlier"
             )
         lat, lon = surface_to_geodetic(centre, *corner)
         origin = float(lat), float(lon), alt_m
         if incident.base is None or approach == APPROACHES - 1:
             break
-        distance_m = _distance(origin, size * cell_m, incident)
+        distance_m = _distance(origin, size.extent(cell_m), incident)
         begins_s = incident.search_start_s + distance_m / speed_mps
         check_transit(incident, begins_s, speed_mps, LONGEST_SEARCH_S)
-    x, y = (x - corner[0]) / cell_m, size - (y - corner[1]) / cell_m
+    x, y = (x - corner[0]) / cell_m, size.rows - (y - corner[1]) / cell_m
     middle = float(x[0].mean()), float(y[0].mean())
     return IncidentGrid(
         origin, size,
-        (_clipped(middle[0], size), _clipped(middle[1], size)),
+        (_clipped(middle[0], size.columns), _clipped(middle[1], size.rows)),
         (float(x[-1].mean() - middle[0]) / steps, float(y[-1].mean() - middle[1]) / steps),
         (max(float(x[0].std()), 0.1), max(float(y[0].std()), 0.1)),
         GridSummary(begins_s, inside, float(tracks.stranded[-1].mean())),
@@ -130,7 +133,7 @@ def check_transit(
 
 
 def positions(
-    incident: Incident, origin: Origin, side_m: float, step_s: float, steps: int,
+    incident: Incident, origin: Origin, height_m: float, step_s: float, steps: int,
     rng: np.random.Generator, count: int,
 ) -> tuple[
     Iterator[NDArray[np.float64]], NDArray[np.int8] | None,
@@ -141,7 +144,7 @@ def positions(
     Args:
         incident: The incident, with the time at which the search begins.
         origin: The grid's south-west corner.
-        side_m: Side of the grid.
+        height_m: Of the grid.
         step_s: Duration of a step of the sea.
         steps: T - 1.
         rng: Generator of the draws.
@@ -157,7 +160,7 @@ def positions(
     def of_steps() -> Iterator[NDArray[np.float64]]:
         for at_step in drifting.positions:
             x, y = metres_from(origin, at_step.lats_deg, at_step.lons_deg)
-            yield np.stack([x, flip_y(side_m, y)], axis=1)
+            yield np.stack([x, flip_y(height_m, y)], axis=1)
 
     survival, released_s = incident.survival, drifting.released_s
     if survival is None:
@@ -172,39 +175,41 @@ def positions(
 
 
 def nearest_cells(
-    origin: Origin, grid_size: int, cell_m: float, base: tuple[float, float], count: int,
+    origin: Origin, grid: GridShape, cell_m: float, base: tuple[float, float], count: int,
     mask: NDArray[np.bool_] | None,
 ) -> tuple[tuple[int, int], ...]:  # fmt: skip
     """Return the cells (col, row) nearest to a base, fewer than `count` if there are no more.
 
     Args:
         origin: The grid's south-west corner.
-        grid_size: G.
+        grid: Its shape.
         cell_m: Side of a cell.
         base: Latitude and longitude.
         count: Number of cells.
-        mask: (G, G) bool, the searched cells; None for all.
+        mask: (R, C) bool, the searched cells; None for all.
     """
     x, y = metres_from(origin, np.array([base[0]]), np.array([base[1]]))
-    rows, cols = np.indices((grid_size, grid_size))
-    distance = np.hypot((cols + 0.5) * cell_m - x, (grid_size - rows - 0.5) * cell_m - y)
+    rows, cols = np.indices(grid.matrix)
+    distance = np.hypot((cols + 0.5) * cell_m - x, (grid.rows - rows - 0.5) * cell_m - y)
     if mask is not None:
         distance[~mask] = np.inf
         count = min(count, int(mask.sum()))
     nearest = np.argsort(distance, axis=None, kind="stable")[:count]
-    return tuple((int(i % grid_size), int(i // grid_size)) for i in nearest)
+    return tuple((int(i % grid.columns), int(i // grid.columns)) for i in nearest)
 
 
-def _square(
-    x: NDArray[np.float64], y: NDArray[np.float64], cell_m: float, grid_size: int | None
-) -> tuple[tuple[float, float], int, float]:
-    """Return south-west corner, cells along a side and share inside of a square around tracks.
+def _around(
+    x: NDArray[np.float64], y: NDArray[np.float64], cell_m: float, grid: GridShape | None,
+    fits: bool,
+) -> tuple[tuple[float, float], GridShape, float]:  # fmt: skip
+    """Return south-west corner, shape and share inside of a grid around tracks.
 
     Args:
         x: (T, M), metres to the east.
         y: (T, M), metres to the north.
         cell_m: Side of a cell.
-        grid_size: G; None for as many as hold all but `OUTSIDE` of the tracks.
+        grid: Its shape; None for one that holds all but `OUTSIDE` of the tracks.
+        fits: Whether it then need not be a square.
     """
     ends = []
     for axis in (x, y):
@@ -212,24 +217,27 @@ def _square(
         low = np.quantile(axis.min(axis=0), OUTSIDE / 4)
         high = np.quantile(axis.max(axis=0), 1 - OUTSIDE / 4)
         ends.append((float(low), float(high)))
-    if grid_size is None:
+    if grid is None:
         # The margin covers the rotation of north between the grid's centre and its corner.
-        grid_size = math.ceil(max(high - low for low, high in ends) / cell_m) + 2
-    side = grid_size * cell_m
-    corner = tuple((low + high - side) / 2 for low, high in ends)
+        grid = GridShape(*(math.ceil((high - low) / cell_m) + 2 for low, high in ends))
+        grid = grid if fits else GridShape.square(grid.longer)
+    extent = grid.extent(cell_m)
+    corner = tuple((low + high - side) / 2 for (low, high), side in zip(ends, extent, strict=True))
     within = [
         ((axis >= start) & (axis < start + side)).all(axis=0)
-        for axis, start in zip((x, y), corner, strict=True)
+        for axis, start, side in zip((x, y), corner, extent, strict=True)
     ]
-    return (corner[0], corner[1]), grid_size, float((within[0] & within[1]).mean())
+    return (corner[0], corner[1]), grid, float((within[0] & within[1]).mean())
 
 
-def _distance(origin: Origin, side_m: float, incident: Incident) -> float:
+def _distance(origin: Origin, extent: GridExtent, incident: Incident) -> float:
     """Return the distance from an incident's base to the grid in metres, 0 inside."""
     assert incident.base is not None
     lat, lon = incident.base
     x, y = metres_from(origin, np.array([lat]), np.array([lon]))
-    beyond = [max(0.0, -float(v[0]), float(v[0]) - side_m) for v in (x, y)]
+    beyond = [
+        max(0.0, -float(v[0]), float(v[0]) - side) for v, side in zip((x, y), extent, strict=True)
+    ]
     return math.hypot(*beyond)
 
 

@@ -4,12 +4,11 @@
 
 from __future__ import annotations
 
-import math
-
 from dsse_ros.base.fields import FieldError
+from dsse_ros.base.grid_shape import GridShape
 
 MAX_SIDE = 10_000
-"""Cells along a side of the largest possible grid, the limit of a scenario's `grid_size`."""
+"""Cells along the longest possible side of a grid, the limit of a scenario's `grid_size`."""
 CELL_SIZE_M = (1e-3, 1e6)
 """Smallest and largest side of a cell."""
 LARGEST_GRID_CELLS = 4_000_000
@@ -24,16 +23,15 @@ MAX_SEED = 2**62
 """Largest seed of a parameter, an option or a file: the next missions' seeds are int64, too."""
 
 
-def check_cells(grid_size: int, max_cells: int) -> None:
+def check_cells(grid: GridShape, max_cells: int) -> None:
     """Raise for a grid with more than `max_cells`, before any memory is allocated for it.
 
     Raises:
         FieldError: If the grid is too large.
     """
-    if grid_size * grid_size > max_cells:
+    if grid.cells > max_cells:
         raise FieldError(
-            f"grid_size must be at most {math.isqrt(max_cells)} with max_cells {max_cells}, "
-            f"got {grid_size}"
+            f"grid_size must have at most {max_cells} cells, see max_cells, got {grid}"
         )
 
 

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from dsse_ros.base.defects import reason_of
 from dsse_ros.base.extras import pip_install
 from dsse_ros.base.fields import FieldError, shown
+from dsse_ros.base.grid_shape import GridShape
 from dsse_ros.world.scenario.array_files import check_numbers, read_npy
 from dsse_ros.world.scenario.limits import MAX_SIDE
 from dsse_ros.world.scenario.rasters import Raster, raster_of_grid
@@ -32,7 +33,7 @@ if TYPE_CHECKING:
 
 NAME = "probability_matrix"
 ALLOWED = (
-    f"a square matrix of finite numbers >= 0, not all 0, at most {MAX_SIDE} a side, or a file of "
+    f"a matrix of finite numbers >= 0, not all 0, at most {MAX_SIDE} a side, or a file of "
     "one: .npy, .csv, .tif or .tiff"
 )
 
@@ -46,7 +47,7 @@ _LOGGER = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class ProbabilityMatrix(ScenarioArray):
-    """A matrix (G, G) [row, col] with row 0 in the north; a raster on the Earth may be any (R, C).
+    """A matrix (R, C) [row, col] with row 0 in the north.
 
     Attributes:
         raster: Where its cells lie; None for those of the grid.
@@ -61,39 +62,29 @@ class ProbabilityMatrix(ScenarioArray):
     def _made(cls, path: str, array: NDArray[Any], raster: Raster | None = None) -> Self:
         check_numbers(array.dtype)
         if raster is None:
-            _check_square(array.shape)
+            _check_shape(array.shape)
         _check_values(array)
         digest, values = frozen(array)
         return cls(digest, path, values, raster)
 
-    @property
-    def side(self) -> int:
-        """See `ScenarioArray`."""
-        rows, cols = self.values.shape
-        if rows != cols:
-            raise FieldError(
-                f"grid_size or zone_size must be given with {self.source} of {rows} x {cols} cells"
-            )
-        return rows
-
-    def on_grid(self, grid_size: int, cell_size_m: float, origin: Origin) -> Self:
+    def on_grid(self, grid: GridShape, cell_size_m: float, origin: Origin) -> Self:
         """See `ScenarioArray`; a raster with other cells is resampled, and its sum is kept.
 
         Raises:
             FieldError: If it has another number of cells, or nothing on the grid.
         """
         if self.raster is None:
-            return super().on_grid(grid_size, cell_size_m, origin)
-        grid, shape = raster_of_grid(grid_size, cell_size_m, origin), self.values.shape
-        if shape == (grid_size, grid_size) and self.raster.is_near(grid, grid_size):
+            return super().on_grid(grid, cell_size_m, origin)
+        of_grid = raster_of_grid(grid, cell_size_m, origin)
+        if self.grid == grid and self.raster.is_near(of_grid, grid):
             return dataclasses.replace(self, raster=None)
-        values = self.raster.resampled(self.values, grid, grid_size)
+        values = self.raster.resampled(self.values, of_grid, grid)
         if not values.any():
             raise FieldError(
                 f"{NAME} must be on the grid of origin_lat, origin_lon and cell_size, got "
                 f"{self.source} elsewhere"
             )
-        _LOGGER.info("%s: %s of %d x %d cells is resampled on the grid", NAME, self.source, *shape)
+        _LOGGER.info("%s: %s of %s cells is resampled on the grid", NAME, self.source, self.grid)
         off = 1.0 - float(values.sum() / self.values.sum())
         if off > OFF_GRID:
             _LOGGER.warning("%s: %.1f %% of %s is off the grid", NAME, 100 * off, self.source)
@@ -104,14 +95,12 @@ class ProbabilityMatrix(ScenarioArray):
 _Read = tuple[NDArray[Any], Raster | None]
 
 
-def _check_square(shape: tuple[int, ...]) -> None:
+def _check_shape(shape: tuple[int, ...]) -> None:
     """Raise unless this shape is allowed, before any memory is allocated."""
     if len(shape) != 2:
         raise ValueError(f"it has {len(shape)} axes, not two")
-    if shape[0] != shape[1]:
+    if not all(1 <= size <= MAX_SIDE for size in shape):
         raise ValueError(f"it has {shape[0]} rows and {shape[1]} columns")
-    if not 1 <= shape[0] <= MAX_SIDE:
-        raise ValueError(f"it has {shape[0]} rows")
 
 
 def _check_values(array: NDArray[Any]) -> None:
@@ -130,7 +119,7 @@ def _check_values(array: NDArray[Any]) -> None:
 
 
 def _read_npy(path: str) -> _Read:
-    return read_npy(path, _check_square), None
+    return read_npy(path, _check_shape), None
 
 
 def _read_csv(path: str) -> _Read:

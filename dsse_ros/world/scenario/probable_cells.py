@@ -18,8 +18,8 @@ def most_probable(probability: NDArray[np.float32], count: int) -> list[Cell]:
     greedy policy (`Greedy`) and every user of the datum share this order.
 
     Args:
-        probability: Map (G, G).
-        count: Number of cells, at most G * G.
+        probability: Map (R, C).
+        count: Number of cells, at most R * C.
     """
     flat = probability.ravel()
     parted = np.partition(flat, flat.size - count)[flat.size - count :]
@@ -34,7 +34,7 @@ def most_probable(probability: NDArray[np.float32], count: int) -> list[Cell]:
 
 
 def datum_of(probability: NDArray[np.float32]) -> Cell:
-    """Return the most probable cell (col, row) of a map (G, G), as `most_probable`."""
+    """Return the most probable cell (col, row) of a map (R, C), as `most_probable`."""
     backwards = probability.ravel()[::-1]
     best = int(np.argmax(backwards))
     if np.isnan(backwards[best]):

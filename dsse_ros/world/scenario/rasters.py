@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from dsse_ros.base.defects import reason_of
 from dsse_ros.base.extras import pip_install
 from dsse_ros.base.fields import FieldError
+from dsse_ros.base.grid_shape import GridShape
 
 if TYPE_CHECKING:
     from dsse_ros.world.scenario.geodesy import Origin
@@ -37,19 +38,20 @@ class Raster(NamedTuple):
         corners = _applied(self.transform, *np.array([[0, cols, 0, cols], [0, 0, rows, rows]]))
         return bool(np.isfinite(_transformed(self.crs, "EPSG:4326", *corners)).all())
 
-    def is_near(self, other: Raster, side: int) -> bool:
-        """Return whether the cells of another raster, as many along a side, are the same."""
-        corners = np.array([[0, side, 0, side], [0, 0, side, side]])
+    def is_near(self, other: Raster, grid: GridShape) -> bool:
+        """Return whether the cells of another raster, of a grid of as many, are the same."""
+        (columns, rows) = grid
+        corners = np.array([[0, columns, 0, columns], [0, 0, rows, rows]])
         there = _transformed(other.crs, self.crs, *_applied(other.transform, *corners))
         return bool(np.abs(_applied(~self.transform, *there) - corners).max() <= _SAME_CELL)
 
     def resampled(
-        self, values: NDArray[np.float64], other: Raster, side: int
+        self, values: NDArray[np.float64], other: Raster, grid: GridShape
     ) -> NDArray[np.float64]:
-        """Return values (R, C) on the cells of another raster, (side, side); their sum is kept."""
+        """Return values (R, C) on the cells of the raster of a grid; their sum is kept."""
         from rasterio.warp import Resampling, reproject
 
-        found = np.zeros((side, side))
+        found = np.zeros(grid.matrix)
         reproject(
             values, found, src_crs=self.crs, src_transform=self.transform, dst_crs=other.crs,
             dst_transform=other.transform, resampling=Resampling.sum,
@@ -107,7 +109,7 @@ def geographic_raster(
     return (south, north, west, east), values
 
 
-def raster_of_grid(grid_size: int, cell_size_m: float, origin: Origin) -> Raster:
+def raster_of_grid(grid: GridShape, cell_size_m: float, origin: Origin) -> Raster:
     """Return the raster of a grid, row 0 in the north.
 
     x and y of the map frame are those of the orthographic projection of the ellipsoid about the
@@ -124,7 +126,7 @@ def raster_of_grid(grid_size: int, cell_size_m: float, origin: Origin) -> Raster
         for radius_m in (float(curvature(lat_deg)) for curvature in (transverse, meridian))
     )
     crs = CRS.from_dict(proj="ortho", lat_0=lat_deg, lon_0=lon_deg, datum="WGS84", units="m")
-    return Raster(crs, Affine(across, 0, 0, 0, -down, grid_size * down))
+    return Raster(crs, Affine(across, 0, 0, 0, -down, grid.rows * down))
 
 
 def _applied(transform: Any, x: Any, y: Any) -> NDArray[np.float64]:

@@ -15,6 +15,7 @@ from functools import cached_property
 from typing import Any
 
 from dsse_ros.base.fields import FieldError, check_all, check_known, field, shown, specs
+from dsse_ros.base.grid_shape import GridShape
 from dsse_ros.world.scenario.actions import ACTION_VECTORS, DIAGONAL, STRAIGHT, ActionSet
 from dsse_ros.world.sensors.registry import SENSORS
 from dsse_ros.world.sensors.sensor import SEARCH
@@ -231,7 +232,7 @@ class Rules(PersonRules, SeaRules, TerminationRules, CoverageRules, RewardRules,
     dispersion_inc: float = field(
         "float", "Default growth of the spread per step.", 0.0, low=0, unit="cells"
     )
-    grid_size: int = field("int", "Default number of cells along a side.", low=1, high=10000)
+    grid_size: GridShape = field("grid", "Default columns and rows of the grid.", low=1, high=10000)
     vector: tuple[float, float] = field("vector", "Default drift.", unit="cells per step")
     person_initial_position: tuple[int, int] | None = field(
         "cell", "Default cell of the person; by default the centre of the grid.", None
@@ -328,7 +329,7 @@ _PAPER = Rules(
     drift_axes_independent=True,
     circle=True,
     sigma=10,
-    grid_size=8,
+    grid_size=GridShape(8, 8),
     vector=(-0.5, -0.5),
 )
 
@@ -350,7 +351,7 @@ _V1 = _PAPER.override(
     reset_sea_steps=1,
     circle_on_previous_datum=True,
     person_walks_blind=True,
-    grid_size=7,
+    grid_size=GridShape(7, 7),
     person_initial_position=(0, 0),
 )
 
@@ -378,7 +379,7 @@ _V2 = Rules(
     person_motion="drift",
     person_first=True,
     person_scatter=2,
-    grid_size=20,
+    grid_size=GridShape(20, 20),
     vector=(1.1, 1),
     person_initial_position=(0, 0),
 )

@@ -15,8 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dsse_ros.base.fields import CustomField, FieldError, Spec, check_all, check_known, field, specs
+from dsse_ros.base.grid_shape import GridExtent, GridShape
 from dsse_ros.world.drift.leeway import Appearance
-from dsse_ros.world.scenario.area import Area, area_mask
+from dsse_ros.world.scenario.area import Area, area_mask, grid_around
 from dsse_ros.world.scenario.battery_fields import FULL
 from dsse_ros.world.scenario.cell_checks import (
     check_cell,
@@ -96,13 +97,22 @@ class Scenario(
         None,
         reader=ProbabilityMatrix,
     )
-    grid_size: int | None = field(
-        "int", "Cells along a side.", None, low=1, high=10000, unit="cells"
-    )
-    zone_size: float | None = field(
-        "float", "Side of the grid, instead of grid_size; rounded up to whole cells.",
+    grid_size: GridShape | tuple[int, int] | int | None = field(
+        "grid", "Columns and rows of the grid, or one number for a square.",
+        None, low=1, high=10000, unit="cells",
+    )  # fmt: skip
+    zone_size: GridExtent | tuple[float, float] | float | None = field(
+        "extent",
+        "Width and height of the grid, or one number for a square, instead of grid_size; rounded "
+        "up to whole cells.",
         None, above=0, high=1e7, unit="m",
     )  # fmt: skip
+    fit_grid: bool = field(
+        "bool",
+        "Whether the grid is as wide and high as the particles of an incident need, or else the "
+        "area, and no square.",
+        False,
+    )
     cell_size: float | None = field(
         "float", "Side of a cell; by default the camera's footprint.", None,
         low=CELL_SIZE_M[0], high=CELL_SIZE_M[1], unit="m",
@@ -231,7 +241,7 @@ class Scenario(
         Raises:
             FieldError: If fields contradict each other or do not fit the grid.
         """
-        arrays, on_grid = self._arrays(rules), _on_incident_grid(self, rules)
+        arrays, on_grid = self._arrays(rules), _on_own_grid(self, rules)
         if on_grid is not self:
             return dataclasses.replace(on_grid.resolve(rules), stated=self)
         grid, cell = self.grid_of(rules)
@@ -247,7 +257,7 @@ class Scenario(
         sigma = self.sigma if self.sigma is not None else rules.sigma
         growth = rules.dispersion_inc if self.dispersion_inc is None else self.dispersion_inc
         person = self.person_initial_position or rules.person_initial_position
-        person = person or (grid // 2, grid // 2)
+        person = person or (grid.columns // 2, grid.rows // 2)
         check_cell("person_initial_position", person, grid, mask)
         speed, toward = self.current_speed, self.current_toward
         vector = resolve_vector(rules, self.vector, speed, toward, fastest)
@@ -286,14 +296,14 @@ class Scenario(
         )
         return resolved
 
-    def grid_of(self, rules: Rules) -> tuple[int, float]:
-        """Return the cells along a side of the grid, and the side of a cell in metres.
+    def grid_of(self, rules: Rules) -> tuple[GridShape, float]:
+        """Return the shape of the grid, and the side of a cell in metres.
 
         Raises:
             FieldError: If fields contradict each other, or the grid is impossible.
         """
-        on_grid, cell = _on_incident_grid(self, rules), self.cell_m
-        return on_grid.cells_along_side(rules, cell), cell
+        on_grid, cell = _on_own_grid(self, rules), self.cell_m
+        return on_grid.grid_of_cells(rules, cell), cell
 
     @property
     def cell_m(self) -> float:
@@ -309,22 +319,34 @@ class Scenario(
             cell = SPECS["cell_size"].check(derived_from, round(cell, 3))
         return cell
 
-    def cells_along_side(self, rules: Rules, cell: float) -> int:
-        """Return the number of cells along a side of the grid, without regard to an incident.
+    def grid_of_cells(self, rules: Rules, cell: float) -> GridShape:
+        """Return the shape of the grid, without regard to an incident.
+
+        Args:
+            rules: The rules of the search.
+            cell: Side of a cell in metres.
 
         Raises:
             FieldError: If fields contradict each other.
         """
-        arrays = self._arrays(rules)
-        if self.zone_size is None:
-            side = self.grid_size
-            side = side or next((array.side for array in arrays.values()), rules.grid_size)
-            return SPECS["grid_size"].check("grid_size", side)
-        # The tolerance keeps rounding from adding a cell to a zone of exactly n cells.
-        grid = max(math.ceil(self.zone_size / cell - 1e-9), 1)
-        if self.grid_size not in (None, grid):
-            raise FieldError("grid_size and zone_size must agree; give only one")
-        return specs(Scenario)["grid_size"].check("grid_size (of zone_size)", grid)
+        arrays, name = self._arrays(rules), "grid_size"
+        zone: GridExtent | None = SPECS["zone_size"].check("zone_size", self.zone_size)
+        if zone is None:
+            shape = self.grid_size or next(
+                (array.grid for array in arrays.values()), rules.grid_size
+            )
+        else:
+            # The tolerance keeps rounding from adding a cell to a zone of exactly n cells.
+            shape = GridShape(*(max(math.ceil(m / cell - 1e-9), 1) for m in zone))
+            if self.grid_size not in (None, shape):
+                raise FieldError("grid_size and zone_size must agree; give only one")
+            name = "grid_size (of zone_size)"
+        grid: GridShape = SPECS["grid_size"].check(name, shape)
+        if rules.leave_policy == "fly_on" and grid.columns != grid.rows:
+            raise FieldError(
+                f"{name} must be a square with rules {rules.profile}, got {list(grid)}"
+            )
+        return grid
 
     def _arrays(self, rules: Rules) -> dict[str, ScenarioArray]:
         """Return the given arrays by field.
@@ -339,19 +361,19 @@ class Scenario(
         return arrays
 
     def _resolve_positions(
-        self, grid: int, mask: NDArray[np.bool_] | None, apart: bool
+        self, grid: GridShape, mask: NDArray[np.bool_] | None, apart: bool
     ) -> tuple[tuple[int, int], ...]:
         count = self.num_drones
         if self.drones_positions is None:
             count = 1 if count is None else count
-            most = grid * grid if mask is None else int(mask.sum())
+            most = grid.cells if mask is None else int(mask.sum())
             if count > most:
-                place = f"a {grid} x {grid} grid" if mask is None else "the area"
+                place = f"a {grid} grid" if mask is None else "the area"
                 raise FieldError(
                     f"num_drones must be at most {most}, one per cell of {place}, got {count}"
                 )
             cells = range(count) if mask is None else np.flatnonzero(mask)[:count].tolist()
-            return tuple((i % grid, i // grid) for i in cells)
+            return tuple((i % grid.columns, i // grid.columns) for i in cells)
         check_positions(self.drones_positions, grid, count, mask, apart)
         return self.drones_positions
 
@@ -368,7 +390,7 @@ class ResolvedScenario(Scenario):
 
     origin_lat: float
     origin_lon: float
-    grid_size: int
+    grid_size: GridShape
     cell_size: float
     num_drones: int
     drones_positions: tuple[tuple[int, int], ...]
@@ -402,7 +424,7 @@ class ResolvedScenario(Scenario):
 
     @property
     def area_mask(self) -> NDArray[np.bool_] | None:
-        """The searched cells, (G, G) bool [row, col], read-only; None for all."""
+        """The searched cells, (R, C) bool [row, col], read-only; None for all."""
         origin = (self.origin_lat, self.origin_lon, self.origin_alt)
         return area_mask(self.area, self.land, self.grid_size, self.cell_size, origin)
 
@@ -440,8 +462,8 @@ class ResolvedScenario(Scenario):
 
         assert self.incident is not None
         origin = (self.origin_lat, self.origin_lon, self.origin_alt)
-        side_m = self.grid_size * self.cell_size
-        return positions(self.incident, origin, side_m, self.step_duration_s, steps, rng, count)
+        height_m = self.grid_size.rows * self.cell_size
+        return positions(self.incident, origin, height_m, self.step_duration_s, steps, rng, count)
 
     @property
     def step_duration_s(self) -> float:
@@ -449,11 +471,11 @@ class ResolvedScenario(Scenario):
         return self.cell_size / max(self.speeds)
 
     @property
-    def other_ways(self) -> dict[str, float]:
+    def other_ways(self) -> dict[str, Any]:
         """The fields equivalent to grid_size and vector, with their derived values."""
         east, south = self.drift
         return {
-            "zone_size": self.grid_size * self.cell_size,
+            "zone_size": self.grid_size.extent(self.cell_size),
             "current_speed": math.hypot(east, south) * max(self.speeds),
             "current_toward": math.degrees(math.atan2(east, -south)) % 360.0,
         }
@@ -519,6 +541,43 @@ def _renamed(values: Mapping[str, Any], stated: Mapping[str, Any] | None = None)
     return renamed
 
 
+def _on_own_grid(scenario: Scenario, rules: Rules) -> Scenario:
+    """Return a scenario with the grid of its incident or area, if it has none of its own.
+
+    Raises:
+        FieldError: If other fields contradict them, or no grid fits.
+    """
+    fits, incident = scenario.fit_grid, scenario.incident
+    if fits and (scenario.grid_size is not None or scenario.zone_size is not None):
+        raise FieldError("fit_grid must be false with grid_size or zone_size, got true")
+    if incident is not None:
+        return _on_incident_grid(scenario, rules)
+    return _on_area_grid(scenario) if fits else scenario
+
+
+def _on_area_grid(scenario: Scenario) -> Scenario:
+    """Return a scenario with the grid around its area.
+
+    Raises:
+        FieldError: If it has no area, or states where the grid lies.
+    """
+    if scenario.area is None:
+        raise FieldError("fit_grid must come with an incident or an area, got true")
+    for name in ("origin_lat", "origin_lon"):
+        if getattr(scenario, name) is not None:
+            raise FieldError(f"{name} must not be given with fit_grid, which determines it")
+    cell = scenario.cell_m
+    grid, origin = grid_around(scenario.area, cell, scenario.origin_alt)
+    datum = scenario.person_initial_position
+    if datum is None:
+        mask = area_mask(scenario.area, scenario.land, grid, cell, origin)
+        datum = _nearest_searched((grid.columns // 2, grid.rows // 2), mask)
+    return dataclasses.replace(
+        scenario, fit_grid=False, origin_lat=origin[0], origin_lon=origin[1], grid_size=grid,
+        person_initial_position=datum,
+    )  # fmt: skip
+
+
 def _on_incident_grid(scenario: Scenario, rules: Rules) -> Scenario:
     """Return a scenario with the grid of its incident; the scenario itself if it has one already.
 
@@ -540,9 +599,9 @@ def _on_incident_grid(scenario: Scenario, rules: Rules) -> Scenario:
     cell, speeds = scenario.cell_m, scenario.speeds
     stated = None
     if scenario.grid_size is not None or scenario.zone_size is not None:
-        stated = scenario.cells_along_side(rules, cell)
+        stated = scenario.grid_of_cells(rules, cell)
     grid = lay_grid(
-        incident, cell_m=cell, alt_m=scenario.origin_alt, grid_size=stated,
+        incident, cell_m=cell, alt_m=scenario.origin_alt, grid=stated, fits=scenario.fit_grid,
         steps=scenario.timestep_limit or rules.timestep_limit, step_s=cell / max(speeds),
         speed_mps=min(speeds), seed=scenario.ensemble_seed,
     )  # fmt: skip
@@ -550,16 +609,16 @@ def _on_incident_grid(scenario: Scenario, rules: Rules) -> Scenario:
         steps = (FULL - scenario.battery_reserve) / scenario.battery_move
         check_transit(incident, grid.summary.begins_s, min(speeds), steps * cell / max(speeds))
     starts = scenario.drones_positions
-    mask = area_mask(scenario.area, scenario.land, grid.grid_size, cell, grid.origin)
+    mask = area_mask(scenario.area, scenario.land, grid.grid, cell, grid.origin)
     if starts is None and incident.base is not None:
         count = scenario.num_drones or 1
-        starts = nearest_cells(grid.origin, grid.grid_size, cell, incident.base, count, mask)
+        starts = nearest_cells(grid.origin, grid.grid, cell, incident.base, count, mask)
         # The check of num_drones refuses more drones than cells.
         starts = starts if len(starts) == count else None
     return dataclasses.replace(
         scenario, incident=dataclasses.replace(incident, grid_summary=grid.summary),
-        origin_lat=grid.origin[0], origin_lon=grid.origin[1], grid_size=grid.grid_size,
-        zone_size=None, drones_positions=starts, vector=grid.vector,
+        origin_lat=grid.origin[0], origin_lon=grid.origin[1], grid_size=grid.grid,
+        zone_size=None, fit_grid=False, drones_positions=starts, vector=grid.vector,
         person_initial_position=_nearest_searched(grid.datum, mask),
         sigma_x=grid.sigma[0], sigma_y=grid.sigma[1],
     )  # fmt: skip

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from dsse_ros.base.defects import reason_of
 from dsse_ros.base.fields import FieldError, shown
+from dsse_ros.base.grid_shape import GridShape
 from dsse_ros.world.scenario.rules import Rules
 from dsse_ros.world.targets.registry import ENSEMBLES, MOTIONS, TargetModel
 
@@ -123,29 +124,26 @@ class ScenarioArray:
         return {"path": self.path, "sha256": self.sha256}
 
     @property
-    def side(self) -> int:
-        """Cells along a side of the grid that the array fits.
+    def grid(self) -> GridShape:
+        """The shape of the grid that the array fits."""
+        rows, columns = self.values.shape[:2]
+        return GridShape(columns, rows)
 
-        Raises:
-            FieldError: If there is no such grid.
-        """
-        return len(self.values)
-
-    def on_grid(self, grid_size: int, cell_size_m: float, origin: Origin) -> Self:
+    def on_grid(self, grid: GridShape, cell_size_m: float, origin: Origin) -> Self:
         """Return the array on the cells of a grid.
 
         Args:
-            grid_size: Cells along a side.
+            grid: Its shape.
             cell_size_m: Side of a cell.
             origin: The grid's south-west corner.
 
         Raises:
             FieldError: If it has another number of cells.
         """
-        if self.side != grid_size:
+        if self.grid != grid:
             raise FieldError(
-                f"{self.NAME} must have {grid_size} x {grid_size} cells, as grid_size, got "
-                f"{self.source} of {self.side} x {self.side}"
+                f"{self.NAME} must have {grid} cells, columns x rows as grid_size, got "
+                f"{self.source} of {self.grid}"
             )
         return self
 

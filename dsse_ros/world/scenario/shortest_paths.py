@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dsse_ros.base.compiled.breadth_first import find_routes
+from dsse_ros.base.grid_shape import GridShape
 
 Cell = tuple[int, int]
 
@@ -19,7 +20,7 @@ class ShortestPaths:
     """Shortest paths within an area.
 
     Args:
-        area: (G, G) bool, [row, col].
+        area: (R, C) bool, [row, col].
         steps: The moves (dx, dy) in cells.
 
     Attributes:
@@ -33,18 +34,18 @@ class ShortestPaths:
         self._distances = lru_cache(maxsize=64)(self._find)
 
     def distances_to(self, goal: Cell) -> NDArray[np.int32]:
-        """Return the number of moves from each cell to the goal, (G, G); -1 without a path."""
+        """Return the number of moves from each cell to the goal, (R, C); -1 without a path."""
         return self._distances(goal, 1)
 
     def distances_from(self, start: Cell) -> NDArray[np.int32]:
-        """Return the number of moves from the start to each cell, (G, G); -1 without a path."""
+        """Return the number of moves from the start to each cell, (R, C); -1 without a path."""
         return self._distances(start, 1 if self.two_way else -1)
 
     def _find(self, end: Cell, sign: int) -> NDArray[np.int32]:
         """Return the distances to a cell (`sign` 1), or from it (-1)."""
         distances = np.full(self._area.shape, -1, np.int32)
-        size, number = len(distances), np.arange(len(self._steps))
-        if 0 <= end[0] < size and 0 <= end[1] < size and self._area[end[1], end[0]]:
+        number, grid = np.arange(len(self._steps)), GridShape.of(distances)
+        if grid.holds(*end) and self._area[end[1], end[0]]:
             steps = sign * np.array(self._steps, np.int64).reshape(-1, 2)
             moves, ratios = np.column_stack([steps, number]), np.ones(len(number))
             find_routes(
@@ -65,9 +66,5 @@ class ShortestPaths:
         ahead = [(col + dx, row + dy) for dx, dy in self._steps]
         if preferred in ahead:
             ahead.insert(0, preferred)
-        size = len(distances)
-        return next(
-            (x, y)
-            for x, y in ahead
-            if 0 <= x < size and 0 <= y < size and distances[y, x] == left - 1
-        )
+        grid = GridShape.of(distances)
+        return next((x, y) for x, y in ahead if grid.holds(x, y) and distances[y, x] == left - 1)

@@ -43,7 +43,7 @@ class Swarm:
 
         Args:
             names: Names of the actions by number.
-            area: (G, G) bool [row, col], the cells to search; None for the whole grid.
+            area: (R, C) bool [row, col], the cells to search; None for the whole grid.
 
         Raises:
             ValueError: If search is missing.

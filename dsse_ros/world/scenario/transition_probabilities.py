@@ -21,8 +21,9 @@ NAME = "transition_probabilities"
 LONGEST_SIDE = 1000
 """Cells along a side of the largest grid: its probabilities take 72 MB."""
 ALLOWED = (
-    f"an array (G, G, {STEPS}) or a matrix (G G, G G) of probabilities with G at most "
-    f"{LONGEST_SIDE}, or a .npy file of one, or a sparse matrix (CSR or CSC) in SciPy's .npz"
+    f"an array (R, C, {STEPS}) or, of a square grid, a matrix (G G, G G) of "
+    f"probabilities with at most {LONGEST_SIDE} a side, or a .npy file of one, or a sparse matrix "
+    "(CSR or CSC) in SciPy's .npz"
 )
 SUM_TOLERANCE = 1e-9
 
@@ -34,9 +35,10 @@ _LONGEST_TEXT = 64
 
 @dataclass(frozen=True)
 class TransitionProbabilities(ScenarioArray):
-    """The probabilities (G, G, 9) [row, col, step] of the steps from each cell; row 0 is north.
+    """The probabilities (R, C, 9) [row, col, step] of the steps from each cell; row 0 is north.
 
-    The steps are numbered as in `targets.motion`. A matrix [from, to] numbers the cells row by row.
+    The steps are numbered as in `targets.motion`. A matrix [from, to] of a square grid numbers the
+    cells row by row.
     """
 
     NAME = NAME
@@ -58,7 +60,7 @@ class TransitionProbabilities(ScenarioArray):
 
 
 def _check_cells(fine: NDArray[np.bool_], wanted: str, found: NDArray[np.float64]) -> None:
-    """Raise for the first cell that fails a check; the arrays are (G, G)."""
+    """Raise for the first cell that fails a check; the arrays are (R, C)."""
     if not fine.all():
         row, col = np.argwhere(~fine)[0].tolist()
         raise FieldError(
@@ -68,8 +70,10 @@ def _check_cells(fine: NDArray[np.bool_], wanted: str, found: NDArray[np.float64
 
 def _check_shape(shape: tuple[int, ...]) -> None:
     """Raise unless this shape is allowed, before any memory is allocated."""
-    side = shape[0] if len(shape) == 3 else math.isqrt(shape[0]) if shape else 0
-    if shape not in ((side, side, STEPS), (side**2, side**2)) or not 0 < math.prod(shape) <= _MOST:
+    side = math.isqrt(shape[0]) if len(shape) == 2 else 0
+    of_cells = len(shape) == 3 and shape[2] == STEPS and max(shape) <= LONGEST_SIDE
+    allowed = of_cells or shape == (side**2, side**2)
+    if not allowed or not 0 < math.prod(shape) <= _MOST:
         raise ValueError(f"its shape is {shape}")
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from dsse_ros.base.compiled.draws import draw_below
 from dsse_ros.base.compiled.jit import part
 from dsse_ros.world.targets.motion import NO_STEP, STEPS, PersonMotion
-from dsse_ros.world.targets.sea_map import cell_probability, is_masked
+from dsse_ros.world.targets.sea_map import cell_probability, grid_of, is_masked
 
 FACTORS = 100
 """A cell of a person's window is weighted by U{1..100} / 100."""
@@ -77,7 +77,7 @@ def best_cell_chances(constants, sea, x, y, window, out, scratch):
 @part
 def steps_to_north_west(constants, area, x, y):
     """Return whether a person in an all-zero window walks to the north-west."""
-    return constants.person_walks_blind and not is_masked(area, constants.grid_size, x - 1, y - 1)
+    return constants.person_walks_blind and not is_masked(area, grid_of(constants), x - 1, y - 1)
 
 
 @part

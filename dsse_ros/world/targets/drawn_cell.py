@@ -8,7 +8,7 @@ from __future__ import annotations
 from dsse_ros.base.compiled.draws import draw_unit
 from dsse_ros.base.compiled.jit import part
 from dsse_ros.world.targets.motion import STEPS, PersonMotion
-from dsse_ros.world.targets.sea_map import cell_probability, step_within
+from dsse_ros.world.targets.sea_map import cell_probability, grid_of, step_within
 
 DRIFT_WEIGHT = 0.05
 """Added to the probability of the cell to which a person drifts (DSSE 1.1.9)."""
@@ -36,7 +36,7 @@ def move_with_drift(constants, world, sea, person, direction):
             drawn = step
             break
     dx, dy = drawn % 3 - 1, drawn // 3 - 1
-    person.x, person.y = step_within(sea.area, constants.grid_size, person.x, person.y, dx, dy)
+    person.x, person.y = step_within(sea.area, grid_of(constants), person.x, person.y, dx, dy)
 
 
 @part

@@ -19,9 +19,12 @@ def tracks(scenario: Any, steps: int, rng: np.random.Generator, count: int) -> W
     drawn. Without a matrix, the prior is normal about the last known cell (`sigma_x`, `sigma_y`).
     """
     if scenario.probability_matrix is None:
-        (x, y), line = scenario.person_initial_position, np.arange(scenario.grid_size)
-        across = np.exp(-((line - x) ** 2) / (2.0 * scenario.sigma_x**2))
-        prior = np.outer(np.exp(-((line - y) ** 2) / (2.0 * scenario.sigma_y**2)), across)
+        (x, y), grid = scenario.person_initial_position, scenario.grid_size
+        across, along = np.arange(grid.columns) - x, np.arange(grid.rows) - y
+        prior = np.outer(
+            np.exp(-(along**2) / (2.0 * scenario.sigma_y**2)),
+            np.exp(-(across**2) / (2.0 * scenario.sigma_x**2)),
+        )
     else:
         prior = scenario.probability_matrix.values
     rows, cols = np.nonzero(prior)
@@ -35,7 +38,7 @@ def tracks(scenario: Any, steps: int, rng: np.random.Generator, count: int) -> W
 def count(scenario: Any) -> int:
     """Return the number of cells in which a person may start."""
     if scenario.probability_matrix is None:
-        return int(scenario.grid_size**2)
+        return int(scenario.grid_size.cells)
     return int(np.count_nonzero(scenario.probability_matrix.values))
 
 

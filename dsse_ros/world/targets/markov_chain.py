@@ -17,17 +17,17 @@ from dsse_ros.base.compiled.draws import draw_unit
 from dsse_ros.base.compiled.jit import part
 from dsse_ros.world.targets.motion import NO_STEP, STEPS, PersonMotion
 from dsse_ros.world.targets.random_walk import scale_of_steps, share_of_step
-from dsse_ros.world.targets.sea_map import is_inside, is_open
+from dsse_ros.world.targets.sea_map import grid_of, is_inside, is_open
 
 
 @part
 def chance_of_move(constants, area, transitions, x, y, step):
     """Return the probability of a step to another cell, 0 if it leads out of the area."""
-    g = constants.grid_size
+    grid = grid_of(constants)
     # A damaged snapshot can have a person off the grid.
-    if step == NO_STEP or not is_inside(g, x, y):
+    if step == NO_STEP or not is_inside(grid, x, y):
         return 0.0
-    if not is_open(area, g, x + step % 3 - 1, y + step // 3 - 1):
+    if not is_open(area, grid, x + step % 3 - 1, y + step // 3 - 1):
         return 0.0
     if transitions is None:
         scale = scale_of_steps(constants, area, x, y)
@@ -60,7 +60,7 @@ def chain_chances(constants, sea, x, y, _window, out, _scratch):
 
 
 def transitions(scenario: Any) -> NDArray[np.float64] | None:
-    """Return the probabilities of the steps from each cell, (G, G, 9) [row, col, step], read-only.
+    """Return the probabilities of the steps from each cell, (R, C, 9) [row, col, step], read-only.
 
     None if they are the same in all cells.
     """

@@ -17,7 +17,7 @@ from dsse_ros.base.compiled.draws import draw_below, draw_unit
 from dsse_ros.base.compiled.jit import inlined, kernel, part
 from dsse_ros.world.targets.motion import NO_STEP, STAND_STILL
 from dsse_ros.world.targets.registry import MOTIONS
-from dsse_ros.world.targets.sea_map import drift_per_step, is_masked, less_one
+from dsse_ros.world.targets.sea_map import drift_per_step, grid_of, is_masked, less_one
 
 MotionData = namedtuple("MotionData", MOTIONS, rename=True)  # type: ignore[misc]
 """The data of each motion under its name, None of those not in use."""
@@ -119,14 +119,14 @@ def draw_own_drift(constants, world, person):
 @part
 def scatter_persons(constants, world, area, persons, cells):
     """Put all but the first person in different cells within `person_scatter` of the start."""
-    g, s = constants.grid_size, constants.person_scatter
+    grid, s = grid_of(constants), constants.person_scatter
     x0, y0 = max(world.start_x - s, 0), max(world.start_y - s, 0)
-    width = min(world.start_x + s, g - 1) - x0 + 1
-    height = min(world.start_y + s, g - 1) - y0 + 1
+    width = min(world.start_x + s, grid.columns - 1) - x0 + 1
+    height = min(world.start_y + s, grid.rows - 1) - y0 + 1
     count = start = 0
     for k in range(width * height):
         x, y = x0 + k % width, y0 + k // width
-        if is_masked(area, g, x, y):
+        if is_masked(area, grid, x, y):
             continue
         if x == world.start_x and y == world.start_y:
             start = count

@@ -8,14 +8,14 @@ from __future__ import annotations
 from dsse_ros.base.compiled.draws import draw_unit
 from dsse_ros.base.compiled.jit import part
 from dsse_ros.world.targets.motion import NO_STEP, STEPS, PersonMotion
-from dsse_ros.world.targets.sea_map import is_open
+from dsse_ros.world.targets.sea_map import grid_of, is_open
 
 
 @part
 def share_of_step(constants, area, x, y, step):
     """Return the share of a step among those that leave the cell, 0 if it leads out."""
     if step == NO_STEP or not is_open(
-        area, constants.grid_size, x + step % 3 - 1, y + step // 3 - 1
+        area, grid_of(constants), x + step % 3 - 1, y + step // 3 - 1
     ):
         return 0.0
     return constants.person_steps[step]

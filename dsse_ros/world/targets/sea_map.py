@@ -22,15 +22,17 @@ from numpy.typing import NDArray
 
 from dsse_ros.base.compiled.jit import inlined, kernel, part
 from dsse_ros.base.compiled.streaming import LANES, stream_product
+from dsse_ros.base.grid_shape import GridShape
 
 
 class Sea(NamedTuple):
     """The sea of B worlds, or of one: then there is no first axis B.
 
     Attributes:
-        gauss: (1 or B, 2, 2 G + 1) float64, exponentials along x and y.
-        tails: (1 or B, 2, G + 2) float64, their tail sums.
-        area: (G, G) bool [row, col], the searched cells; None for all.
+        gauss: (1 or B, 2, 2 L + 1) float64, exponentials along x and y, L cells along the longer
+            side of the grid.
+        tails: (1 or B, 2, L + 2) float64, their tail sums.
+        area: (R, C) bool [row, col], the searched cells; None for all.
         runs: (R, 3) int64, the same by row, first and last column; None for all.
         data: The `person_kernels.MotionData`.
     """
@@ -42,16 +44,28 @@ class Sea(NamedTuple):
     data: Any
 
 
+@inlined
+def grid_of(constants):
+    """Return the `GridShape` of the grid."""
+    return GridShape(constants.columns, constants.rows)
+
+
+@inlined
+def middle_of(constants):
+    """Return the index of the centre in the exponentials of an axis: the longer side, L."""
+    return max(constants.columns, constants.rows)
+
+
 @part
-def fill_axis(gauss, tails, grid_size, sigma):
-    """Write exp(-d^2 / (2 sigma^2)) at gauss[G + d] and its sums over d' >= d at tails[d]."""
-    for d in range(grid_size + 1):
+def fill_axis(gauss, tails, middle, sigma):
+    """Write exp(-d^2 / (2 sigma^2)) at gauss[L + d] and its sums over d' >= d at tails[d]."""
+    for d in range(middle + 1):
         e = math.exp(-(d * d) / (2.0 * sigma * sigma))
-        gauss[grid_size + d] = e
-        gauss[grid_size - d] = e
-    tails[grid_size + 1] = 0.0
-    for d in range(grid_size, -1, -1):
-        tails[d] = tails[d + 1] + gauss[grid_size + d]
+        gauss[middle + d] = e
+        gauss[middle - d] = e
+    tails[middle + 1] = 0.0
+    for d in range(middle, -1, -1):
+        tails[d] = tails[d + 1] + gauss[middle + d]
 
 
 @part
@@ -90,41 +104,42 @@ def inside_circle(adx, ady, d2):
 
 
 @part
-def is_inside(g, x, y):
+def is_inside(grid, x, y):
     """Return whether a cell is on the grid."""
     # Cast to unsigned: negative numbers become larger than any grid.
-    return (np.uint64(x) < np.uint64(g)) & (np.uint64(y) < np.uint64(g))
+    return (np.uint64(x) < np.uint64(grid.columns)) & (np.uint64(y) < np.uint64(grid.rows))
 
 
 @part
-def is_masked(area, g, x, y):
+def is_masked(area, grid, x, y):
     """Return whether a cell is on the grid but not in the area."""
     if area is None:
         return False
-    return is_inside(g, x, y) and not area[y, x]
+    return is_inside(grid, x, y) and not area[y, x]
 
 
 @part
-def is_open(area, g, x, y):
+def is_open(area, grid, x, y):
     """Return whether a cell is on the grid and in the area."""
     if area is None:
-        return is_inside(g, x, y)
-    return is_inside(g, x, y) and area[y, x]
+        return is_inside(grid, x, y)
+    return is_inside(grid, x, y) and area[y, x]
 
 
 @part
-def step_within(area, g, x, y, dx, dy):
+def step_within(area, grid, x, y, dx, dy):
     """Return the cell that a step leads to; an axis along which it would leave does not change.
 
     If each axis alone would stay in the area but both together would not, x moves.
     """
     if area is None:
-        return x + dx if 0 <= x + dx < g else x, y + dy if 0 <= y + dy < g else y
-    if is_open(area, g, x + dx, y + dy):
+        to_x = x + dx if 0 <= x + dx < grid.columns else x
+        return to_x, y + dy if 0 <= y + dy < grid.rows else y
+    if is_open(area, grid, x + dx, y + dy):
         return x + dx, y + dy
-    if is_open(area, g, x + dx, y):
+    if is_open(area, grid, x + dx, y):
         return x + dx, y
-    if is_open(area, g, x, y + dy):
+    if is_open(area, grid, x, y + dy):
         return x, y + dy
     return x, y
 
@@ -132,17 +147,17 @@ def step_within(area, g, x, y, dx, dy):
 @part
 def cell_probability(constants, world, gauss, area, x, y):
     """Return the probability of the cell (x, y), 0 outside the grid and the area."""
-    g = constants.grid_size
-    if x < 0 or y < 0 or x >= g or y >= g:
+    if x < 0 or y < 0 or x >= constants.columns or y >= constants.rows:
         return 0.0
-    across, along = gauss[0, g + x - world.datum_x], gauss[1, g + y - world.datum_y]
+    middle = middle_of(constants)
+    across, along = gauss[0, middle + x - world.datum_x], gauss[1, middle + y - world.datum_y]
     return weighted_probability(constants, world, area, x, y, across, along)
 
 
 @part
 def weighted_probability(constants, world, area, x, y, across, along):
     """Return the probability of a cell of the grid from the two exponentials of `Sea.gauss`."""
-    if is_masked(area, constants.grid_size, x, y):
+    if is_masked(area, grid_of(constants), x, y):
         return 0.0
     adx, ady = abs(x - world.circle_x), abs(y - world.circle_y)
     if world.scale == 0.0:
@@ -153,13 +168,13 @@ def weighted_probability(constants, world, area, x, y, across, along):
 
 
 @part
-def rows_covered(world, g, d2):
+def rows_covered(world, grid, d2):
     """Return the number of rows fully covered on each side of the circle's centre, -1 for none."""
-    far = max(world.circle_x, g - 1 - world.circle_x)
+    far = max(world.circle_x, grid.columns - 1 - world.circle_x)
     rest = d2 - (2 * far + 1) * (2 * far + 1)
     if rest < 0:
         return -1
-    rows = min(np.int64(math.sqrt(rest) / 2), max(world.circle_y, g - 1 - world.circle_y))
+    rows = min(np.int64(math.sqrt(rest) / 2), max(world.circle_y, grid.rows - 1 - world.circle_y))
     while rows >= 0 and not inside_circle(far, rows, d2):
         rows -= 1
     return rows
@@ -171,7 +186,7 @@ def update_circle(world, circle):
 
     Args:
         world: The world.
-        circle: (G + 1,) int64 out, -1 for none and at most G, as no cell is farther; the last
+        circle: (L + 1,) int64 out, -1 for none and at most L, as no cell is farther; the last
             element is the diameter, so that consecutive worlds with equal circles share the work.
     """
     d = diameter(world)
@@ -191,24 +206,25 @@ def update_circle(world, circle):
 @part
 def circle_sum(constants, world, sea, circle):
     """Return the sum of the Gaussian over the cells of the circle."""
-    gauss, tails, g = sea.gauss, sea.tails, constants.grid_size
+    gauss, tails, middle = sea.gauss, sea.tails, middle_of(constants)
+    last_x, last_y = constants.columns - 1, constants.rows - 1
     x, y, d2 = world.circle_x, world.circle_y, diameter(world) ** 2
-    along_x = span_sum(tails[0], -world.datum_x, g - 1 - world.datum_x)
-    rows = rows_covered(world, g, d2)
+    along_x = span_sum(tails[0], -world.datum_x, last_x - world.datum_x)
+    rows = rows_covered(world, grid_of(constants), d2)
     total = 0.0
     if rows >= 0:
-        low, high = max(y - rows, 0), min(y + rows, g - 1)
+        low, high = max(y - rows, 0), min(y + rows, last_y)
         total = along_x * span_sum(tails[1], low - world.datum_y, high - world.datum_y)
-    for ady in range(rows + 1, max(y, g - 1 - y) + 1):
+    for ady in range(rows + 1, max(y, last_y - y) + 1):
         half_width = circle[ady]
         if half_width < 0:
             break
-        low, high = max(x - half_width, 0), min(x + half_width, g - 1)
+        low, high = max(x - half_width, 0), min(x + half_width, last_x)
         along_y = 0.0
         if y - ady >= 0:
-            along_y += gauss[1, g + y - ady - world.datum_y]
-        if ady > 0 and y + ady < g:
-            along_y += gauss[1, g + y + ady - world.datum_y]
+            along_y += gauss[1, middle + y - ady - world.datum_y]
+        if ady > 0 and y + ady <= last_y:
+            along_y += gauss[1, middle + y + ady - world.datum_y]
         total += along_y * span_sum(tails[0], low - world.datum_x, high - world.datum_x)
     return total
 
@@ -216,7 +232,7 @@ def circle_sum(constants, world, sea, circle):
 @part
 def area_sum(constants, world, sea, circle):
     """Return the sum of the Gaussian over the cells of the area, and of the circle if any."""
-    gauss, tails, runs, g = sea.gauss, sea.tails, sea.runs, constants.grid_size
+    gauss, tails, runs, middle = sea.gauss, sea.tails, sea.runs, middle_of(constants)
     total = 0.0
     for r in range(len(runs)):
         row, low, high = runs[r, 0], runs[r, 1], runs[r, 2]
@@ -228,7 +244,7 @@ def area_sum(constants, world, sea, circle):
             )
         if low <= high:
             along_x = span_sum(tails[0], low - world.datum_x, high - world.datum_x)
-            total += gauss[1, g + row - world.datum_y] * along_x
+            total += gauss[1, middle + row - world.datum_y] * along_x
     return total
 
 
@@ -239,9 +255,9 @@ def gaussian_sum(constants, world, sea, runs, circle):
         return area_sum(constants, world, sea, circle)
     if constants.circle:
         return circle_sum(constants, world, sea, circle)
-    last = constants.grid_size - 1
-    along_x = span_sum(sea.tails[0], -world.datum_x, last - world.datum_x)
-    return along_x * span_sum(sea.tails[1], -world.datum_y, last - world.datum_y)
+    last_x, last_y = constants.columns - 1, constants.rows - 1
+    along_x = span_sum(sea.tails[0], -world.datum_x, last_x - world.datum_x)
+    return along_x * span_sum(sea.tails[1], -world.datum_y, last_y - world.datum_y)
 
 
 @part
@@ -257,45 +273,46 @@ def normalise(constants, world, sea, circle):
 # Without inlining, writing large maps takes a third longer.
 @inlined
 def write_map(constants, world, sea, scratch, stream, out):
-    """Write the map (G, G) float32, out[y, x], row by row in memory order.
+    """Write the map (R, C) float32, out[y, x], row by row in memory order.
 
     `stream` is whether to write past the caches.
     """
-    g, gauss, circle, span = constants.grid_size, sea.gauss, scratch.circle, scratch.span
+    gauss, circle, span = sea.gauss, scratch.circle, scratch.span
+    columns, rows, middle = constants.columns, constants.rows, middle_of(constants)
     if world.scale == 0.0:
         out[:] = 0
         out[world.circle_y, world.circle_x] = 1
         return
     x, y = world.circle_x, world.circle_y
     # Slices that start at 0 compile to vector code.
-    weights = gauss[0, g - world.datum_x : 2 * g - world.datum_x]
-    rows = gauss[1, g - world.datum_y : 2 * g - world.datum_y]
-    for i in range(g):
+    weights = gauss[0, middle - world.datum_x : middle + columns - world.datum_x]
+    of_rows = gauss[1, middle - world.datum_y : middle + rows - world.datum_y]
+    for i in range(columns):
         span[i] = 0.0 if constants.circle else weights[i]
     if constants.circle:
         update_circle(world, circle)
     half_width = -1
-    for j in range(g):
+    for j in range(rows):
         # Between rows, only the ends of the circle's span of weights change.
         wanted = circle[abs(j - y)] if constants.circle else -1
         while half_width < wanted:
             half_width += 1
             if half_width <= x:
                 span[x - half_width] = weights[x - half_width]
-            if half_width < g - x:
+            if half_width < columns - x:
                 span[x + half_width] = weights[x + half_width]
         while half_width > wanted:
             if half_width <= x:
                 span[x - half_width] = 0.0
-            if half_width < g - x:
+            if half_width < columns - x:
                 span[x + half_width] = 0.0
             half_width -= 1
-        row, k = out[j], world.scale * rows[j]
+        row, k = out[j], world.scale * of_rows[j]
         if stream:
-            for i in range(0, g, LANES):
+            for i in range(0, columns, LANES):
                 stream_product(row, i, k, span)
         else:
-            for i in range(g):
+            for i in range(columns):
                 row[i] = k * span[i]
     cut_map(sea.area, out)
 
@@ -306,7 +323,7 @@ def cut_map(area, out):
     if area is None:
         return
     for j in range(len(area)):
-        for i in range(len(area)):
+        for i in range(area.shape[1]):
             out[j, i] = out[j, i] if area[j, i] else 0.0
 
 
@@ -319,7 +336,7 @@ def less_one(remainder):
 @part
 def drift(constants, world, area):
     """Move the datum by the drift of one step; it stays in the area."""
-    g = constants.grid_size
+    grid = grid_of(constants)
     if constants.drift_remainder_dropped:
         if abs(world.remainder_x) >= 1:
             world.remainder_x = 0.0
@@ -337,8 +354,8 @@ def drift(constants, world, area):
         world.remainder_x -= dx
         world.remainder_y -= dy
     if constants.drift_axes_independent:
-        world.datum_x, world.datum_y = step_within(area, g, world.datum_x, world.datum_y, dx, dy)
-    elif is_open(area, g, world.datum_x + dx, world.datum_y + dy):
+        world.datum_x, world.datum_y = step_within(area, grid, world.datum_x, world.datum_y, dx, dy)
+    elif is_open(area, grid, world.datum_x + dx, world.datum_y + dy):
         world.datum_x += dx
         world.datum_y += dy
 
@@ -348,7 +365,8 @@ def disperse(constants, world, sea):
     """Write the tables for the map's present spread; the first map has the initial spread."""
     gauss, tails = sea.gauss, sea.tails
     grown = max(world.map_steps - 1, 0) * constants.dispersion_inc
-    fill_axis(gauss[0], tails[0], constants.grid_size, constants.sigma_x + grown)
+    middle = middle_of(constants)
+    fill_axis(gauss[0], tails[0], middle, constants.sigma_x + grown)
     if constants.sigma_x == constants.sigma_y:
         # Assign element by element: a slice costs three seconds of compilation.
         for d in range(gauss.shape[1]):
@@ -356,7 +374,7 @@ def disperse(constants, world, sea):
         for d in range(tails.shape[1]):
             tails[1, d] = tails[0, d]
     else:
-        fill_axis(gauss[1], tails[1], constants.grid_size, constants.sigma_y + grown)
+        fill_axis(gauss[1], tails[1], middle, constants.sigma_y + grown)
 
 
 @part

@@ -23,7 +23,7 @@ from dsse_ros.search.belief.drift_estimate import misfits
 from dsse_ros.search.step.constants import CONSTANTS
 from dsse_ros.search.step.entities import WORLDS
 constants = np.zeros(1, CONSTANTS)
-constants["grid_size"] = 10
+constants["columns"] = constants["rows"] = 10
 out = np.zeros(1, np.int64)
 misfits(constants, np.zeros(1, WORLDS), None, np.array([[1, 2]]), np.array([[1.0, 2.0]]), out)
 print(out)

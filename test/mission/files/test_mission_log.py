@@ -275,7 +275,7 @@ def test_a_log_without_the_file_beside_it_is_refused_on_one_line(tmp_path: Path)
     file.unlink()
     with pytest.raises(FieldError, match="mission.csv.jsonl', which describes .* use --scenario$"):
         read_csv(path)
-    for wrong in ("", "[]", "{}", text.replace('"grid_size": 6', '"grid_size": 7'), "\0"):
+    for wrong in ("", "[]", "{}", text.replace('"grid_size": [6, 6]', '"grid_size": [7, 7]'), "\0"):
         file.write_text(wrong)
         with pytest.raises(FieldError, match="^file: ") as error:
             read_csv(path)

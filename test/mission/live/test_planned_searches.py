@@ -51,7 +51,7 @@ def test_a_unit_is_reported_once_when_it_is_done_and_counts_as_in_the_plan() -> 
         lons, lats = np.array(values["geometry"]["coordinates"]).T
         x, y, _ = geodetic_to_map(frame, lats, lons, 0.0)
         line = np.stack([x, y], axis=1)
-        assert line[:, 1] == pytest.approx(flip_y(frame.side_m, points[:, 1]), abs=0.01)
+        assert line[:, 1] == pytest.approx(flip_y(frame.extent.height, points[:, 1]), abs=0.01)
         area = SearchedArea(
             "a", (float(way.times_s[0]), float(way.times_s[-1])), [line], values.get("pod", 1.0),
             values["sweep_width"], values["law"] == INVERSE_CUBE,

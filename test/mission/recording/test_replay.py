@@ -556,7 +556,7 @@ def test_a_bag_without_agents_is_refused() -> None:
 def test_a_mission_on_a_larger_grid_than_is_allowed_is_not_replayed() -> None:
     flown = Flown()
     flown.fly(5)
-    cells = flown.mission.env.scenario.grid_size**2
+    cells = flown.mission.env.scenario.grid_size.cells
     (mission,) = Replay(flown.messages, max_cells=cells - 1).missions()
     assert mission.incomplete.startswith("grid_size must ") and mission.steps == 0
     (mission,) = Replay(flown.messages, max_cells=cells).missions()

@@ -8,6 +8,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
+from dsse_ros.base.grid_shape import GridShape
 from dsse_ros.mission.run.command_buffer import CommandBuffer
 from dsse_ros.mission.run.mission_space import CellMissionSpace
 from dsse_ros.search.environments.factories import parallel_env
@@ -141,7 +142,10 @@ def test_goals_are_flown_by_the_moves_of_a_drone_s_kind() -> None:
     actions = ActionSet(tuple(ACTION_VECTORS))
     rook = Searcher(doc="flies straight", moves=("left", "right", "up", "down"))
     never_back = Searcher(doc="flies to the south-east", moves=("right", "down"))
-    kinds = (actions, actions.of_kind(rook, GRID), actions.of_kind(never_back, GRID))
+    kinds = (
+        actions,
+        *(actions.of_kind(kind, GridShape.square(GRID)) for kind in (rook, never_back)),
+    )
     swarm = Swarm(actions, kinds, (0, 1, 2))
     buffer = buffer_of(swarm, 3)
     names, at = [], np.zeros((3, 2), np.int64)

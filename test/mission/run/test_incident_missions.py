@@ -63,12 +63,12 @@ def test_the_particles_are_in_their_cells_with_the_weights_of_the_belief(mission
     assert found is not None and mission.poc_outside is not None
     positions, weights = found
     assert weights.sum() == pytest.approx(1.0) and weights.std() > 0.0
-    s, size = mission.env.scenario, mission.env.scenario.grid_size
+    s, grid = mission.env.scenario, mission.env.scenario.grid_size
     col, row = np.floor(positions / s.cell_size).astype(int).T
-    row = size - 1 - row
-    inside = (col >= 0) & (col < size) & (row >= 0) & (row < size)
+    row = grid.rows - 1 - row
+    inside = (col >= 0) & (col < grid.columns) & (row >= 0) & (row < grid.rows)
     assert weights[~inside].sum() == pytest.approx(mission.poc_outside) and not inside.all()
-    poc = np.zeros((size, size))
+    poc = np.zeros(grid.matrix)
     np.add.at(poc, (row[inside], col[inside]), weights[inside])
     # A particle on the edge of a cell may be rounded into the next one.
     assert np.abs(poc - mission.belief()).sum() < 0.01

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from cell_search import CELL_M, At, CellSearch
 
+from dsse_ros.base.grid_shape import GridShape
 from dsse_ros.mission.vehicles.vehicle_looks import MOST_WAITING, PassedCells
 
 LEGS = ["right", "right", "down", "left", "search", "search", "up"]
@@ -95,7 +96,7 @@ def test_a_straight_path_passes_as_many_cells_as_it_is_long(course_deg: float) -
     for offset in offsets:
         begin = np.array([30.0, 30.013]) + offset * np.array([-way[1], way[0]]) * 10.0
         path = (begin + np.linspace(0.0, 10.0, 17)[:, None] * way) * CELL_M
-        count += len(PassedCells(CELL_M, 100).take(path, np.ones(17, bool)))
+        count += len(PassedCells(CELL_M, GridShape.square(100)).take(path, np.ones(17, bool)))
     assert count / len(offsets) == pytest.approx(10.0, abs=0.4)
 
 
@@ -108,7 +109,7 @@ def test_looks_that_come_too_fast_wait_for_the_next_steps() -> None:
 
 
 def test_a_vehicle_that_stays_anywhere_passes_no_cell_again() -> None:
-    draw, passed = np.random.default_rng(2), PassedCells(CELL_M, 12)
+    draw, passed = np.random.default_rng(2), PassedCells(CELL_M, GridShape.square(12))
     for place in draw.uniform(3.0, 9.0, (50, 2)):
         path = place * CELL_M + draw.uniform(-8.0, 8.0, (100, 2))
         passes = [over.cell for over in passed.take(path, draw.random(100) < 0.5)]
@@ -120,10 +121,10 @@ def test_a_pass_counts_once_although_positions_were_missing_during_it() -> None:
     looked = np.ones(31, bool)
     for first in (3, 8, 13, 18, 23):
         looked[first : first + 4] = False
-    passes = PassedCells(CELL_M, 12).take(path, looked)
+    passes = PassedCells(CELL_M, GridShape.square(12)).take(path, looked)
     assert [over.cell for over in passes] == [(4, 4), (5, 4), (6, 4)]
     looked[5:16] = False
-    passes = PassedCells(CELL_M, 12).take(path, looked)
+    passes = PassedCells(CELL_M, GridShape.square(12)).take(path, looked)
     assert [over.cell for over in passes] == [(5, 4), (6, 4)]
 
 

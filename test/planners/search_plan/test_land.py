@@ -30,8 +30,10 @@ def test_the_land_is_where_the_shore_is() -> None:
     frame, land = scenario_frame(scenario), Land(scenario)
     assert scenario.incident is not None
     assert scenario.incident.land is not None
-    points = np.random.default_rng(0).uniform(0.0, frame.side_m, (500, 2))
-    lats, lons, _ = map_to_geodetic(frame, points[:, 0], flip_y(frame.side_m, points[:, 1]), 0.0)
+    points = np.random.default_rng(0).uniform(0.0, frame.extent.width, (500, 2))
+    lats, lons, _ = map_to_geodetic(
+        frame, points[:, 0], flip_y(frame.extent.height, points[:, 1]), 0.0
+    )
     on_land = scenario.incident.land.prepared()(lats, lons)
     shares = np.array([land.share_of(np.stack([point, point])) for point in points])
     assert 0.02 < on_land.mean() < 0.98

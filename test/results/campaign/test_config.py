@@ -135,6 +135,6 @@ def test_a_chain_in_the_folder_of_the_file_is_part_of_the_definition(tmp_path: P
             "scenarios: [{person_motion: markov_chain, transition_probabilities: chain.npy}]\n"
         )
         campaign = Campaign.from_yaml(tmp_path / "campaign.yaml")
-        assert campaign.cases[0].scenario.grid_size == 9
+        assert campaign.cases[0].scenario.grid_size == (9, 9)
         digests.append(campaign.digest)
     assert digests[0] != digests[1]

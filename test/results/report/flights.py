@@ -85,7 +85,7 @@ def fly(
         steps: At most so many in the last mission.
         searching: Part of the actions that are searches.
     """
-    mission = Mission(env, seeds[0], belief=env.scenario.grid_size <= 50)
+    mission = Mission(env, seeds[0], belief=env.scenario.grid_size.longer <= 50)
     flown = []
     for seed in seeds:
         draw = np.random.default_rng(seed)

@@ -121,8 +121,8 @@ def metrics_of(
         "expected_time_at_least": waited_s + (0.0 if first_s else (1 - pos) * left_s),
         "expected_time_at_most": waited_s + (1 - pos) * left_s,
         "time_to_detection": first_s,
-        "coverage": len(set(cells)) / info["grid_size"] ** 2,
-        "coverage_factor": len(cells) / info["grid_size"] ** 2,
+        "coverage": len(set(cells)) / math.prod(info["grid_size"]),
+        "coverage_factor": len(cells) / math.prod(info["grid_size"]),
         "redundancy": 1 - len(set(cells)) / len(cells),
         "searches": len(cells),
         "path_length": sum(length),
@@ -269,7 +269,7 @@ def test_a_bag_that_does_not_say_what_was_searched_needs_a_scenario(
     assert main([*arguments, "--scenario", str(tmp_path / "scenario.yaml")]) == 0
     assert (out / "figures" / "map_step_1.png").is_file()
     assert main([*arguments, "--scenario", "santos"]) == 2
-    assert "scenario: 20 cells of 130 m a side are not the recorded 9" in capsys.readouterr().err
+    assert "scenario: 20 x 20 cells of 130 m are not the recorded 9 x 9" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(
@@ -292,7 +292,9 @@ def test_a_bag_without_a_mission_is_refused(
 def test_a_bag_of_a_larger_grid_than_is_allowed_is_refused(tmp_path: Path) -> None:
     env = environment()
     fly(env, Bag(tmp_path / "mission.mcap", env))
-    with pytest.raises(FieldError, match="mission 1: grid_size must be at most 8 with .* got 9"):
+    with pytest.raises(
+        FieldError, match="mission 1: grid_size must have at most 80 cells.* got 9 x 9"
+    ):
         MissionBag(tmp_path / "mission.mcap", max_cells=80)
     assert MissionBag(tmp_path / "mission.mcap", max_cells=81).missions
     line = "--max-cells=80"

@@ -251,7 +251,7 @@ def test_a_record_in_metres_is_exported_as_paths_and_strips(tmp_path: Path, vehi
     for n, name in enumerate(record.agents):
         track = metres(marks[name].findtext(".//LineString/coordinates", "", KML))
         flown_m = np.vstack([paths[0, n, -1:], paths[1:, n, 1:].reshape(-1, 2)])
-        flown_m[:, 1] = flip_y(frame.side_m, flown_m[:, 1])
+        flown_m[:, 1] = flip_y(frame.extent.height, flown_m[:, 1])
         assert np.abs(track - flown_m).max() < 0.01
         polygons = [
             shapely.Polygon(

@@ -13,6 +13,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from dsse_ros.base.grid_shape import GridShape
 from dsse_ros.world.scenario.frames import GridFrame
 from dsse_ros.world.scenario.geodesy import cell_to_geodetic
 from dsse_ros.world.scenario.probability_matrix import ProbabilityMatrix
@@ -48,8 +49,8 @@ def test_cells_are_within_a_centimetre_of_their_place(
     tmp_path_factory: pytest.TempPathFactory, frame: GridFrame
 ) -> None:
     path = tmp_path_factory.getbasetemp() / "placed.tif"
-    write_geotiff(path, frame, {"of": a_matrix(frame.grid_size)})
-    edges = np.linspace(0, frame.grid_size, 5)
+    write_geotiff(path, frame, {"of": a_matrix(frame.grid_size.columns)})
+    edges = np.linspace(0, frame.grid_size.columns, 5)
     row, col = (edges_of.ravel() for edges_of in np.meshgrid(edges, edges))
     with rasterio.open(path) as raster:
         x, y = xy(raster.transform, row, col, offset="ul")
@@ -90,7 +91,7 @@ def test_a_scenario_takes_it_as_probability_matrix_of_its_grid(tmp_path: Path) -
         warnings.simplefilter("error")
         matrix = ProbabilityMatrix.read(path)
     assert np.array_equal(matrix.values, a_matrix(12))
-    on_grid = matrix.on_grid(12, 130.0, (-24.04, -46.17, 5.0))
+    on_grid = matrix.on_grid(GridShape.square(12), 130.0, (-24.04, -46.17, 5.0))
     assert np.array_equal(on_grid.values, matrix.values)
 
 

@@ -238,7 +238,7 @@ def test_a_mission_of_one_step_on_a_large_grid_has_a_report(
         (["LOG", "--scenario", "atlantis"], "mission 1: scenario: 'atlantis' is not a file"),
         (
             ["LOG", "--scenario", "santos"],
-            "mission 1: scenario: 20 cells of 130 m a side do not have the recorded",
+            "mission 1: scenario: 20 x 20 cells of 130 m do not have the recorded",
         ),
         (["LOG", "--out", "LOG"], "must be a folder, got a file"),
     ],

@@ -47,7 +47,7 @@ def test_what_is_read_is_what_was_flown(rules: str, tmp_path: Path) -> None:
         assert record.pos is not None and record.pos.tolist() == one.pos
         assert record.person_found is not None
         assert record.person_found[-1].tolist() == one.found_persons
-        assert (record.grid_size, record.scenario.cell_size) == (9, 130.0)
+        assert (record.grid_size, record.scenario.cell_size) == ((9, 9), 130.0)
         assert record.complete and not record.missing_steps
 
 
@@ -87,7 +87,7 @@ def test_what_drones_did_is_read_of_where_they_were_whatever_they_observed(tmp_p
     log.close()
     (record,) = read_csv(path)
     assert np.array_equal(record.cells, cells)
-    assert (record.grid_size, record.scenario.cell_size) == (12, 130)
+    assert (record.grid_size, record.scenario.cell_size) == ((12, 12), 130)
     forecast = forecast_for(record, None)
     assert forecast is not None
     pos, _ = follow_belief(record, forecast)
@@ -138,7 +138,7 @@ def test_a_mission_that_was_cut_off_is_read_to_its_last_whole_step(
         ((",drone0,3,4,", ",drone0,3,x,"), "mission 1: invalid literal"),
         (
             (",drone0,3,4,", ",drone0,7,4,"),
-            "9 cells of 130 m a side do not have the",
+            "9 cells of 130 m do not have the",
         ),
         (("drone", "plane"), "mission 1: no drone"),
         (("mission,step", "mission,stop"), "is neither the CSV of a mission nor a bag"),
@@ -165,10 +165,10 @@ def test_another_scenario_than_that_of_the_record_is_refused(tmp_path: Path) -> 
         return lambda _: SearchDefinition(env.rules, env.scenario)
 
     for fields, says in (
-        ({"grid_size": 12}, "scenario: 12 cells of 130 m a side do not have the recorded pos"),
+        ({"grid_size": 12}, "scenario: 12 x 12 cells of 130 m do not have the recorded pos"),
         (
             {"cell_size": 10.0},
-            "scenario: 9 cells of 10 m a side do not have the",
+            "scenario: 9 x 9 cells of 10 m do not have the",
         ),
         ({"timestep_limit": 2}, "scenario: timestep_limit must allow the recorded"),
     ):
@@ -216,7 +216,7 @@ def test_a_field_takes_no_room_in_all_others(
 
 def test_a_grid_that_is_larger_than_it_may_be_is_refused(tmp_path: Path) -> None:
     recorded(tmp_path / "mission.csv")
-    says = "mission 1: grid_size must be at most 8 with max_cells 80, got 9"
+    says = "mission 1: grid_size must have at most 80 cells, see max_cells, got 9 x 9"
     with pytest.raises(FieldError, match=says):
         read_csv(tmp_path / "mission.csv", max_cells=80)
     assert read_csv(tmp_path / "mission.csv", max_cells=81)

@@ -58,11 +58,11 @@ CASES = {
     ),
     "more cells than there may be": Case(
         "-p scenario.grid_size:=101 -p max_cells:=10000",
-        "grid_size must be at most 100 with max_cells 10000, got 101",
+        "grid_size must have at most 10000 cells, see max_cells, got 101 x 101",
     ),
     "zone of more cells than there may be": Case(
         "-p scenario.zone_size:=1300000.0 -p scenario.cell_size:=130.0",
-        "with max_cells 4000000, got 10000",
+        "at most 4000000 cells, see max_cells, got 10000 x 10000",
     ),
     "person outside": Case(
         "-p scenario.grid_size:=4 -p scenario.person_initial_position:=[-1,0]",

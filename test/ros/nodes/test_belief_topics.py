@@ -15,6 +15,7 @@ from nav_msgs.msg import OccupancyGrid
 from rig import LATCHED, RELIABLE, Rig, occupancy, stamp_ns
 from sensor_msgs.msg import Image
 
+from dsse_ros.base.grid_shape import GridShape
 from dsse_ros.ros.nodes.settings import SimSettings
 from dsse_ros.search.environments.factories import parallel_env
 from msg_adapters.images import image_to_probability
@@ -88,7 +89,7 @@ def test_no_belief_is_computed_where_none_is_wanted(rig: Rig, tmp_path: Path) ->
 
 @pytest.mark.parametrize("grid_size", [50, 51])
 def test_large_grids_have_a_belief_where_it_is_asked_for(grid_size: int) -> None:
-    assert SimSettings().has_belief(grid_size) == (grid_size == 50)
-    assert SimSettings(publish_belief=True).has_belief(grid_size)
-    assert SimSettings(compute_pos="always").has_belief(grid_size)
-    assert not SimSettings(compute_pos="never").has_belief(grid_size)
+    assert SimSettings().has_belief(GridShape.square(grid_size)) == (grid_size == 50)
+    assert SimSettings(publish_belief=True).has_belief(GridShape.square(grid_size))
+    assert SimSettings(compute_pos="always").has_belief(GridShape.square(grid_size))
+    assert not SimSettings(compute_pos="never").has_belief(GridShape.square(grid_size))

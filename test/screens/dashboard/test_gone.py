@@ -27,7 +27,7 @@ def page(rig: Rig, address: str) -> Rig:
 def started(rig: Rig, namespace: str) -> Sim:
     """A simulation that has begun to listen: one that is interrupted before ends otherwise."""
     sim = rig.sim(MISSION, namespace=namespace)
-    assert sim.get("scenario.grid_size") == [6]
+    assert list(sim.get("scenario.grid_size")[0]) == [6, 6]
     return sim
 
 

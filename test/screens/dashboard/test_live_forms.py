@@ -110,7 +110,7 @@ def test_a_repeated_input_says_so() -> None:
 
 
 def test_contacts_are_ranked_labelled_and_chosen_by_a_click_near_them() -> None:
-    side_m = FRAME.side_m
+    side_m = FRAME.extent.width
     contacts = tuple(
         ShownContact(name, state, *place_at(FRAME, x, 1 - y), x * side_m, y * side_m, 20.0, time_s,
                      "", 1, probability)

@@ -68,7 +68,7 @@ def test_a_sighting_is_added_by_a_click_on_the_map_and_shows_its_change(
     enabled(page, "Add the sighting").click()
     answered(page, "^sighting: place is missing: click on the map")
     canvas = page.locator("canvas.mission-map")
-    cell = canvas.bounding_box()["width"] / frame.grid_size
+    cell = canvas.bounding_box()["width"] / frame.grid_size.columns
     canvas.click(position={"x": 12.5 * cell, "y": 20.5 * cell})
     place = page.get_by_label("Latitude, longitude", exact=True)
     page.wait_for_function("(field) => field.value", arg=place.element_handle())
@@ -158,8 +158,8 @@ def test_the_most_probable_contact_is_first_and_one_that_is_clicked_is_the_one_t
     button(page, f"Confirm {names[2]}").wait_for()
     # A click on the map chooses the contact there.
     canvas = page.locator("canvas.mission-map")
-    share = canvas.bounding_box()["width"] / frame.side_m
-    canvas.click(position={"x": 2500 * share, "y": (frame.side_m - 3610) * share})
+    share = canvas.bounding_box()["width"] / frame.extent.width
+    canvas.click(position={"x": 2500 * share, "y": (frame.extent.width - 3610) * share})
     (there,) = [row for row in page.evaluate("() => Object.keys(window.labels)") if row == "c4"]
     button(page, f"Dismiss {there}").wait_for()
     assert page.locator("tr.chosen").get_attribute("data-contact") == there

@@ -207,7 +207,7 @@ def test_latitude_and_longitude_are_those_under_the_mouse_and_the_keys(
     frame = agents_from_json(sim.rig.first(String, "/agents").data).frame
     canvas = shown.page.locator("canvas.mission-map")
     box = canvas.bounding_box()
-    cell = box["width"] / frame.grid_size
+    cell = box["width"] / frame.grid_size.columns
     canvas.hover(position={"x": 6.5 * cell, "y": 2.5 * cell})
 
     def read(col: int, row: int) -> None:

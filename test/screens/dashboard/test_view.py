@@ -175,7 +175,7 @@ def test_the_map_or_the_belief_is_shown(page: Shown) -> None:
 def test_a_page_says_what_it_waits_for(page: Shown) -> None:
     assert "Waiting for a simulation" in page.view.waiting()
     frame = page.draw()
-    assert frame is not None and frame["grid"] == 0
+    assert frame is not None and frame["grid"] == [0, 0]
     page.receive("publishers", 1)
     assert "Waiting for the first step_report in /" in page.view.waiting()
     (step,) = page.played.play(3, steps=0)
@@ -388,7 +388,7 @@ def test_the_sea_of_an_incident_is_sent_once_and_wind_and_current_with_each_step
         ((kind, east, north, label),) = frame["corner"]
         assert kind == "wind" and east > 0 and abs(north) < 1e-3 and "from 270°" in label
     (((x, y), radius, label, to, lines),) = first["chart"]["sightings"]
-    side = page.played.frame.grid_size * page.played.frame.cell_size_m
+    side = page.played.frame.extent.width
     lat, lon, _ = map_to_geodetic(page.played.frame, x * side, (1 - y) * side, 0.0)
     assert (lat, lon) == (pytest.approx(-24.0, abs=1e-6), pytest.approx(-46.0, abs=1e-6))
     assert not lines and label == "LKP 13:00Z" and radius == pytest.approx(300 / side)
@@ -411,7 +411,7 @@ def test_marks_and_scale_are_where_and_as_long_as_they_state(page: Shown, window
     assert lons and lats
     for places, edge in ((easts, window.west), (souths, window.north)):
         assert all(edge - 1e-9 <= at <= edge + 1 / window.zoom + 1e-9 for at in places)
-    side = page.played.frame.grid_size * page.played.frame.cell_size_m
+    side = page.played.frame.extent.width
     length, label = frame["edges"]["scale"]
     assert length * side == pytest.approx(float(label.removesuffix(" m")))
     assert 0.1 < length * window.zoom < 0.3

@@ -104,15 +104,15 @@ def test_the_predicted_share_of_finds_is_what_happens_at_every_step(case: str) -
 @pytest.mark.parametrize("case", CASES)
 def test_a_belief_that_hears_of_no_search_is_how_persons_spread(case: str) -> None:
     world, belief = world_and_belief(MISSIONS, **CASES[case])
-    g = world.grid_size
+    grid = world.grid_size
     hold = np.full(world.drones.shape, -1, np.int8)
     for _ in range(20):
         belief.advance()
         # A flag ends a mission of v1, but nobody gets one here.
         world.step(hold)
     x, y = world.persons["x"].ravel(), world.persons["y"].ravel()
-    inside = (x >= 0) & (y >= 0) & (x < g) & (y < g)
-    counts = np.zeros((g, g))
+    inside = (x >= 0) & (y >= 0) & (x < grid.columns) & (y < grid.rows)
+    counts = np.zeros(grid.matrix)
     np.add.at(counts, (y[inside], x[inside]), 1)
     wanted = belief.poc() * world.persons.size
     likely = wanted >= 5

@@ -45,7 +45,7 @@ def test_it_is_a_target_belief() -> None:
     # Checked by mypy.
     belief: TargetBelief = belief_of()
     forecast: TargetForecast = belief.forecast
-    assert belief.step == 0 and belief.pos == 0.0 and forecast.side == G + 6
+    assert belief.step == 0 and belief.pos == 0.0 and forecast.padded == (G + 6, G + 6)
 
 
 @pytest.mark.slow
@@ -131,7 +131,7 @@ def test_expected_finds_are_those_of_the_searches_one_after_the_other(
         worth *= gamma
     assert expected.finds[0] == pytest.approx(finds, abs=1e-12)
     assert expected.left.sum() == pytest.approx(1.0 - ahead.pos)
-    left = expected.left.reshape(forecast.side, -1)[3:-3, 3:-3]
+    left = expected.left.reshape(forecast.padded.matrix)[3:-3, 3:-3]
     assert left == pytest.approx((1.0 - ahead.pos) * ahead.poc(), abs=1e-12)
     assert belief.pos == 0.0
 
@@ -142,8 +142,8 @@ def test_futures_are_tracks_by_their_weights() -> None:
     futures = belief.futures(40_000, 5, np.random.default_rng(0))
     ahead = belief.copy()
     for h in range(6):
-        counted = np.bincount(futures.cells[h], minlength=ahead.forecast.side**2) / 40_000
-        inner = counted.reshape(ahead.forecast.side, -1)[3:-3, 3:-3]
+        counted = np.bincount(futures.cells[h], minlength=ahead.forecast.padded.cells) / 40_000
+        inner = counted.reshape(ahead.forecast.padded.matrix)[3:-3, 3:-3]
         assert inner == pytest.approx(ahead.poc(), abs=1e-2)
         assert 1.0 - inner.sum() == pytest.approx(ahead.outside, abs=1e-2)
         ahead.advance()
@@ -170,7 +170,7 @@ def greedy_plan(belief: EnsembleBelief, start: tuple[int, int]) -> NDArray[np.in
     actions, forecast = [], belief.forecast
     cell, action_set = start, forecast.rules.action_set
     for _ in range(forecast.scenario.timestep_limit):
-        row, col = divmod(int(belief.poc().argmax()), forecast.scenario.grid_size)
+        row, col = divmod(int(belief.poc().argmax()), forecast.scenario.grid_size.columns)
         end = action_set.towards(cell, (col, row))
         actions.append(action_set.action(cell, end))
         if end == cell:

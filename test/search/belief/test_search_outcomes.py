@@ -238,7 +238,7 @@ def test_after_failed_searches_persons_are_found_as_often_as_expected() -> None:
         world.step(np.full((missions, 4), search, np.int8))
         found_none &= ~world.persons["found"].any(axis=1)
     assert found_none.sum() > 500
-    of_classes = belief.of_missing().reshape(2, -1, belief.forecast.side**2).sum(axis=1)
+    of_classes = belief.of_missing().reshape(2, -1, belief.forecast.padded.cells).sum(axis=1)
     assert of_classes.sum(axis=1) == pytest.approx([0.5, 0.5])
     columns = [belief.forecast.column(cell) for cell in at]
     expected = 2 * float((world.looks.pods[0, belief.examples] @ of_classes)[columns].sum())

@@ -15,9 +15,9 @@ from dsse_ros.search.environments.parallel_env import SearchEnv
 Cell = tuple[int, int]
 
 
-def cells(size: int) -> st.SearchStrategy[Cell]:
-    """Cells (col, row) of a grid."""
-    return st.tuples(st.integers(0, size - 1), st.integers(0, size - 1))
+def cells(size: tuple[int, int]) -> st.SearchStrategy[Cell]:
+    """Cells (col, row) of a grid of some columns and rows."""
+    return st.tuples(*(st.integers(0, count - 1) for count in size))
 
 
 def drifts() -> st.SearchStrategy[float]:
@@ -35,8 +35,8 @@ def missions(
     draw: st.DrawFn, max_grid: int = 10, max_drones: int = 6, max_persons: int = 3
 ) -> dict[str, Any]:
     """Keyword arguments of `parallel_env`, everything stated."""
-    size = draw(st.integers(1, max_grid))
-    count = draw(st.integers(1, min(max_drones, size * size)))
+    size = draw(st.tuples(st.integers(1, max_grid), st.integers(1, max_grid)))
+    count = draw(st.integers(1, min(max_drones, size[0] * size[1])))
     starts = draw(st.lists(cells(size), min_size=count, max_size=count, unique=True))
     return {
         "grid_size": size,

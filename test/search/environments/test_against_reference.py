@@ -56,7 +56,7 @@ def may_move(probability: Map, old: Cell, new: Cell) -> bool:
     around = [(old[0] + dx, old[1] + dy) for dy in (-1, 0, 1) for dx in (-1, 0, 1)]
     if new not in around:
         return False
-    possible = [c for c in around if on_grid(c, len(probability))]
+    possible = [c for c in around if on_grid(c, probability.shape[::-1])]
     values = {(col, row): float(probability[row, col]) for col, row in possible}
     # A number too small for a product with 1 / 100 may count as nothing.
     if max(values.values(), default=0.0) < 1e-300:
@@ -171,7 +171,7 @@ PODS = st.just(1.0) | st.floats(0.05, 1.0)
 @example(
     # A whole mission of a drone that never finds anybody: to the limit and past it.
     {
-        "grid_size": 9,
+        "grid_size": (9, 9),
         "num_drones": 1,
         "drones_positions": [(0, 8)],
         "person_initial_position": (8, 0),
@@ -189,7 +189,7 @@ PODS = st.just(1.0) | st.floats(0.05, 1.0)
 @example(
     # A full grid: a drone that moves inside it collides.
     {
-        "grid_size": 3,
+        "grid_size": (3, 3),
         "num_drones": 9,
         "drones_positions": [(i % 3, i // 3) for i in range(9)],
         "person_initial_position": (1, 1),
@@ -231,9 +231,13 @@ def test_reset_options_state_the_next_mission_and_only_that(
 ) -> None:
     env = parallel_env(**usual)
     size = usual["grid_size"]
-    start = tuple(c % size for c in other["person_initial_position"])
+    start = tuple(
+        c % count for c, count in zip(other["person_initial_position"], size, strict=True)
+    )
     options = {"vector": other["vector"], "person_initial_position": start}
-    if other["num_drones"] == usual["num_drones"] and other["grid_size"] <= size:
+    if other["num_drones"] == usual["num_drones"] and all(
+        count <= most for count, most in zip(other["grid_size"], size, strict=True)
+    ):
         options["drones_positions"] = other["drones_positions"]
     for given_options in (options, None, options):
         env.reset(seed=1, options=given_options)

@@ -12,6 +12,7 @@ from areas import CELL_M, ORIGIN, geojson_of
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from dsse_ros.base.grid_shape import GridShape
 from dsse_ros.search.environments.factories import parallel_env
 from dsse_ros.search.environments.parallel_env import SearchEnv
 from dsse_ros.search.environments.ways_home import ways_home
@@ -204,7 +205,7 @@ def test_the_way_home_takes_the_steps_that_are_foreseen(
     cell = (home % G, home // G)
     if not area[cell[1], cell[0]]:
         return
-    ways = ways_home(actions, area if in_area else None, G, [cell], [shares])
+    ways = ways_home(actions, area if in_area else None, GridShape.square(G), [cell], [shares])
     measure = actions.within(area if in_area else None)
     for row, col in np.argwhere(area).tolist():
         here, steps, moves, heading, progress = (col, row), 0, 0, -1, 0.0
@@ -236,4 +237,4 @@ def test_a_battery_that_is_empty_loses_its_drone() -> None:
 def test_ways_home_too_large_to_be_kept_are_refused_on_one_line() -> None:
     actions = ActionSet(("left", "right", "up", "down", "search"))
     with pytest.raises(ValueError, match=r"with battery_move, got 3 drones on 9000 x"):
-        ways_home(actions, None, 9000, [(0, 0), (1, 0), (2, 0)], [1.0] * 5)
+        ways_home(actions, None, GridShape.square(9000), [(0, 0), (1, 0), (2, 0)], [1.0] * 5)

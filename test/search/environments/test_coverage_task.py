@@ -42,13 +42,14 @@ def covering(matrix: Any, **fields: Any) -> SearchEnv:
 @st.composite
 def tasks(draw: st.DrawFn) -> dict[str, Any]:
     """Keyword arguments of `parallel_env`, some matrices with cells that need no visit."""
-    size = draw(st.integers(1, 5))
+    columns, rows = size = draw(st.tuples(st.integers(1, 5), st.integers(1, 5)))
+    count = columns * rows
     weights = draw(
-        st.lists(st.sampled_from([0, 0, 1, 2, 5]), min_size=size**2, max_size=size**2).filter(any)
+        st.lists(st.sampled_from([0, 0, 1, 2, 5]), min_size=count, max_size=count).filter(any)
     )
-    starts = draw(st.lists(cells(size), min_size=1, max_size=min(3, size**2), unique=True))
+    starts = draw(st.lists(cells(size), min_size=1, max_size=min(3, count), unique=True))
     return {
-        "probability_matrix": np.array(weights, float).reshape(size, size),
+        "probability_matrix": np.array(weights, float).reshape(rows, columns),
         "drones_positions": starts,
         "timestep_limit": draw(st.integers(1, 40)),
         "probability_of_detection": draw(st.sampled_from([1.0, 0.9, 0.0])),
@@ -81,7 +82,7 @@ def test_a_cell_is_rewarded_once_and_it_ends_when_all_is_covered_or_at_the_limit
         for i, (dx, dy) in enumerate(MOVES[number] for number in joint):
             x, y = places[i][0] + dx, places[i][1] + dy
             reward = RULES.move if in_time else 0.0
-            if in_time and 0 <= x < len(poc) and 0 <= y < len(poc):
+            if in_time and 0 <= x < poc.shape[1] and 0 <= y < len(poc):
                 places[i] = (x, y)
                 if left[y, x] > 0:
                     to_cover -= 1

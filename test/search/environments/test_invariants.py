@@ -39,7 +39,7 @@ class Watch:
 
     def check(self, rewards: dict[str, float]) -> None:
         env = self.env
-        size = env.world.grid_size
+        grid = env.world.grid_size
         self.check_map()
         assert set(rewards) == self.agents
         assert set(env.agents) <= self.agents
@@ -47,12 +47,12 @@ class Watch:
         found = persons_found(env)
         assert found >= self.found
         self.found = found
-        assert env.positions.min() >= 0 and env.positions.max() < size
+        assert env.positions.min() >= 0 and (env.positions < grid).all()
         cells = [tuple(env.positions[env.possible_agents.index(a)]) for a in env.agents]
         assert len(set(cells)) == len(cells)
         persons = person_cells(env)
         for i, (old, new) in enumerate(zip(self.persons, persons, strict=True)):
-            assert 0 <= new[0] < size and 0 <= new[1] < size
+            assert grid.holds(*new)
             assert max(abs(new[0] - old[0]), abs(new[1] - old[1])) <= (i not in found)
         self.persons = persons
         count = len(persons)

@@ -35,7 +35,7 @@ def test_the_public_arguments_keep_their_names_and_are_keywords() -> None:
 
 def test_every_argument_arrives_in_the_scenario() -> None:
     fields: dict[str, Any] = {
-        "grid_size": 9,
+        "grid_size": (9, 7),
         "num_drones": 3,
         "vector": (0.25, -0.5),
         "person_initial_position": (4, 5),
@@ -133,7 +133,7 @@ def test_the_mask_forbids_exactly_what_leaves_the_grid(size: int) -> None:
         for action in range(5):
             _, infos = env.reset(options={"drones_positions": [cell]})
             allowed = infos["drone0"]["action_mask"][action]
-            assert allowed == on_grid(moved((cell[0], cell[1]), action), size)
+            assert allowed == on_grid(moved((cell[0], cell[1]), action), (size, size))
             np.testing.assert_array_equal(infos["drone0"]["action_mask"], env.action_masks()[0])
             put_person(env, (0, 0) if cell != (0, 0) else (size - 1, size - 1))
             _, rewards, *_ = step(env, action)
@@ -169,12 +169,12 @@ def test_the_order_of_the_actions_given_does_not_matter() -> None:
 def test_the_state_shows_map_drones_persons_and_time(fields: dict[str, Any], seed: int) -> None:
     env = started(seed, **fields)
     generator = np.random.default_rng(seed)
-    size = fields["grid_size"]
+    shape = fields["grid_size"][::-1]
     for done in range(12):
         state = env.state()
-        assert state.dtype == np.float32 and state.shape == (4, size, size)
+        assert state.dtype == np.float32 and state.shape == (4, *shape)
         np.testing.assert_array_equal(state[0], env.probability)
-        drones, persons = np.zeros((2, size, size))
+        drones, persons = np.zeros((2, *shape))
         for agent in env.agents:
             col, row = env.positions[env.possible_agents.index(agent)]
             drones[row, col] += 1

@@ -54,7 +54,7 @@ def test_drones_start_row_by_row_by_default() -> None:
     assert env.positions.tolist() == [[2, 1], [0, 2]]
 
 
-@given(st.integers(1, 12).flatmap(lambda size: st.tuples(st.just(size), cells(size))))
+@given(st.integers(1, 12).flatmap(lambda size: st.tuples(st.just(size), cells((size, size)))))
 @settings(deadline=None, max_examples=25)
 def test_the_first_map_has_all_the_probability_in_the_person_s_cell(
     drawn: tuple[int, Cell],

@@ -70,7 +70,7 @@ def transitions(fields: dict[str, Any], steps: int) -> list[tuple[Map, Counter[t
     world = worlds(**fields)
     size = fields["grid_size"]
     reference = PlainSearch(
-        size, [(0, 0)], fields["person_initial_position"], fields["vector"],
+        (size, size), [(0, 0)], fields["person_initial_position"], fields["vector"],
         (fields["sigma_x"], fields["sigma_y"]), 1,
     )  # fmt: skip
     seen = []

@@ -82,7 +82,7 @@ junk = st.recursive(
 numbers = st.floats(allow_nan=False, allow_infinity=False)
 near = st.floats(1e-3, 1e4)
 plausible: dict[str, st.SearchStrategy[Any]] = {
-    "grid_size": st.integers(1, 30),
+    "grid_size": st.integers(1, 30) | st.tuples(st.integers(1, 30), st.integers(1, 30)),
     "zone_size": numbers.map(abs) | near,
     "cell_size": numbers.map(abs) | near,
     "altitude": numbers.map(abs) | near,
@@ -122,7 +122,7 @@ def refusal(attempt: Any) -> str | None:
 def try_out(scenario: Scenario) -> None:
     """Play a little, if that is cheap."""
     plain = scenario.resolve(PAPER)
-    cheap = (plain.grid_size or 0) <= 30 and (plain.num_drones or 0) <= 100
+    cheap = plain.grid_size.longer <= 30 and (plain.num_drones or 0) <= 100
     if not cheap or plain.person_amount > 100 or plain.pre_search_steps > 2000:
         return
     env = parallel_env(scenario)

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from play import missions, some_actions
 
@@ -27,6 +27,7 @@ from dsse_ros.search.environments.wrappers import (
     SeenDiscount,
     top_cells,
 )
+from dsse_ros.world.scenario.rules import profile
 
 STEPS = 12
 
@@ -56,11 +57,15 @@ def searches(draw: st.DrawFn) -> dict[str, Any]:
     for name, values in (faults | others).items():
         if draw(st.integers(0, 3)) == 0:
             fields[name] = draw(values)
+    columns, rows = fields["grid_size"]
+    flies_on = fields.get("leave_policy", profile(rules).leave_policy) == "fly_on"
+    assume(columns == rows or not flies_on)
     if rules == "coverage":
-        size = fields["grid_size"]
         if draw(st.booleans()):
-            values = draw(st.lists(st.floats(0.1, 1e3), min_size=size**2, max_size=size**2))
-            fields["probability_matrix"] = np.reshape(values, (size, size))
+            values = draw(
+                st.lists(st.floats(0.1, 1e3), min_size=columns * rows, max_size=columns * rows)
+            )
+            fields["probability_matrix"] = np.reshape(values, (rows, columns))
     else:
         fields["observe"] = draw(st.sampled_from(["map", "belief"]))
     return fields
@@ -120,11 +125,11 @@ def test_what_worlds_of_a_batch_observe_lies_in_their_spaces(
     fields: dict[str, Any], encoding: Encoding | None, discount: int, retained: bool, seed: int
 ) -> None:
     inner = vector_env(2, **fields)
-    drones, size = inner.world.num_drones, inner.world.grid_size
+    drones, grid = inner.world.num_drones, inner.world.grid_size
     seen = SeenDiscount(discount) if discount else None
     batch = JointVectorEnv(inner)
     space = batch.single_observation_space
-    of_drone = encoding and encoding.space(drones, size, inner.rules.margin)
+    of_drone = encoding and encoding.space(drones, grid, inner.rules.margin)
     rng = np.random.default_rng(seed)
     starts = {"drones_positions": inner.scenario.drones_positions[::-1]} if retained else {}
     observed, infos = batch.reset(seed=seed, options=starts)

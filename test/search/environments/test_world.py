@@ -93,7 +93,7 @@ def test_however_long_the_sea_has_drifted_a_map_is_written_in_as_many_steps() ->
         each.reset()
     # The circle is far outside the grid: its rows end at the grid's edge, and the map has none.
     assert world.worlds["map_steps"][0] == 20_000
-    assert world._scratch[0].circle[:-1].max() <= world.grid_size
+    assert world._scratch[0].circle[:-1].max() <= world.grid_size.longer
     assert np.allclose(world.maps, plain.maps, rtol=1e-6)
 
 

@@ -217,7 +217,9 @@ def test_what_cannot_be_observed_is_named() -> None:
             make(observe="person")
     with pytest.raises(FieldError, match="lazy must be false with observe belief"):
         vector_env(2, observe="belief", lazy=True)
-    with pytest.raises(FieldError, match="grid_size must be smaller.* with beliefs .* got 900"):
+    with pytest.raises(
+        FieldError, match="grid_size must be smaller.* with beliefs .* got 900 x 900"
+    ):
         vector_env(2, grid_size=900, observe="belief")
 
 

@@ -79,7 +79,7 @@ def test_vehicles_fly_their_tracks_at_speed_without_a_stop_by_the_clock_of_the_s
 ) -> None:
     search, fleet = fly(autopilot)
     assert not any(one.lost or one.refused for one in fleet.controller.dispatchers), fleet.shown()
-    cell_m, side_m = FRAME.cell_size_m, FRAME.side_m
+    cell_m, side_m = FRAME.cell_size_m, FRAME.extent.height
     for i, flown in enumerate(search.flown):
         # The first seconds are the start from a hover.
         assert flown[-1][0] == pytest.approx(6 * search.step_s, abs=1.0)
@@ -165,7 +165,7 @@ def test_a_fixed_wing_takes_off_climbs_in_a_circle_and_flies_its_tracks(
         assert flight.vehicle.craft.up_m == pytest.approx(40.0 - 5.0 * i, abs=3.5)
         # It turns where a drone of the kind would have.
         ways = [(way[i] + 0.5) * FRAME.cell_size_m * (1, -1) for way in search.ways]
-        assert away_m(flown, np.concatenate(ways) + (0.0, FRAME.side_m)) < 80.0
+        assert away_m(flown, np.concatenate(ways) + (0.0, FRAME.extent.height)) < 80.0
     # It holds, and returns, in circles.
     fleet.controller.operate(0, "hold")
     answer = "ordered to return, and to circle over home until a pilot lands it: drone1"
@@ -195,7 +195,7 @@ def test_what_the_vehicles_have_flown_is_what_the_mission_has() -> None:
         t, x, y = np.array(search.flown[i]).T
         at_s = np.linspace(begin_s, end_s, len(path))
         flown = np.stack(
-            [np.interp(at_s, t, x), flip_y(FRAME.side_m, np.interp(at_s, t, y))], axis=1
+            [np.interp(at_s, t, x), flip_y(FRAME.extent.height, np.interp(at_s, t, y))], axis=1
         )
         # A position comes every quarter of a second.
         assert np.hypot(*(path - flown).T).max() < 0.5 * 10.0

@@ -172,11 +172,11 @@ class VirtualSearch:
     def advance(self, actions: Sequence[int] | None = None) -> None:
         """Do a step, with random actions that stay on the grid."""
         chosen = list(actions or [])
-        size = self.frame.grid_size
+        grid = self.frame.grid_size
         for i, (col, row) in enumerate(self.cells):
             allowed = [
                 a for a, (dx, dy) in enumerate(MOVES)
-                if 0 <= col + dx < size and 0 <= row + dy < size
+                if grid.holds(col + dx, row + dy)
             ]  # fmt: skip
             if actions is None:
                 chosen.append(self._random.choice(allowed))
@@ -308,7 +308,7 @@ class VirtualFleet:
         self, run_id: int, cells: Sequence[tuple[int, int]] | None = None, **options: Any
     ) -> VirtualSearch:
         """Start a simulation."""
-        starts = cells or [(i % self.frame.grid_size, 3) for i in range(len(self.flights))]
+        starts = cells or [(i % self.frame.grid_size.columns, 3) for i in range(len(self.flights))]
         search = VirtualSearch(run_id, starts, options.pop("frame", self.frame), **options)
         self.searches.append(search)
         self.publish(search)

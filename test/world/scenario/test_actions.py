@@ -10,6 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from play import cells
 
+from dsse_ros.base.grid_shape import GridShape
 from dsse_ros.search.environments.agents import Observation
 from dsse_ros.search.environments.factories import parallel_env
 from dsse_ros.world.scenario.actions import ACTION_VECTORS, ActionSet, Cell, connected_components
@@ -25,10 +26,10 @@ def test_the_way_to_a_cell_is_as_long_as_its_distance(
     names: list[str], size: int, data: st.DataObject
 ) -> None:
     actions = ActionSet(names)
-    here, goal = data.draw(cells(size)), data.draw(cells(size))
+    here, goal = data.draw(cells(GridShape.square(size))), data.draw(cells(GridShape.square(size)))
     for left in range(actions.distance(here, goal), 0, -1):
         step = actions.towards(here, goal)
-        assert step in actions.neighbours(here, size)
+        assert step in actions.neighbours(here, GridShape.square(size))
         dx, dy = actions.moves[actions.action(here, step)]
         here = (here[0] + dx, here[1] + dy)
         assert actions.distance(here, goal) == left - 1
@@ -39,7 +40,7 @@ def test_without_all_four_diagonals_none_is_flown() -> None:
     assert ActionSet(ACTION_VECTORS).diagonal
     fewer = ActionSet([name for name in ACTION_VECTORS if name != "up_left"])
     assert not fewer.diagonal
-    assert len(fewer.neighbours((2, 2), 5)) == 4
+    assert len(fewer.neighbours((2, 2), GridShape.square(5))) == 4
 
 
 def test_what_cannot_be_searched_or_crossed_is_refused() -> None:
@@ -81,7 +82,7 @@ def kinds_in_areas(draw: st.DrawFn) -> tuple[ActionSet, Searcher, ActionSet, int
     moves = [name for name in names if name != "search"]
     kind = Searcher(doc="any", moves=tuple(draw(st.lists(st.sampled_from(moves), unique=True))))
     actions = ActionSet(names, area)
-    return actions, kind, actions.of_kind(kind, size), size
+    return actions, kind, actions.of_kind(kind, GridShape.square(size)), size
 
 
 def moves_of(actions: ActionSet, kind: Searcher, size: int, cell: Cell) -> set[Cell]:
@@ -106,16 +107,16 @@ def test_a_kind_flies_by_the_moves_that_it_has(
     ahead = moves_of(actions, kind, size, start)
     ends = able.ends([start] * len(able), range(len(able)))
     assert {end for end, can in zip(ends, able.able, strict=True) if can} >= ahead | {start}
-    assert set(able.neighbours(start, size)) <= ahead
+    assert set(able.neighbours(start, GridShape.square(size))) <= ahead
     # Routes may leave out single diagonal moves; breadth first over those that they use.
     steps, reached = {start: 0}, [start]
     for cell in reached:
-        for neighbour in able.neighbours(cell, size):
+        for neighbour in able.neighbours(cell, GridShape.square(size)):
             if neighbour not in steps:
                 steps[neighbour] = steps[cell] + 1
                 reached.append(neighbour)
     assert able.distance(start, goal) == steps.get(goal, -1)
-    distances = able.distances(start, size)
+    distances = able.distances(start, GridShape.square(size))
     assert all(distances[y, x] == steps.get((x, y), -1) for x, y in inside)
     reachable = able.reachable(start)
     assert reachable is None or {(x, y) for x, y in inside if reachable[y, x]} == set(steps)
@@ -129,8 +130,11 @@ def test_a_kind_flies_by_the_moves_that_it_has(
 
 def test_a_kind_that_can_do_all_has_the_actions_of_the_rules() -> None:
     actions = ActionSet(ACTION_VECTORS)
-    assert actions.of_kind(Searcher(doc="any"), 5) is actions
-    assert actions.of_kind(Searcher(doc="any", moves=tuple(ACTION_VECTORS)), 5) is actions
+    assert actions.of_kind(Searcher(doc="any"), GridShape.square(5)) is actions
+    assert (
+        actions.of_kind(Searcher(doc="any", moves=tuple(ACTION_VECTORS)), GridShape.square(5))
+        is actions
+    )
 
 
 @given(kinds_in_areas(), st.data())
@@ -139,7 +143,9 @@ def test_drones_are_grouped_by_the_cells_that_they_can_reach(
 ) -> None:
     actions, _, able, size = made
     swarm = data.draw(st.lists(st.sampled_from([actions, able]), min_size=1, max_size=4))
-    at = data.draw(st.lists(cells(size), min_size=len(swarm), max_size=len(swarm)))
+    at = data.draw(
+        st.lists(cells(GridShape.square(size)), min_size=len(swarm), max_size=len(swarm))
+    )
     components = connected_components(swarm, at)
     assert sorted(drone for drones, _ in components for drone in drones) == [*range(len(swarm))]
     for drones, component in components:

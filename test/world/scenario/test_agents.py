@@ -12,6 +12,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from dsse_ros.base.grid_shape import GridShape
 from dsse_ros.world.scenario.agents import (
     AgentsInfo,
     agents_from_json,
@@ -36,7 +37,7 @@ INFOS = st.builds(
     seed=st.none() | st.integers(),
     frame=st.builds(
         GridFrame,
-        grid_size=st.integers(1, 10_000),
+        grid_size=st.builds(GridShape, st.integers(1, 10_000), st.integers(1, 10_000)),
         cell_size_m=st.floats(0.001, 1e6),
         origin_lat_deg=st.floats(-90, 90),
         origin_lon_deg=st.floats(-180, 180),
@@ -185,8 +186,8 @@ def test_a_message_names_no_file_to_be_read(tmp_path):
             "num_drones must be 2, .* got 100000000",
         ),
         ({"num_drones": 3, "drones_positions": None}, "num_drones must be 2, .* got 3"),
-        ({"grid_size": 10_000}, "grid_size must be 8, .* got 10000"),
-        ({"grid_size": None, "zone_size": 1e6}, "grid_size must be 8, .* got 7693"),
+        ({"grid_size": 10_000}, "grid_size must be 8 x 8, .* got 10000 x 10000"),
+        ({"grid_size": None, "zone_size": 1e6}, "grid_size must be 8 x 8, .* got 7693 x 7693"),
     ],
 )
 def test_a_definition_of_another_search_takes_no_memory(fields, line, little_memory):
@@ -200,8 +201,8 @@ def test_a_definition_of_another_search_takes_no_memory(fields, line, little_mem
 
 
 def test_no_grid_is_larger_than_that_of_a_scenario():
-    with pytest.raises(ValueError, match="^agents.grid_size must be at most 10000, got 10001"):
-        agents_from_json(changed(["grid_size"], 10_001))
+    with pytest.raises(ValueError, match=r"^agents.grid_size .* from 1 to 10000, got \[8, 10001\]"):
+        agents_from_json(changed(["grid_size"], [8, 10_001]))
 
 
 def test_the_grid_of_the_information_is_the_simulators():
@@ -245,8 +246,10 @@ def test_who_does_not_report_whether_drones_were_commanded_does_not_wait_for_tha
         (["speeds_mps"], [10.0, "fast"]),
         (["seed"], 1.5),
         (["seed"], True),
-        (["grid_size"], 0),
-        (["grid_size"], "8"),
+        (["grid_size"], 8),
+        (["grid_size"], [8, 0]),
+        (["grid_size"], ["8", 8]),
+        (["grid_size"], [8, True]),
         (["cell_size_m"], True),
         (["cell_size_m"], 1e301),
         (["timestep_limit"], -1),
@@ -316,4 +319,6 @@ def test_one_hostile_value_is_taken_or_refused_in_one_line(field, value):
     except ValueError as error:
         assert str(error).startswith("agents") and str(error).isprintable()
     else:
-        assert math.isfinite(info.frame.cell_size_m) and info.frame.grid_size >= 1 and info.agents
+        assert (
+            math.isfinite(info.frame.cell_size_m) and min(info.frame.grid_size) >= 1 and info.agents
+        )

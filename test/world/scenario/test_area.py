@@ -19,6 +19,7 @@ from areas import CELL_M, ORIGIN, geojson_of, random_mask, scenario_of
 from numpy.typing import NDArray
 
 from dsse_ros.base.fields import FieldError
+from dsse_ros.base.grid_shape import GridShape
 from dsse_ros.search.environments.factories import parallel_env, vector_env
 from dsse_ros.search.environments.snapshot import SnapshotError
 from dsse_ros.world.scenario import area as area_module
@@ -459,9 +460,9 @@ def test_land_is_left_out_where_the_land_mask_is_installed(monkeypatch: pytest.M
     with pytest.raises(FieldError, match="land must be false where the grid has no cell at sea"):
         parallel_env(land=True, origin_lat=mountains[0], origin_lon=mountains[1])
     # An island and a strait that a mask of 1 km does not have: Moela, and the Golden Gate.
-    island = area_mask(None, True, 5, 130.0, (-24.0527, -46.2665, 0.0))
+    island = area_mask(None, True, GridShape.square(5), 130.0, (-24.0527, -46.2665, 0.0))
     assert island is not None and not island[2, 2] and island[0, 0]
-    strait = area_mask(None, True, 1, 130.0, (37.8174, -122.4787, 0.0))
+    strait = area_mask(None, True, GridShape.square(1), 130.0, (37.8174, -122.4787, 0.0))
     assert strait is None
 
 
@@ -480,10 +481,10 @@ def test_a_large_grid_is_looked_at_in_parts(
     monkeypatch: pytest.MonkeyPatch, little_memory: Any
 ) -> None:
     ring = [(-24.05, -46.18), (-23.9, -46.1), (-23.95, -46.0)]
-    complete = area_mask(Area.read(ring), False, 300, 30.0, (-24.04, -46.17, 0.0))
+    complete = area_mask(Area.read(ring), False, GridShape.square(300), 30.0, (-24.04, -46.17, 0.0))
     monkeypatch.setattr("dsse_ros.world.scenario.area._BLOCK_CELLS", 7 * 300)
     area_mask.cache_clear()
-    parts = area_mask(Area.read(ring), False, 300, 30.0, (-24.04, -46.17, 0.0))
+    parts = area_mask(Area.read(ring), False, GridShape.square(300), 30.0, (-24.04, -46.17, 0.0))
     assert complete is not None and parts is not None and 0 < parts.sum() < 90_000
     np.testing.assert_array_equal(parts, complete)
     with pytest.raises(
@@ -491,11 +492,15 @@ def test_a_large_grid_is_looked_at_in_parts(
         match=r"a cell of the grid, -24\.03986 to -23\.95885 N and -46\.16985 to -46\.08167 E",
     ):
         area_mask(
-            Area.read([(10, 10), (10, 11), (11, 11)]), False, 300, 30.0, (-24.04, -46.17, 0.0)
+            Area.read([(10, 10), (10, 11), (11, 11)]),
+            False,
+            GridShape.square(300),
+            30.0,
+            (-24.04, -46.17, 0.0),
         )
     monkeypatch.undo()
     with little_memory():
-        area_mask(Area.read(ring), False, 2000, 4.0, (-24.04, -46.17, 0.0))
+        area_mask(Area.read(ring), False, GridShape.square(2000), 4.0, (-24.04, -46.17, 0.0))
 
 
 class Points(tuple[Any, ...]):

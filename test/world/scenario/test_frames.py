@@ -29,8 +29,8 @@ def test_the_south_west_cell_is_at_the_origin_and_the_north_east_cell_opposite()
 
 @given(FRAMES, st.data())
 def test_a_cell_east_is_plus_x_and_a_cell_north_is_plus_y(frame, data):
-    col = data.draw(st.integers(0, frame.grid_size - 1))
-    row = data.draw(st.integers(0, frame.grid_size - 1))
+    col = data.draw(st.integers(0, frame.grid_size.columns - 1))
+    row = data.draw(st.integers(0, frame.grid_size.rows - 1))
     x_m, y_m = cell_to_map(frame, col, row)
     x_east, y_east = cell_to_map(frame, col + 1, row)
     x_north, y_north = cell_to_map(frame, col, row - 1)
@@ -42,14 +42,15 @@ def test_a_cell_east_is_plus_x_and_a_cell_north_is_plus_y(frame, data):
 def test_rows_count_from_the_north_and_y_from_the_south(frame, row):
     _, y_m = cell_to_map(frame, 0, row)
     middle_m = (row + 0.5) * frame.cell_size_m
-    assert flip_y(frame.side_m, y_m) == pytest.approx(middle_m, abs=1e-9 * frame.side_m)
-    assert flip_y(frame.side_m, flip_y(frame.side_m, y_m)) == pytest.approx(y_m)
+    height_m = frame.extent.height
+    assert flip_y(height_m, y_m) == pytest.approx(middle_m, abs=1e-9 * height_m)
+    assert flip_y(height_m, flip_y(height_m, y_m)) == pytest.approx(y_m)
 
 
 @given(FRAMES, st.data())
 def test_every_cell_comes_back_from_anywhere_well_inside_it(frame, data):
-    col = data.draw(st.integers(0, frame.grid_size - 1))
-    row = data.draw(st.integers(0, frame.grid_size - 1))
+    col = data.draw(st.integers(0, frame.grid_size.columns - 1))
+    row = data.draw(st.integers(0, frame.grid_size.rows - 1))
     inside = st.floats(-0.49, 0.49)
     point = cell_to_map(frame, col + data.draw(inside), row + data.draw(inside))
     assert map_to_cell(frame, *point) == (col, row)
@@ -57,16 +58,16 @@ def test_every_cell_comes_back_from_anywhere_well_inside_it(frame, data):
 
 @given(FRAMES, st.floats(), st.floats())
 def test_any_point_is_in_a_cell_of_the_grid_or_in_none(frame, x_m, y_m):
-    side_m = frame.grid_size * frame.cell_size_m
+    width_m, height_m = frame.extent
     cell = map_to_cell(frame, x_m, y_m)
     if cell is None:
-        almost = side_m * (1 - 1e-12)
-        assert not (0 <= x_m < almost and 0 <= y_m < almost)
+        almost = 1 - 1e-12
+        assert not (0 <= x_m < width_m * almost and 0 <= y_m < height_m * almost)
     else:
         col, row = cell
-        assert 0 <= col < frame.grid_size and 0 <= row < frame.grid_size
+        assert frame.grid_size.holds(col, row)
         centre_x, centre_y = cell_to_map(frame, col, row)
-        reach_m = frame.cell_size_m * 0.5 + 1e-9 * side_m
+        reach_m = frame.cell_size_m * 0.5 + 1e-9 * max(frame.extent)
         assert abs(centre_x - x_m) <= reach_m and abs(centre_y - y_m) <= reach_m
 
 

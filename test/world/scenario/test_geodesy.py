@@ -118,8 +118,8 @@ def test_single_points_are_python_floats():
 
 @given(FRAMES, st.data())
 def test_the_fix_of_a_cell_is_that_of_its_centre_at_flight_altitude(frame, data):
-    col = data.draw(st.integers(0, frame.grid_size - 1))
-    row = data.draw(st.integers(0, frame.grid_size - 1))
+    col = data.draw(st.integers(0, frame.grid_size.columns - 1))
+    row = data.draw(st.integers(0, frame.grid_size.rows - 1))
     fix = cell_fix(frame, 0, col, row)
     assert fix == cell_to_geodetic(frame, col, row, frame.alt_m)
     expected = (*cell_to_map(frame, col, row), frame.alt_m)

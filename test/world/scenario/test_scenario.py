@@ -9,6 +9,7 @@ import math
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 import yaml
 from hypothesis import assume, given, settings
@@ -89,15 +90,15 @@ def test_what_yaml_1_1_made_of_a_name_stays_a_name(text: str, tmp_path: Path) ->
 
 
 @given(
-    grid=st.integers(1, 10000),
+    grid=st.tuples(st.integers(1, 10000), st.integers(1, 10000)),
     cell=st.floats(1e-3, 1e3),
     vector=st.tuples(st.floats(-9, 9), st.floats(-9, 9)),
 )
 def test_the_other_ways_of_stating_a_thing_may_stand_beside_it_if_they_agree(
-    grid: int, cell: float, vector: tuple[float, float]
+    grid: tuple[int, int], cell: float, vector: tuple[float, float]
 ) -> None:
     scenario = resolved(grid_size=grid, cell_size=cell, vector=vector)
-    assume(all(SPECS[k].high >= v for k, v in scenario.other_ways.items()))
+    assume(all(SPECS[k].high >= max(np.atleast_1d(v)) for k, v in scenario.other_ways.items()))
     both = {"grid_size": grid, "cell_size": cell, "vector": vector, **scenario.other_ways}
     assert resolved(**both) == scenario
 
@@ -110,8 +111,8 @@ def test_keywords_override_the_scenario_and_none_leaves_it() -> None:
 
 
 def test_an_override_of_one_way_of_stating_a_thing_replaces_the_other() -> None:
-    assert parallel_env({"zone_size": 1000.0}, grid_size=5).scenario.grid_size == 5
-    assert parallel_env({"grid_size": 5}, zone_size=1000.0).scenario.grid_size == 8
+    assert parallel_env({"zone_size": 1000.0}, grid_size=5).scenario.grid_size == (5, 5)
+    assert parallel_env({"grid_size": 5}, zone_size=1000.0).scenario.grid_size == (8, 8)
     current: dict[str, Any] = {"current_speed": 1.0, "current_toward": 90.0}
     assert parallel_env(current, vector=(0.0, 1.0)).scenario.vector == (0, 1)
     assert parallel_env({"vector": (0.0, 1.0)}, **current).scenario.vector == pytest.approx(
@@ -146,7 +147,7 @@ def test_a_resolved_scenario_is_overridden_like_any_other() -> None:
         == parallel_env(sigma=5.0, num_drones=3, vector=(1.0, 0.0), timestep_limit=7).scenario
     )
     moved = parallel_env(scenario, drones_positions=[[3, 3]], grid_size=5).scenario
-    assert (moved.drones_positions, moved.grid_size) == (((3, 3),), 5)
+    assert (moved.drones_positions, moved.grid_size) == (((3, 3),), (5, 5))
 
 
 @pytest.mark.parametrize(
@@ -208,8 +209,8 @@ def test_the_speed_of_drones_is_stated_as_the_airspeed_that_the_wind_acts_on() -
 def test_the_paper_s_camera_sees_cells_of_130_m_and_a_kilometre_takes_eight() -> None:
     scenario = resolved(zone_size=1000)
     assert scenario.cell_size == 130
-    assert scenario.grid_size == 8
-    assert scenario.grid_size * scenario.cell_size == 1040
+    assert scenario.grid_size == (8, 8)
+    assert scenario.grid_size.extent(scenario.cell_size) == (1040, 1040)
     assert scenario.step_duration_s == 13
     assert scenario.cell_size**2 == 16900
 
@@ -220,7 +221,7 @@ def test_the_paper_s_camera_sees_cells_of_130_m_and_a_kilometre_takes_eight() ->
 def test_other_altitudes_see_other_cells(altitude: float, cell: float, grid: int) -> None:
     scenario = resolved(altitude=altitude, zone_size=1000)
     assert scenario.cell_size == cell
-    assert scenario.grid_size == grid
+    assert scenario.grid_size == (grid, grid)
 
 
 @settings(deadline=None)
@@ -231,7 +232,7 @@ def test_cells_follow_the_camera_and_just_cover_the_zone(
     footprint = 2 * altitude * math.tan(math.radians(view / 2))
     assume(footprint > 1 and zone / footprint < 9000)
     scenario = resolved(altitude=altitude, field_of_view=view, zone_size=zone, drone_speed=speed)
-    cell, grid = scenario.cell_size, scenario.grid_size
+    cell, grid = scenario.cell_size, scenario.grid_size.rows
     assert cell == pytest.approx(footprint, abs=1e-3)
     assert grid * cell >= zone * (1 - 1e-6)
     assert grid == 1 or (grid - 1) * cell < zone
@@ -240,11 +241,11 @@ def test_cells_follow_the_camera_and_just_cover_the_zone(
 
 @given(st.integers(1, 60), st.sampled_from([130.0, 65.0, 97.5, 0.1, 33.3]))
 def test_a_zone_of_whole_cells_has_that_many(count: int, cell: float) -> None:
-    assert resolved(zone_size=count * cell, cell_size=cell).grid_size == count
+    assert resolved(zone_size=count * cell, cell_size=cell).grid_size == (count, count)
 
 
 def test_a_cell_size_given_is_taken_whatever_the_camera_sees() -> None:
-    assert resolved(cell_size=50, zone_size=1000).grid_size == 20
+    assert resolved(cell_size=50, zone_size=1000).grid_size == (20, 20)
 
 
 @pytest.mark.parametrize(
@@ -350,7 +351,7 @@ def test_every_place_that_comes_with_the_package_can_be_searched(path: Path) -> 
 
 
 def test_the_paper_s_zone_is_one_of_them() -> None:
-    assert parallel_env(CONFIG / "paper_zone.yaml").scenario.grid_size == 8
+    assert parallel_env(CONFIG / "paper_zone.yaml").scenario.grid_size == (8, 8)
 
 
 def test_off_santos_there_is_a_current_of_realistic_size() -> None:

@@ -67,11 +67,11 @@ def test_pos_alive_counts_what_is_searched_while_people_are_alive() -> None:
     assert alive is not None and np.array_equal(of_pos.weights, alive.weights)
     beliefs = of_pos.belief(), alive.belief()
     looks, wanted = looks_of(of_pos.scenario, SEA), 0.0
-    size, curve = of_pos.scenario.grid_size, Survival.read(CURVE)
+    grid, curve = of_pos.scenario.grid_size, Survival.read(CURVE)
     for step in range(20):
         hours = 1 + step * of_pos.scenario.step_duration_s / 3600
         before = beliefs[0].pos
-        cells = np.unique(np.clip(of_pos.cells[step], 0, size - 1), axis=0)
+        cells = np.unique(np.clip(of_pos.cells[step], 0, np.array(grid) - 1), axis=0)
         for belief in beliefs:
             if step % 5 == 4:
                 belief.update(

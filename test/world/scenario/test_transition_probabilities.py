@@ -63,8 +63,8 @@ def test_an_array_and_its_file_are_the_same_chain_and_set_the_size_of_the_grid(
 ) -> None:
     of_file = Scenario(transition_probabilities=saved(tmp_path, "steps"))
     assert of_file == Scenario(transition_probabilities=INNER.tolist())
-    assert of_file.resolve(RULES).grid_size == 4
-    assert parallel_env(of_file, rules=RULES).scenario.grid_size == 4
+    assert of_file.resolve(RULES).grid_size == (4, 4)
+    assert parallel_env(of_file, rules=RULES).scenario.grid_size == (4, 4)
 
 
 def test_the_path_in_a_scenario_s_file_starts_from_its_folder(tmp_path: Path) -> None:
@@ -115,18 +115,17 @@ def moved(value: float) -> NDArray[np.float64]:
             "be 0 for moves of more than one cell along an axis, got 0.25 from cell [3, 0] to "
             "[0, 1]",
         ),
-        (INNER[:3], "be an array (G, G, 9) or a matrix"),
-        (INNER[:, :, :5], "be an array (G, G, 9) or a matrix"),
-        (np.eye(15), "be an array (G, G, 9) or a matrix"),
-        (np.zeros((0, 0, 9)), "be an array (G, G, 9) or a matrix"),
-        (np.zeros((0, 0)), "be an array (G, G, 9) or a matrix"),
-        (INNER.astype(str), "be an array (G, G, 9) or a matrix"),
-        (INNER.astype(complex), "be an array (G, G, 9) or a matrix"),
-        (1.0, "be an array (G, G, 9) or a matrix"),
-        ({}, "be an array (G, G, 9) or a matrix"),
-        ("chain.txt", "be an array (G, G, 9) or a matrix"),
-        ("missing.npy", "be an array (G, G, 9) or a matrix"),
-        ("missing.npz", "be an array (G, G, 9) or a matrix"),
+        (INNER[:, :, :5], "be an array (R, C, 9) or"),
+        (np.eye(15), "be an array (R, C, 9) or"),
+        (np.zeros((0, 0, 9)), "be an array (R, C, 9) or"),
+        (np.zeros((0, 0)), "be an array (R, C, 9) or"),
+        (INNER.astype(str), "be an array (R, C, 9) or"),
+        (INNER.astype(complex), "be an array (R, C, 9) or"),
+        (1.0, "be an array (R, C, 9) or"),
+        ({}, "be an array (R, C, 9) or"),
+        ("chain.txt", "be an array (R, C, 9) or"),
+        ("missing.npy", "be an array (R, C, 9) or"),
+        ("missing.npz", "be an array (R, C, 9) or"),
     ],
     ids=lambda value: value if isinstance(value, str) else "",
 )
