@@ -258,7 +258,8 @@ class LiveMission:
             (s.origin_lat, s.origin_lon, s.origin_alt),
             s.grid_size.rows * s.cell_size,
         )
-        tracks, *_ = positions(law, origin, height_m, s.step_duration_s, STEPS, self._rng, 1)
+        times_s = s.step_duration_s * np.arange(STEPS + 1, dtype=np.float64)
+        tracks, *_ = positions(law, origin, height_m, times_s, self._rng, 1)
         track = np.array([at_step[0] for at_step in tracks])
         return np.stack([track[:, 0], flip_y(height_m, track[:, 1])], axis=1)
 

@@ -119,9 +119,8 @@ class Arm:
         self._inputs, _ = case.inputs(rng, scenario.incident)
         origin = scenario.origin_lat, scenario.origin_lon, scenario.origin_alt
         self._height_m = scenario.grid_size.rows * scenario.cell_size
-        tracks, *_ = positions(
-            scenario.incident, origin, self._height_m, scenario.step_duration_s, STEPS, rng, 1
-        )
+        times_s = scenario.step_duration_s * np.arange(STEPS + 1, dtype=np.float64)
+        tracks, *_ = positions(scenario.incident, origin, self._height_m, times_s, rng, 1)
         self._truth: NDArray[np.float64] = np.array([at_step[0] for at_step in tracks])
         self._starts = rng.permutation(scenario.grid_size.cells)[: scenario.num_drones]
         # Both arms have their own chance of what drones detect, from the same seed.

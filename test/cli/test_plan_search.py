@@ -50,6 +50,8 @@ def test_the_same_seed_writes_the_same_files(
         (["none.yaml"], "none.yaml: No such file or directory"),
         ([UNITS, "--minutes=0"], "minutes must be > 0 and <= 1440, got 0"),
         ([UNITS, "--minutes=1", "--seed=1"], "ready must be from 2026-01-17T14:00:00Z to before"),
+        ([UNITS, "--begins=2026-01-17T13:00Z"], "begins must be at least 2026-01-17T14:00:00Z"),
+        ([UNITS, "--after", UNITS], "kayak_units.yaml: plan: not JSON"),
         ([UNITS, "--seed=-1"], "seed must be an integer >= 0 and <= 4611686018427387904, got -1"),
     ],
 )

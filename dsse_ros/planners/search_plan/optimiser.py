@@ -65,6 +65,7 @@ def best_plan(
     *,
     seed: int = 0,
     watch: Watch = lambda _: True,
+    planned: EnsembleForecast | None = None,
 ) -> list[Assignment]:
     """Return an assignment for each unit; the same seed gives the same plan.
 
@@ -73,11 +74,12 @@ def best_plan(
         forecast: The persons, of a search in metres.
         seed: Seed of the optimiser.
         watch: See `Watch`; if it returns False, the best plan so far is returned.
+        planned: The particles by which plans are compared, if they are not to be drawn.
 
     Raises:
         NoPlanError: If no plan leaves each unit time to search.
     """
-    success = success_for_planning(forecast)
+    success = success_for_planning(forecast) if planned is None else success_on(planned)
     search = _Optimiser(units, forecast, success, np.random.default_rng(seed), watch)
     search.divide()
     for _ in range(ROUNDS):
@@ -199,8 +201,12 @@ def success_for_planning(forecast: EnsembleForecast) -> Success:
     scenario = forecast.scenario
     if scenario.particles > PARTICLES:
         scenario = replace(scenario, particles=PARTICLES)
-    planned = EnsembleForecast(scenario, forecast.rules, draw=Draw.PLANNING)
-    return Success(planned, every=max(int(STRAIGHT_S / scenario.step_duration_s), 1))
+    return success_on(EnsembleForecast(scenario, forecast.rules, draw=Draw.PLANNING))
+
+
+def success_on(planned: EnsembleForecast) -> Success:
+    """Return the same on given particles."""
+    return Success(planned, every=max(int(STRAIGHT_S / planned.scenario.step_duration_s), 1))
 
 
 def cloud_of(forecast: EnsembleForecast, until_s: float) -> Cloud:

@@ -105,6 +105,9 @@ def _lines(plan: SearchPlan) -> Iterator[str]:
         )  # fmt: skip
     yield from table(rows)
     yield f"   POS of all units: {plan.pos:.1%}"
+    if plan.pos_before:
+        yield f"   POS of the earlier searches: {plan.pos_before:.1%}"
+        yield f"   POS of all searches: {plan.pos_cumulative:.1%}"
 
 
 def last_seen(seen: Seen) -> str:

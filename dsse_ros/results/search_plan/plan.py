@@ -40,12 +40,20 @@ class SearchPlan:
         assignments: What each unit does.
         areas: How likely each finds the persons.
         pos: How likely all of them together do.
+        pos_before: How likely earlier searches have found the persons; the other probabilities are
+            those if they have not.
     """
 
     forecast: EnsembleForecast
     assignments: tuple[Assignment, ...]
     areas: tuple[AreaSuccess, ...]
     pos: float
+    pos_before: float = 0.0
+
+    @property
+    def pos_cumulative(self) -> float:
+        """How likely the earlier searches and this one find the persons."""
+        return 1.0 - (1.0 - self.pos_before) * (1.0 - self.pos)
 
     @property
     def scenario(self) -> ResolvedScenario:
@@ -82,12 +90,15 @@ class SearchPlan:
         return utc(round(self.date_s(time_s)))
 
 
-def stated_plan(forecast: EnsembleForecast, assignments: Sequence[Assignment]) -> SearchPlan:
+def stated_plan(
+    forecast: EnsembleForecast, assignments: Sequence[Assignment], pos_before: float = 0.0
+) -> SearchPlan:
     """Return assignments with how likely they find the persons.
 
     Args:
         forecast: The persons.
         assignments: What each unit does.
+        pos_before: See `SearchPlan`.
     """
     success = Success(forecast.of_pos)
     missed = [success.missed(assignment.search) for assignment in assignments]
@@ -96,4 +107,6 @@ def stated_plan(forecast: EnsembleForecast, assignments: Sequence[Assignment]) -
         poc = success.share_in(assignment)
         found = success.share_in(assignment, success.mean_found(left))
         areas.append(AreaSuccess(poc, found / poc if poc > 0 else 0.0, success.pos([left])))
-    return SearchPlan(forecast.of_pos, tuple(assignments), tuple(areas), success.pos(missed))
+    return SearchPlan(
+        forecast.of_pos, tuple(assignments), tuple(areas), success.pos(missed), pos_before
+    )

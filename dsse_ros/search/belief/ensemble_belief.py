@@ -9,6 +9,7 @@ its only error is that M particles approximate the model.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cached_property
 from typing import NamedTuple
 
@@ -25,8 +26,10 @@ from dsse_ros.search.belief.particle_kernels import BinnedParticles
 from dsse_ros.search.belief.passing_kernels import ParticlePositions, Passing, moved_of, seen_of
 from dsse_ros.search.belief.protocol import Expected, Futures, LooksToCome, Outlook
 from dsse_ros.search.step.cell_tracks import (
+    CellParticles,
     CellTracks,
     Draw,
+    maps_of,
     of_living,
     particle_positions,
     particles_of,
@@ -76,6 +79,8 @@ class EnsembleForecast(ForecastBase):
         living: Whether particles vanish when their persons are no longer alive, see
             `Incident.survival`. What beliefs then call POS is the probability to find the person
             alive.
+        given: Returns the particles of each draw, in metres; None for those of the scenario, see
+            `particles_of`.
 
     Attributes:
         tracks: The particles.
@@ -86,11 +91,11 @@ class EnsembleForecast(ForecastBase):
 
     def __init__(
         self, scenario: Scenario, rules: Rules, *, horizon: int = 0, draw: Draw = Draw.BELIEF,
-        living: bool = False,
+        living: bool = False, given: Callable[[Draw], CellParticles] | None = None,
     ) -> None:  # fmt: skip
         super().__init__(scenario, rules, horizon)
-        self._draw = draw
-        tracks = particles_of(self.scenario, rules, draw)
+        self._draw, self._given = draw, given
+        tracks = particles_of(self.scenario, rules, draw) if given is None else given(draw)
         if tracks is None:
             raise ValueError(f"person_motion must be an ensemble, got {rules.person_motion!r}")
         self.tracks = of_living(tracks) if living and tracks.dies is not None else tracks
@@ -99,14 +104,16 @@ class EnsembleForecast(ForecastBase):
     @cached_property
     def of_pos(self) -> EnsembleForecast:
         """The forecast whose beliefs state the POS: its particles are seen by nobody else."""
-        return EnsembleForecast(self.scenario, self.rules, draw=Draw.POS)
+        return EnsembleForecast(self.scenario, self.rules, draw=Draw.POS, given=self._given)
 
     @cached_property
     def of_pos_alive(self) -> EnsembleForecast | None:
         """As `of_pos`, for the POS alive; None without a survival curve."""
         if self.tracks.dies is None:
             return None
-        return EnsembleForecast(self.scenario, self.rules, draw=Draw.POS, living=True)
+        return EnsembleForecast(
+            self.scenario, self.rules, draw=Draw.POS, living=True, given=self._given
+        )
 
     @property
     def cells(self) -> NDArray[np.int16]:
@@ -131,6 +138,9 @@ class EnsembleForecast(ForecastBase):
     @cached_property
     def maps(self) -> NDArray[np.float32]:
         """(T, R, C) float32, those that drones observe, see `CellTracks`."""
+        if self._given is not None:
+            particles = self._given(Draw.BELIEF)
+            return maps_of(self.scenario, particles.particles, particles.weights)
         observed = self.tracks
         if not isinstance(observed, CellTracks):
             tracks = tracks_of(self.scenario, self.rules)
@@ -141,6 +151,12 @@ class EnsembleForecast(ForecastBase):
     @cached_property
     def positions(self) -> NDArray[np.float32]:
         """(T, M, 2) float32, see `particle_positions`."""
+        if self._given is not None:
+            there = self._given(self._draw).particles_m
+            assert there is not None
+            east, south = np.moveaxis(there, -1, 0)
+            height_m = self.scenario.grid_size.rows * self.scenario.cell_size
+            return np.stack([east, np.float32(height_m) - south], axis=-1)
         return particle_positions(self.scenario, self.rules, self._draw)
 
     def columns(self, cells: NDArray[np.int16]) -> NDArray[np.int32]:

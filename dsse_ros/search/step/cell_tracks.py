@@ -21,7 +21,7 @@ from dsse_ros.search.step.ensemble_kernels import FAR
 from dsse_ros.search.step.metres_detection import FARTHEST_M
 from dsse_ros.world.scenario.rules import Rules
 from dsse_ros.world.scenario.scenario import ResolvedScenario
-from dsse_ros.world.targets.ensemble import Ensemble
+from dsse_ros.world.targets.ensemble import Ensemble, TracksBySteps, WeightedTracks
 from dsse_ros.world.targets.registry import TARGET_MODELS
 
 if TYPE_CHECKING:
@@ -221,7 +221,6 @@ def check_memory(scenario: ResolvedScenario, rules: Rules) -> None:
 
 
 def _made(model: Ensemble, scenario: ResolvedScenario, rules: Rules) -> CellTracks:
-    steps, grid = last_step_of(scenario, rules), scenario.grid_size
     followed = scenario.followed if scenario.has_persons else scenario
     with ThreadPoolExecutor(1) as beside:
         drawing = None
@@ -229,15 +228,36 @@ def _made(model: Ensemble, scenario: ResolvedScenario, rules: Rules) -> CellTrac
             drawing = beside.submit(_drawn, model, followed, rules, Draw.TRUTH)
         belief = _drawn(model, scenario, rules, Draw.BELIEF)
         truth = belief if drawing is None else drawing.result()
-    maps = np.empty((steps + 1, *grid.matrix), np.float32)
-    for step in range(steps + 1):
-        maps[step] = poc_of_cells(belief.cells[step], belief.weights, grid, scenario.area_mask)
     return CellTracks(
         **_of_particles(scenario, belief), truth=_by_track(truth.cells),
-        cumulative=np.cumsum(truth.weights), maps=maps,
+        cumulative=np.cumsum(truth.weights), maps=maps_of(scenario, belief.cells, belief.weights),
         truth_m=None if truth.positions_m is None else _by_track(truth.positions_m),
         truth_appearances=_appearances(scenario, followed, truth),
     )  # fmt: skip
+
+
+def maps_of(
+    scenario: ResolvedScenario, cells: NDArray[np.int16], weights: NDArray[np.float64]
+) -> NDArray[np.float32]:
+    """Return the maps of particles, see `CellTracks`."""
+    grid = scenario.grid_size
+    maps = np.empty((len(cells), *grid.matrix), np.float32)
+    for step, of_step in enumerate(cells):
+        maps[step] = poc_of_cells(of_step, weights, grid, scenario.area_mask)
+    return maps
+
+
+def given_particles(
+    tracks: TracksBySteps, scenario: ResolvedScenario, rules: Rules
+) -> CellParticles:
+    """Return the particles of a belief that go along given tracks.
+
+    Args:
+        tracks: The tracks, with a position for each step of the sea until the time limit.
+        scenario: The scenario.
+        rules: The rules of the search.
+    """
+    return CellParticles(**_of_particles(scenario, _on_grid(tracks, scenario, rules)))
 
 
 def _of_particles(scenario: ResolvedScenario, drawn: _Drawn) -> dict[str, Any]:
@@ -266,7 +286,8 @@ def _by_track(steps: NDArray[_T]) -> NDArray[_T]:
     return np.ascontiguousarray(steps.transpose(1, 0, 2)).transpose(1, 0, 2)
 
 
-def _generator(scenario: ResolvedScenario, draw: Draw) -> np.random.Generator:
+def generator_of(scenario: ResolvedScenario, draw: Draw) -> np.random.Generator:
+    """Return what the tracks of a draw are drawn from."""
     children = np.random.SeedSequence(scenario.ensemble_seed).spawn(len(Draw) + 1)
     return np.random.default_rng(children[draw])
 
@@ -288,7 +309,7 @@ def particle_positions(
     """
     model = TARGET_MODELS[rules.person_motion]
     assert isinstance(model, Ensemble)
-    rng = _generator(scenario, draw)
+    rng = generator_of(scenario, draw)
     steps = last_step_of(scenario, rules)
     drawn = model.drawn(scenario, steps, rng, scenario.particles)
     flipped = np.empty((steps + 1, len(drawn.weights), 2), np.float32)
@@ -314,8 +335,15 @@ def _drawn(model: Ensemble, scenario: ResolvedScenario, rules: Rules, draw: Draw
     Raises:
         ValueError: If the ensemble breaks its contract.
     """
-    rng, steps = _generator(scenario, draw), last_step_of(scenario, rules)
-    tracks = model.drawn(scenario, steps, rng, scenario.particles)
+    rng, steps = generator_of(scenario, draw), last_step_of(scenario, rules)
+    return _on_grid(model.drawn(scenario, steps, rng, scenario.particles), scenario, rules)
+
+
+def _on_grid(
+    tracks: WeightedTracks | TracksBySteps, scenario: ResolvedScenario, rules: Rules
+) -> _Drawn:
+    """Return tracks in the cells of a scenario."""
+    steps = last_step_of(scenario, rules)
     shape = steps + 1, len(tracks.weights), 2
     cells = np.empty(shape, np.int16)
     positions_m = np.empty(shape, np.float32) if rules.in_metres else None

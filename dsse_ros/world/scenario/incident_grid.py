@@ -133,7 +133,7 @@ def check_transit(
 
 
 def positions(
-    incident: Incident, origin: Origin, height_m: float, step_s: float, steps: int,
+    incident: Incident, origin: Origin, height_m: float, times_s: NDArray[np.float64],
     rng: np.random.Generator, count: int,
 ) -> tuple[
     Iterator[NDArray[np.float64]], NDArray[np.int8] | None,
@@ -145,8 +145,7 @@ def positions(
         incident: The incident, with the time at which the search begins.
         origin: The grid's south-west corner.
         height_m: Of the grid.
-        step_s: Duration of a step of the sea.
-        steps: T - 1.
+        times_s: (T,) float64, increasing, seconds since the search began; also before it.
         rng: Generator of the draws.
         count: M; given tracks keep their number.
 
@@ -154,7 +153,7 @@ def positions(
         FieldError: See `Incident.drift_steps`.
     """
     assert incident.grid_summary is not None
-    times = incident.grid_summary.begins_s + step_s * np.arange(steps + 1, dtype=np.float64)
+    times = incident.grid_summary.begins_s + times_s
     drifting = incident.drift_steps(times, count, rng)
 
     def of_steps() -> Iterator[NDArray[np.float64]]:

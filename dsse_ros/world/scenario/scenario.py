@@ -448,12 +448,17 @@ class ResolvedScenario(Scenario):
         )
 
     def incident_positions(
-        self, steps: int, rng: np.random.Generator, count: int
+        self, times_s: NDArray[np.float64], rng: np.random.Generator, count: int
     ) -> tuple[
         Iterator[NDArray[np.float64]], NDArray[np.int8] | None,
         Callable[[], NDArray[np.float64]] | None,
     ]:  # fmt: skip
         """Return positions, objects and `dies_s` of particles, see `ensemble.TracksBySteps`.
+
+        Args:
+            times_s: (T,) float64, increasing, seconds since the search began; also before it.
+            rng: Generator of the draws.
+            count: M; given tracks keep their number.
 
         Raises:
             FieldError: See `Incident.drift_steps`.
@@ -463,7 +468,7 @@ class ResolvedScenario(Scenario):
         assert self.incident is not None
         origin = (self.origin_lat, self.origin_lon, self.origin_alt)
         height_m = self.grid_size.rows * self.cell_size
-        return positions(self.incident, origin, height_m, self.step_duration_s, steps, rng, count)
+        return positions(self.incident, origin, height_m, times_s, rng, count)
 
     @property
     def step_duration_s(self) -> float:

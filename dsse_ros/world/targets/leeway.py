@@ -28,7 +28,8 @@ def by_steps(scenario: Any, steps: int, rng: np.random.Generator, count: int) ->
     """Return these tracks, one step after the other."""
     if scenario.incident is None:
         return TracksBySteps(*constant_drift.tracks(scenario, steps, rng, count)[:3])
-    positions, objects, dies_s = scenario.incident_positions(steps, rng, count)
+    times_s = scenario.step_duration_s * np.arange(steps + 1, dtype=np.float64)
+    positions, objects, dies_s = scenario.incident_positions(times_s, rng, count)
     number = count if scenario.incident.model_tracks is None else LEEWAY.count(scenario)
     return TracksBySteps(positions, np.full(number, 1.0 / number), objects, dies_s)
 

@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -64,6 +65,9 @@ def test_the_text_has_the_parts_of_a_search_action_plan_and_every_unit(plan: Sea
     assert f"POS of all units: {plan.pos:.1%}" in text
     assert plan.clock(plan.assignments[0].commences_s) in text
     assert position(*plan.place(*plan.assignments[1].track[0].tolist())) in text
+    assert "all searches" not in text
+    later = action_plan(replace(plan, pos_before=0.4))
+    assert f"POS of all searches: {1 - 0.6 * (1 - plan.pos):.1%}" in later
 
 
 @pytest.mark.parametrize(
