@@ -159,7 +159,7 @@ class Admission:
     def _seconds(self, stated: float | str, clocks: Clocks) -> Result[float]:
         if not isinstance(stated, str):
             return Accepted(clocks.of_stamp(stated))
-        begins_s = self._live_search.begins_s
+        begins_s = self._live_search.scenario.begins_s
         if begins_s is None:
             return Rejected(
                 "no_utc", f"time must be in seconds without an incident, which has a date, got "

@@ -213,26 +213,16 @@ class LiveSearch:
         return self.found >= self.scenario.person_amount
 
     @property
-    def begins_s(self) -> float | None:
-        """When the search began, s since 1970-01-01 UTC; None if unknown."""
-        incident = self.scenario.incident
-        return (
-            None
-            if incident is None or incident.grid_summary is None
-            else incident.grid_summary.begins_s
-        )
-
-    @property
     def earliest_s(self) -> float:
         """Time of the earliest sighting that is accepted: a day before the search, or the first."""
         incident = self._stated.incident
-        assert incident is not None and self.begins_s is not None
-        released = [sighting.first_s - self.begins_s for sighting in incident.sightings]
+        assert incident is not None and self.scenario.begins_s is not None
+        released = [sighting.first_s - self.scenario.begins_s for sighting in incident.sightings]
         return min(-EARLIEST_S, *released)
 
     def utc(self, time_s: float) -> str | None:
         """Return the time of day of a time since the search began; None if unknown."""
-        return None if self.begins_s is None else utc(self.begins_s + time_s)
+        return None if self.scenario.begins_s is None else utc(self.scenario.begins_s + time_s)
 
     def check_near(self, entry: Entry) -> None:
         """Check that the places of an input are near the grid.

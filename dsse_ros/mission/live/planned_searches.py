@@ -10,8 +10,7 @@ from typing import Any
 from dsse_ros.mission.live.inputs import DEFINITE_RANGE, INVERSE_CUBE
 from dsse_ros.planners.search_plan.plan_file import PlannedUnit, begins_s
 from dsse_ros.world.drift.flow import utc
-from dsse_ros.world.scenario.frames import flip_y
-from dsse_ros.world.scenario.geodesy import map_to_geodetic
+from dsse_ros.world.scenario.geodesy import search_to_geodetic
 from dsse_ros.world.scenario.scenario import ResolvedScenario, scenario_frame
 
 
@@ -38,9 +37,7 @@ class PlannedSearches:
     def _input(self, unit: PlannedUnit) -> dict[str, Any]:
         (points, times), lateral = unit.search.track, unit.search.lateral
         frame, begins = scenario_frame(self._scenario), begins_s(self._scenario)
-        lats, lons, _ = map_to_geodetic(
-            frame, points[:, 0], flip_y(frame.extent.height, points[:, 1]), 0.0
-        )
+        lats, lons = search_to_geodetic(frame, points[:, 0], points[:, 1])
         line = [[float(lon), float(lat)] for lat, lon in zip(lats, lons, strict=True)]
         seen = {"sweep_width": 2 * lateral.reach_m, "pod": lateral.pod, "law": DEFINITE_RANGE}
         if lateral.sweep_width_m:

@@ -17,6 +17,7 @@ from dsse_ros.search.belief.belief import Belief
 from dsse_ros.search.belief.ensemble_belief import EnsembleBelief, EnsembleForecast, PathsFlown
 from dsse_ros.search.step.looks import Looked, Looks
 from dsse_ros.search.step.metres_detection import DEFINITE
+from dsse_ros.world.scenario.frames import flip_y
 
 AnyBelief = Belief | EnsembleBelief
 Look = tuple[int, int]
@@ -158,7 +159,7 @@ class Sensors:
         if self.detectors is None:
             return min(float(self._shares(done, drone, place, spread_m).sum()), 1.0)
         east, north = place
-        at = np.array([[east, self.grid_size.rows * self.cell_m - north]])
+        at = np.array([[east, flip_y(self.grid_size.rows * self.cell_m, north)]])
         path = done.paths[drone]
         pieces = zip(path[:-1], path[1:], strict=True)
         away_m = min(float(from_piece(at, start, end)[0]) for start, end in pieces)

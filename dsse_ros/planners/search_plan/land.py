@@ -10,8 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dsse_ros.search.step.polylines import along, points_at
-from dsse_ros.world.scenario.frames import flip_y
-from dsse_ros.world.scenario.geodesy import map_to_geodetic
+from dsse_ros.world.scenario.geodesy import search_to_geodetic
 from dsse_ros.world.scenario.scenario import ResolvedScenario, scenario_frame
 
 RASTER = 400
@@ -36,7 +35,7 @@ class Land:
         if scenario.incident is not None and scenario.incident.land is not None:
             centres = self._from_m + (np.arange(RASTER) + 0.5) * self._cell_m
             east, south = np.meshgrid(centres, centres)
-            lats, lons, _ = map_to_geodetic(frame, east, flip_y(frame.extent.height, south), 0.0)
+            lats, lons = search_to_geodetic(frame, east, south)
             # As the polygons have them.
             lons = (lons + 180.0) % 360.0 - 180.0
             self._is_land = scenario.incident.land.prepared()(lats, lons)

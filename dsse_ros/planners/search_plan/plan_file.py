@@ -18,8 +18,7 @@ from dsse_ros.base.json_reader import read_json
 from dsse_ros.planners.search_plan.assignments import Assignment
 from dsse_ros.planners.search_plan.timed_tracks import TimedTrack, TrackSearch
 from dsse_ros.world.drift.flow import utc
-from dsse_ros.world.scenario.frames import flip_y
-from dsse_ros.world.scenario.geodesy import geodetic_to_map, map_to_geodetic
+from dsse_ros.world.scenario.geodesy import geodetic_to_search, search_to_geodetic
 from dsse_ros.world.scenario.place_checks import LAT, LON, check_near
 from dsse_ros.world.scenario.scenario import ResolvedScenario, scenario_frame
 from dsse_ros.world.scenario.sighting_fields import time_of
@@ -57,9 +56,7 @@ def plan_text(scenario: ResolvedScenario, assignments: Sequence[Assignment]) -> 
     later_s = begins_s(scenario) - begins
     for assignment in assignments:
         (points, times), unit = assignment.timed_way, assignment.unit
-        lats, lons, _ = map_to_geodetic(
-            frame, points[:, 0], flip_y(frame.extent.height, points[:, 1]), 0.0
-        )
+        lats, lons = search_to_geodetic(frame, points[:, 0], points[:, 1])
         units.append(
             {
                 "name": unit.name, "altitude": unit.altitude_m, "sees": unit.lateral._asdict(),
@@ -100,9 +97,8 @@ def read_plan(path: str | os.PathLike[str], scenario: ResolvedScenario) -> list[
 
 def begins_s(scenario: ResolvedScenario) -> float:
     """Return when a search begins, seconds since 1970-01-01 UTC."""
-    assert scenario.incident is not None
-    assert scenario.incident.grid_summary is not None
-    return scenario.incident.grid_summary.begins_s
+    assert scenario.begins_s is not None
+    return scenario.begins_s
 
 
 def _unit(where: str, stated: Any, scenario: ResolvedScenario, later_s: float) -> PlannedUnit:
@@ -123,8 +119,8 @@ def _unit(where: str, stated: Any, scenario: ResolvedScenario, later_s: float) -
     if (np.diff(times) < 0).any():
         raise FieldError(f"{where}.track must not go back in time, got {shown(times.tolist())}")
     check_near(f"{where}.track", (float(lats[0]), float(lons[0])), frame.origin[:2])
-    x, y, _ = geodetic_to_map(frame, lats, lons, frame.origin_alt_m)
-    way = TimedTrack(np.stack([x, flip_y(frame.extent.height, y)], axis=1), times + later_s)
+    places = np.stack(geodetic_to_search(frame, lats, lons), axis=1)
+    way = TimedTrack(places, times + later_s)
     lateral = LateralRange(
         **{key: _SEEN.check(f"{where}.sees.{key}", value) for key, value in sees.items()}
     )

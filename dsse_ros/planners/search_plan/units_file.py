@@ -13,8 +13,7 @@ from typing import Any
 from dsse_ros.base.fields import FieldError, check_all, check_known, field, shown, specs
 from dsse_ros.planners.search_plan.assignments import PATTERNS, SearchUnit
 from dsse_ros.world.drift.flow import utc
-from dsse_ros.world.scenario.frames import flip_y
-from dsse_ros.world.scenario.geodesy import geodetic_to_map
+from dsse_ros.world.scenario.geodesy import geodetic_to_search
 from dsse_ros.world.scenario.place_checks import LAT, LON, check_near, place_of
 from dsse_ros.world.scenario.scenario import ResolvedScenario, scenario_frame
 from dsse_ros.world.scenario.sighting_fields import time_of
@@ -139,8 +138,8 @@ class UnitFields:
         lat, lon = LAT.check("base: latitude", place[0]), LON.check("base: longitude", place[1])
         frame = scenario_frame(scenario)
         check_near("base", (lat, lon), frame.origin[:2])
-        east, north, _ = geodetic_to_map(frame, lat, lon, frame.origin_alt_m)
-        return float(east), flip_y(frame.extent.height, float(north))
+        east, south = geodetic_to_search(frame, lat, lon)
+        return float(east), float(south)
 
     def _lateral(self, scenario: ResolvedScenario) -> LateralRange:
         """Return how it sees what it passes."""

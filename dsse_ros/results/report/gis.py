@@ -142,10 +142,10 @@ def _track(record: RecordedMission, drone: int) -> tuple[NDArray[np.float64], ND
 
 def _times(record: RecordedMission, times_s: NDArray[np.float64]) -> list[datetime | None]:
     """Return times of the mission as dates, which only an incident has."""
-    incident = record.scenario.incident
-    if incident is None or incident.grid_summary is None:
+    begins_s = record.scenario.begins_s
+    if begins_s is None:
         return [None] * len(times_s)
-    dates_s = (incident.grid_summary.begins_s + times_s).tolist()
+    dates_s = (begins_s + times_s).tolist()
     return [datetime.fromtimestamp(date_s, timezone.utc) for date_s in dates_s]
 
 

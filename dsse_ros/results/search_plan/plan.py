@@ -9,11 +9,12 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from dsse_ros.planners.search_plan.assignments import Assignment
+from dsse_ros.planners.search_plan.plan_file import begins_s
 from dsse_ros.planners.search_plan.success import Success
 from dsse_ros.search.belief.ensemble_belief import EnsembleForecast
 from dsse_ros.world.drift.flow import utc
-from dsse_ros.world.scenario.frames import GridFrame, flip_y
-from dsse_ros.world.scenario.geodesy import map_to_geodetic
+from dsse_ros.world.scenario.frames import GridFrame
+from dsse_ros.world.scenario.geodesy import search_to_geodetic
 from dsse_ros.world.scenario.scenario import ResolvedScenario, scenario_frame
 
 
@@ -72,18 +73,12 @@ class SearchPlan:
 
     def place(self, east: float, south: float) -> tuple[float, float]:
         """Return latitude and longitude of a point of the plan."""
-        frame = self.frame
-        lat, lon, _ = map_to_geodetic(
-            frame, float(east), flip_y(frame.extent.height, float(south)), 0.0
-        )
+        lat, lon = search_to_geodetic(self.frame, float(east), float(south))
         return float(lat), float(lon)
 
     def date_s(self, time_s: float) -> float:
         """Return a time of the plan in seconds since 1970-01-01 UTC."""
-        incident = self.scenario.incident
-        assert incident is not None
-        assert incident.grid_summary is not None
-        return incident.grid_summary.begins_s + time_s
+        return begins_s(self.scenario) + time_s
 
     def clock(self, time_s: float) -> str:
         """Return a time of the plan, ISO 8601 in UTC."""

@@ -9,8 +9,8 @@ from collections.abc import Iterable
 from typing import Any, NamedTuple
 
 from dsse_ros.screens.dashboard.map_chart import map_shares
-from dsse_ros.world.scenario.frames import GridFrame, flip_y
-from dsse_ros.world.scenario.geodesy import geodetic_to_map, map_to_geodetic
+from dsse_ros.world.scenario.frames import GridFrame
+from dsse_ros.world.scenario.geodesy import geodetic_to_map, search_to_geodetic
 from dsse_ros.world.scenario.live_texts import ShownContact
 
 MAX_MARKS = 200
@@ -93,6 +93,4 @@ def _label(contact: ShownContact) -> str:
 def place_at(frame: GridFrame, east: float, south: float) -> tuple[float, float]:
     """Return latitude and longitude of a point of the map, in shares of its longer side."""
     side_m = max(frame.extent)
-    y_m = flip_y(frame.extent.height, south * side_m)
-    lat, lon, _ = map_to_geodetic(frame, east * side_m, y_m, 0.0)
-    return lat, lon
+    return search_to_geodetic(frame, east * side_m, south * side_m)

@@ -74,7 +74,7 @@ def edges_of(info: AgentsInfo, window: Window) -> dict[str, Any]:
     (easts, lons), (norths, lats) = edge_marks(
         GridExtent(share * side_m, share * side_m),
         info.frame.origin,
-        (west * side_m, height_m - (north + share) * side_m),
+        (west * side_m, flip_y(height_m, (north + share) * side_m)),
     )
     marks = (
         ([west + share * at for at in easts], lons),

@@ -231,16 +231,12 @@ class ShownMission:
     def utc(self) -> str:
         """Time of the last step in UTC; "" if unknown."""
         info = self.info
-        scenario = None if info is None or info.definition is None else info.definition.scenario
-        incident = None if scenario is None else scenario.incident
-        if (
-            info is None
-            or incident is None
-            or incident.grid_summary is None
-            or self.history is None
-        ):
+        if info is None or info.definition is None or self.history is None:
             return ""
-        return utc(incident.grid_summary.begins_s + self.history.steps[-1] * info.step_duration_s)
+        begins_s = info.definition.scenario.begins_s
+        if begins_s is None:
+            return ""
+        return utc(begins_s + self.history.steps[-1] * info.step_duration_s)
 
     def sea(self, step: int) -> SeaState:
         """Return wind, current, shore and sightings after a step, as far as they are known."""

@@ -19,6 +19,7 @@ from dsse_ros.base.fields import FieldError
 from dsse_ros.base.grid_shape import GridShape
 from dsse_ros.search.step.ensemble_kernels import FAR
 from dsse_ros.search.step.metres_detection import FARTHEST_M
+from dsse_ros.world.scenario.frames import flip_y
 from dsse_ros.world.scenario.rules import Rules
 from dsse_ros.world.scenario.scenario import ResolvedScenario
 from dsse_ros.world.targets.ensemble import Ensemble, TracksBySteps, WeightedTracks
@@ -312,10 +313,11 @@ def particle_positions(
     rng = generator_of(scenario, draw)
     steps = last_step_of(scenario, rules)
     drawn = model.drawn(scenario, steps, rng, scenario.particles)
+    height_m = scenario.grid_size.rows * scenario.cell_size
     flipped = np.empty((steps + 1, len(drawn.weights), 2), np.float32)
     for step, positions in enumerate(drawn.positions):
         flipped[step] = positions
-        flipped[step, :, 1] = scenario.grid_size.rows * scenario.cell_size - positions[:, 1]
+        flipped[step, :, 1] = flip_y(height_m, positions[:, 1])
     return flipped
 
 

@@ -9,7 +9,7 @@ distributed, and a time. Longitudes of all that belong together are within half 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import NamedTuple, TypeAlias
 
@@ -170,7 +170,7 @@ class SeenArea(_Spread):
             polygons.append(
                 tuple(tuple((lat, lon + turn) for lat, lon in ring) for ring in polygon)
             )
-        return SeenArea(self.time_s, self.weight, self.time_error_s, tuple(polygons))
+        return replace(self, polygons=tuple(polygons))
 
     @cached_property
     def _pieces(self) -> NDArray[np.float64]:
@@ -253,10 +253,7 @@ class SeenRaster(_Spread):
     def turned(self, lon_deg: float) -> SeenRaster:
         """See `Sighting.turned`."""
         turn = turned(self.place[1], lon_deg) - self.place[1]
-        return SeenRaster(
-            self.time_s, self.weight, self.time_error_s, self.south_deg, self.north_deg,
-            self.west_deg + turn, self.east_deg + turn, self.weights, self.sha256,
-        )  # fmt: skip
+        return replace(self, west_deg=self.west_deg + turn, east_deg=self.east_deg + turn)
 
     def _lats(self, rows: NDArray[np.float64]) -> NDArray[np.float64]:
         return self.north_deg - rows * (self.north_deg - self.south_deg) / self.weights.shape[0]
@@ -333,7 +330,7 @@ class Voyage(_Spread):
         points = tuple(
             point._replace(lon_deg=turned(point.lon_deg, lon_deg)) for point in self.way_points
         )
-        return Voyage(self.time_s, self.weight, self.time_error_s, points, self.leg_weights)
+        return replace(self, way_points=points)
 
     def draw(self, count: int, rng: np.random.Generator) -> NDArray[np.float64]:
         """See `Sighting.draw`."""
@@ -390,11 +387,7 @@ class Bearing(_Spread):
 
     def turned(self, lon_deg: float) -> Bearing:
         """See `Sighting.turned`."""
-        return Bearing(
-            self.time_s, self.weight, self.time_error_s, self.lat_deg,
-            turned(self.lon_deg, lon_deg), self.bearing_deg, self.bearing_error_deg, self.least_m,
-            self.greatest_m,
-        )  # fmt: skip
+        return replace(self, lon_deg=turned(self.lon_deg, lon_deg))
 
     def _at(self, azimuth_deg: NDArray[np.float64], range_m: NDArray[np.float64]) -> Line:
         lat, lon = vreckon(self.lat_deg, self.lon_deg, range_m, azimuth_deg)

@@ -18,7 +18,7 @@ import numpy as np
 import pymap3d
 from numpy.typing import NDArray
 
-from dsse_ros.world.scenario.frames import F, GridFrame, cell_to_map
+from dsse_ros.world.scenario.frames import F, GridFrame, cell_to_map, flip_y
 
 _SURFACE_M = 1e-6
 """Tolerance of the height above the surface."""
@@ -96,6 +96,30 @@ def geodetic_to_map(frame: GridFrame, lat_deg: F, lon_deg: F, alt_m: float | F) 
     x_m, y_m, _ = _surface_point(frame, lat_deg, lon_deg)
     z_m = np.asarray(alt_m, dtype=np.float64) - frame.origin_alt_m + np.zeros_like(x_m)
     return x_m, y_m, _number(z_m)
+
+
+def search_to_geodetic(frame: GridFrame, east_m: F, south_m: F) -> tuple[F, F]:
+    """Return latitude and longitude in degrees of places in the metres of the search.
+
+    Args:
+        frame: The grid.
+        east_m: Metres to the east of its north-west corner, a number or an array.
+        south_m: Metres to the south of it.
+    """
+    lat_deg, lon_deg, _ = map_to_geodetic(frame, east_m, flip_y(frame.extent.height, south_m), 0.0)
+    return lat_deg, lon_deg
+
+
+def geodetic_to_search(frame: GridFrame, lat_deg: F, lon_deg: F) -> tuple[F, F]:
+    """Return metres to the east and to the south: the inverse of `search_to_geodetic`.
+
+    Args:
+        frame: The grid.
+        lat_deg: WGS84 latitude, a number or an array.
+        lon_deg: WGS84 longitude.
+    """
+    x_m, y_m, _ = _surface_point(frame, lat_deg, lon_deg)
+    return x_m, flip_y(frame.extent.height, y_m)
 
 
 def on_near_side(frame: GridFrame, lat_deg: float, lon_deg: float) -> bool:

@@ -306,6 +306,13 @@ class Scenario(
         return on_grid.grid_of_cells(rules, cell), cell
 
     @property
+    def begins_s(self) -> float | None:
+        """When the search begins, s since 1970-01-01 UTC; None but of an incident with its grid."""
+        if self.incident is None or self.incident.grid_summary is None:
+            return None
+        return self.incident.grid_summary.begins_s
+
+    @property
     def cell_m(self) -> float:
         """Side of a cell in metres.
 

@@ -181,22 +181,20 @@ def _placed(name: str, fields: Mapping[str, Any]) -> Mapping[str, Any]:
     return {**{key: fields[key] for key in fields if key != "position"}, "lat": lat, "lon": lon}
 
 
-def _times(
-    name: str, fields: Mapping[str, Any], checked: Mapping[str, Any], field: str = "time"
-) -> tuple[float, float]:
+def _times(name: str, fields: Mapping[str, Any], checked: Mapping[str, Any]) -> tuple[float, float]:
     """Return the time in the middle and the time before and after it, both in seconds."""
-    value = fields.get(field)
+    value = fields.get("time")
     if value is None:
-        raise FieldError(f"{name}.{field} must be given")
+        raise FieldError(f"{name}.time must be given")
     error_s = float(round(checked["time_error"] * 60))
     if not isinstance(value, list | tuple):
-        return time_of(f"{name}.{field}", value), error_s
+        return time_of(f"{name}.time", value), error_s
     if len(value) != 2:
-        raise FieldError(f"{name}.{field} must be a time or two, [first, last], got {shown(value)}")
-    first, last = (time_of(f"{name}.{field}", part) for part in value)
+        raise FieldError(f"{name}.time must be a time or two, [first, last], got {shown(value)}")
+    first, last = (time_of(f"{name}.time", part) for part in value)
     if not first <= last or error_s:
         raise FieldError(
-            f"{name}.{field} must be [first, last] in this order and without a time_error, got "
+            f"{name}.time must be [first, last] in this order and without a time_error, got "
             f"{utc(first)} and {utc(last)}"
         )
     return (first + last) / 2, (last - first) / 2
